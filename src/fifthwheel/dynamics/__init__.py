@@ -1,0 +1,29 @@
+"""The linear equations of motion of any chain of units, as symbols for the filters and as numbers for people."""
+
+from fifthwheel.dynamics.analysis import (
+    Matrices,
+    Mode,
+    critical_speed,
+    frequency_response,
+    matrices,
+    modes,
+    rearward_amplification,
+    steady_state,
+)
+from fifthwheel.dynamics.chain import state_names
+from fifthwheel.dynamics.model import ChainModel, all_parameters, model
+
+__all__ = [
+    "ChainModel",
+    "Matrices",
+    "Mode",
+    "all_parameters",
+    "critical_speed",
+    "frequency_response",
+    "matrices",
+    "model",
+    "modes",
+    "rearward_amplification",
+    "state_names",
+    "steady_state",
+]

@@ -1,0 +1,5 @@
+"""From a symbolic step to machine code that scans a record; knows CasADi functions and nothing of vehicles."""
+
+from fifthwheel.native.scan import Scan
+
+__all__ = ["Scan"]

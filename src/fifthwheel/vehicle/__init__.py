@@ -1,0 +1,32 @@
+"""What a truck is: units, axles, suspensions, couplings and payload, as validated data with a path to every number."""
+
+from fifthwheel.vehicle import catalogue
+from fifthwheel.vehicle.catalogue import get, names
+from fifthwheel.vehicle.files import dump, load, save
+from fifthwheel.vehicle.loads import with_axle_loads
+from fifthwheel.vehicle.paths import unit_of
+from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
+from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
+from fifthwheel.vehicle.vehicle import Coupling, Vehicle
+
+__all__ = [
+    "Axle",
+    "AxleGroup",
+    "Coupling",
+    "Laden",
+    "Payload",
+    "SprungMass",
+    "Unit",
+    "Vehicle",
+    "catalogue",
+    "dump",
+    "get",
+    "laden",
+    "laden_cog_height",
+    "laden_roll_inertia",
+    "load",
+    "names",
+    "save",
+    "unit_of",
+    "with_axle_loads",
+]

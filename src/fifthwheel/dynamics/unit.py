@@ -1,0 +1,83 @@
+"""One unit of the chain: its inertia, and the forces on it, in its own axes (x forward, y left, z up; ISO 8855).
+
+The article's (A1)-(A6) without the coupling force, which the chain eliminates. A unit's velocity is (v, r, p): lateral
+velocity on the roll axis under the CoG of the whole unit, yaw rate, roll rate. The article's two misprints that matter
+here are mended: (A3) and (A6) count m_s h^2 phi'' twice, and (A2) writes I_1szz for I_1sxz (see the errata page).
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import casadi as ca
+
+from fifthwheel.vehicle import Unit, laden
+
+GRAVITY = 9.80665  # m/s^2, standard acceleration of free fall
+
+
+class RollBody(NamedTuple):
+    """The sprung body of a unit about its roll axis."""
+
+    moment: ca.SX  # m_s h, kg m, h = height of the sprung CoG above the roll axis
+    inertia: ca.SX  # I_sx'x', kg m^2, about the roll axis
+    product: ca.SX  # I_sxz, kg m^2
+    stiffness: ca.SX  # K*, N m/rad, suspensions and tyres in series
+    damping: ca.SX  # N m s/rad
+
+
+def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
+    """m_s h, I_sx'x', I_sxz, K*, C of a unit; the laden ones by the article's (8) and (9)."""
+    load = laden(p, unit)
+    stiffness, damping = ca.SX(0), ca.SX(0)
+    for group in unit.axle_groups:
+        path = unit.group_path(group)
+        suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
+        stiffness += suspension * tyres / (suspension + tyres)
+        damping += p[f"{path}.roll_damping"]
+    return RollBody(
+        moment=load.mass * (load.cog_height - p[f"{unit.name}.roll_axis_height"]),
+        inertia=load.roll_inertia,
+        product=p[f"{unit.name}.sprung.roll_yaw_product"],
+        stiffness=stiffness,
+        damping=damping,
+    )
+
+
+def mass_matrix(p: Mapping[str, ca.SX], unit: Unit, *, roll: bool) -> ca.SX:
+    """M with M (a, r', p') = forces, a = v' + u r: (3, 3), or (2, 2) without roll."""
+    m, I_zz = p[f"{unit.name}.mass"], p[f"{unit.name}.yaw_inertia"]
+    if not roll:
+        return ca.diag(ca.vertcat(m, I_zz))
+    body = roll_body(p, unit)
+    return ca.vertcat(
+        ca.horzcat(m, 0, -body.moment),
+        ca.horzcat(0, I_zz, -body.product),
+        ca.horzcat(-body.moment, -body.product, body.inertia),
+    )
+
+
+def tyre_forces(
+    p: Mapping[str, ca.SX], unit: Unit, v: ca.SX, r: ca.SX, slowness: ca.SX, steer: Mapping[str, ca.SX]
+) -> ca.SX:
+    """Side force (N) and yaw moment about the CoG (N m) of all tyres, linear in the slip angle.
+
+    Args:
+        v, r: lateral velocity and yaw rate of the unit.
+        slowness: 1/u, s/m.
+        steer: steer angle of each steered axle by its signal's name, rad, positive left.
+    """
+    force, moment = ca.SX(0), ca.SX(0)
+    for group in unit.axle_groups:
+        stiffness = p[f"{unit.group_path(group)}.cornering_stiffness"] / len(group.axles)
+        for axle in group.axles:
+            arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
+            delta = steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else 0
+            side = stiffness * (delta - (v + arm * r) * slowness)
+            force += side
+            moment += arm * side
+    return ca.vertcat(force, moment)
+
+
+def roll_moment(body: RollBody, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
+    """Moment about the roll axis by gravity, suspensions and dampers, N m."""
+    return (body.moment * GRAVITY - body.stiffness) * roll - body.damping * roll_rate

@@ -1,0 +1,85 @@
+"""One time base for channels of several rates and delays, without inventing a measurement."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel.errors import SignalError
+
+from .names import is_input
+from .record import Array
+
+_SAME = 1e-6
+"""s; stamps closer than this are one instant."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """A channel as it was sampled."""
+
+    time: Array
+    """(n,) s, when its values held, NaN where a row has no stamp."""
+    values: Array
+    """(n,) in SI."""
+    own: bool
+    """Whether its instants are others than those of the rows: its own clock, or a delay."""
+
+
+def align(
+    base: Samples | None, *, signals: Mapping[str, Samples], reference: Mapping[str, Samples]
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Time (N,) s, and every signal on it.
+
+    The base is the union of the rows' instants and of those of every measurement with other instants. A measurement
+    keeps each of its samples where it was taken and is NaN elsewhere. An input (speed, steer) with other instants is
+    linear between its neighbours; outside its first and last sample, and in holes of its own clock, it is NaN: nothing
+    is extrapolated.
+    """
+    every = [*signals.items(), *reference.items()]
+    if base is not None and not any(samples.own for _, samples in every):
+        rows = np.isfinite(base.time)
+        return (
+            base.time[rows],
+            {n: s.values[rows] for n, s in signals.items()},
+            {n: s.values[rows] for n, s in reference.items()},
+        )
+    clocks = [] if base is None else [base.time]
+    clocks += [s.time[np.isfinite(s.values)] for name, s in every if s.own and not is_input(name)]
+    if not clocks:
+        clocks = [s.time for _, s in every]
+    instants = np.unique(np.concatenate(clocks))
+    instants = instants[np.isfinite(instants)]
+    time = instants[np.concatenate([[True], np.diff(instants) > _SAME])] if instants.size else instants
+    if time.size < 2:
+        raise SignalError(
+            f"time: {time.size} instants in all channels together, at least 2 expected; check the time columns"
+        )
+    return (
+        time,
+        {n: _onto(time, n, s) for n, s in signals.items()},
+        {n: _onto(time, n, s) for n, s in reference.items()},
+    )
+
+
+def _onto(time: Array, name: str, samples: Samples) -> Array:
+    stamped = np.isfinite(samples.time)
+    at, values = samples.time[stamped], samples.values[stamped]
+    if is_input(name) and at.size:
+        return _between(time, at, values)
+    found = np.full(time.size, np.nan)
+    taken = np.isfinite(values)
+    nearest = np.searchsorted(time, at[taken] + _SAME, side="right") - 1
+    found[nearest] = values[taken]
+    return found
+
+
+def _between(time: Array, at: Array, values: Array) -> Array:
+    """Linear between samples; NaN outside, next to missing ones and in holes of over 0.5 s and three periods."""
+    found = np.interp(time, at, values, left=np.nan, right=np.nan)
+    if at.size > 1:
+        steps = np.diff(at)
+        after = np.clip(np.searchsorted(at, time, side="left"), 1, at.size - 1)
+        inside = (time - at[after - 1] > _SAME) & (at[after] - time > _SAME)
+        found[inside & (steps[after - 1] > max(0.5, 3 * float(np.median(steps))))] = np.nan
+    return found

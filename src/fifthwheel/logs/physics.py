@@ -1,0 +1,196 @@
+"""Faults that only several channels together show: the kinematics of a turn ties them all to the leading unit's yaw
+rate.
+
+With speed u, yaw rate r of the leading unit and left positive: steer is r (l + K u^2) / u; a towed unit of length L
+follows as L/u * r2' + r2 = r, with an articulation of -r2 L/u, so that a LEFT turn articulates to the NEGATIVE;
+lateral acceleration is u r. Rough, but a sign or a factor of 57 is not missed.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .faults import Fault, Finding
+from .record import Array, Record
+from .samples import LIMITS, lone, seen
+
+_STEP = 0.05
+"""s; step of the grid on which signals are compared."""
+_TOWED = 8.0
+"""m; length of a towed unit, coupling to axles, when nothing is known of it."""
+_UNDERSTEER = 0.004
+"""s^2/m; understeer gradient of a heavy truck; measured ones lie between 0.002 and 0.008."""
+_STRONG = {"steer": 0.003, "yaw_rate": 0.01, "articulation": 0.01, "lateral_acceleration": 0.3}
+"""Standard deviation above which a signal tells of turns rather than of noise, SI."""
+_OFFSET = {"steer": 0.02, "yaw_rate": 0.02, "articulation": 0.04, "lateral_acceleration": 1.0}
+"""Offset worth a warning, SI."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relation:
+    """A signal against what the hub, the leading yaw rate, lets expect of it."""
+
+    signal: str
+    hub: str
+    correlation: float
+    """Of the two, smoothed, at the nominal delay."""
+    coherence: float
+    """The largest magnitude of the correlation at any delay from -1.5 to 1.5 s."""
+    gain: float
+    """Standard deviation of the signal by that expected."""
+    offset: float
+    """Mean of the signal where 0 is expected, SI."""
+    strong: bool
+    """Whether both vary enough to be judged."""
+
+    @property
+    def fault(self) -> Fault | None:
+        """What the relation says is wrong, if anything; of the hub when a hub's inverse gain explains it."""
+        quantity = self.signal.partition(".")[0]
+        if self.strong and self.coherence < 0.3:
+            return Fault.WRONG_COLUMN
+        if self.strong and self.correlation < -0.5:
+            return Fault.SWAPPED_SIGN
+        if abs(self.correlation) > 0.8:
+            if (quantity == "steer" and 7 < self.gain < 38) or self.gain > 300:
+                return Fault.STEERING_WHEEL
+            if self.gain > 20 or self.gain < 1 / 20:
+                return Fault.DEGREES
+            if quantity == "lateral_acceleration" and self.gain < 0.4:
+                return Fault.UNIT
+            if self.strong and abs(self.offset) > _OFFSET[quantity]:
+                return Fault.OFFSET
+        return None
+
+
+def disagreements(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Finding]:
+    """Findings on the signals that contradict the leading yaw rate, or on that itself where most contradict it."""
+    found = list(relations(record, wheelbase=wheelbase, min_speed=min_speed))
+    faults = [relation.fault for relation in found]
+    counts = Counter(faults)
+    # The fewest faults that explain what is seen: one of the hub, with all that agree with it, or each its own.
+    blamed = {
+        fault for fault in (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN) if counts[fault] > 1 + len(found) - counts[fault]
+    }
+    for culprit in blamed:
+        yield _finding(next(r for r in found if r.fault is culprit), culprit, hub=True)
+    for relation, fault in zip(found, faults, strict=True):
+        if fault is Fault.DEGREES and relation.gain < 1:
+            yield _finding(relation, fault, hub=True)
+        elif fault is not None and fault not in blamed:
+            yield _finding(relation, fault, hub=False)
+
+
+def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Relation]:
+    """Every signal to be expected from the leading unit's yaw rate, where the vehicle is faster than `min_speed` m/s."""
+    hub = _hub(record)
+    if hub is None or "speed" not in record.signals:
+        return
+    start, stop = record.span
+    time = np.arange(start, stop, _STEP)
+    (speed, known), (rate, there) = _gridded(record, "speed", time), _gridded(record, hub, time)
+    fast = known & there & (speed > min_speed)
+    if fast.sum() * _STEP < 3.0:
+        return
+    u = np.maximum(speed, min_speed)
+    towed = _lag(rate, _TOWED / u)
+    expected = {
+        "steer": rate * (wheelbase + _UNDERSTEER * u**2) / u,
+        "yaw_rate": towed,
+        "articulation": -towed * _TOWED / u,
+        "lateral_acceleration": u * rate,
+    }
+    turning = float(np.std(rate[fast])) > _STRONG["yaw_rate"]
+    for name in record.signals:
+        quantity, _, place = name.partition(".")
+        if quantity not in expected or name == hub or (quantity == "steer" and not place.endswith(".front")):
+            continue
+        values, seen_here = _gridded(record, name, time)
+        if quantity == "steer":
+            values = _lag(values, np.full(time.size, 0.25))
+        here = fast & seen_here
+        if here.sum() * _STEP < 3.0:
+            continue
+        mine, theirs = (_lag(x, np.full(time.size, 0.3)) for x in (values, expected[quantity]))
+        gain = float(np.std(mine[here]) / max(float(np.std(theirs[here])), 1e-12))
+        correlation = _correlation(mine, theirs, here, 0)
+        shifts = range(-30, 31, 2)
+        yield Relation(
+            signal=name,
+            hub=hub,
+            correlation=correlation,
+            coherence=max(abs(_correlation(mine, theirs, here, shift)) for shift in shifts),
+            gain=gain,
+            offset=float(np.mean(mine[here]) - np.sign(correlation) * gain * np.mean(theirs[here])),
+            strong=turning and float(np.std(mine[here])) > _STRONG[quantity],
+        )
+
+
+def _hub(record: Record) -> str | None:
+    """The yaw rate of the unit that steers in front, else the first yaw rate there is."""
+    rates = [name for name in record.signals if name.startswith("yaw_rate.")]
+    leading = [n.split(".")[1] for n in record.signals if n.startswith("steer.") and n.endswith(".front")]
+    return next((name for name in rates if name.partition(".")[2] in leading), rates[0] if rates else None)
+
+
+def _gridded(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """A signal without its spikes, linear on the grid, and where it has a sample within 0.5 s."""
+    at, values = seen(record, name)
+    keep = ~lone(at, values, LIMITS[name.partition(".")[0]].jump)
+    if keep.sum() < max(2, 0.9 * keep.size):
+        keep = np.ones(at.size, dtype=bool)
+    at, values = at[keep], values[keep]
+    if at.size < 2:
+        return np.zeros(time.size), np.zeros(time.size, dtype=bool)
+    after = np.clip(np.searchsorted(at, time), 1, at.size - 1)
+    near = np.minimum(np.abs(at[after] - time), np.abs(time - at[after - 1])) < 0.5
+    return np.interp(time, at, values), near
+
+
+def _lag(values: Array, constant: Array) -> Array:
+    """First-order lag with a time constant (N,) s."""
+    state, out = float(values[0]), np.empty(values.size)
+    for k, (value, share) in enumerate(zip(values.tolist(), (_STEP / (constant + _STEP)).tolist(), strict=True)):
+        state += share * (value - state)
+        out[k] = state
+    return out
+
+
+def _correlation(a: Array, b: Array, where: NDArray[np.bool_], shift: int) -> float:
+    """Of a with b `shift` grid steps later; 0 where either is constant or little is left."""
+    stop = a.size - abs(shift)
+    one, other = max(0, -shift), max(0, shift)
+    both = where[one : one + stop] & where[other : other + stop]
+    x, y = a[one : one + stop][both], b[other : other + stop][both]
+    if x.size < 40 or np.std(x) < 1e-12 or np.std(y) < 1e-12:
+        return 0.0
+    return float(np.corrcoef(x, y)[0, 1])
+
+
+def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
+    """The fault in words, blamed on the relation's signal or on its hub."""
+    blamed, other = (relation.hub, relation.signal) if hub else (relation.signal, relation.hub)
+    quantity = blamed.partition(".")[0]
+    unit = LIMITS[quantity].unit
+    c, g = relation.correlation, relation.gain if not hub else 1 / max(relation.gain, 1e-12)
+    says = {
+        Fault.SWAPPED_SIGN: f"goes against {other} (correlation {c:.2f}); left turns are positive in yaw rate, steer and "
+        "acceleration, negative in articulation; set sign = -1 here" + ("" if hub else f", or for {other}"),
+        Fault.WRONG_COLUMN: f"has nothing to do with {other} (coherence {relation.coherence:.2f}, over 0.3 expected) "
+        "although both vary; map another column, or check the delay",
+        Fault.DEGREES: f"{g:.0f} times what {other} lets expect, looks like degrees; set unit = "
+        f'"{unit.replace("rad", "deg")}"',
+        Fault.STEERING_WHEEL: f"{g:.0f} times what {other} lets expect, looks like the steering-wheel angle; set "
+        "gain = 1 / steering ratio" + (' and unit = "deg"' if g > 300 else ""),
+        Fault.UNIT: f"speed * {other} is {1 / g:.1f} times {relation.signal}; "
+        + ('the acceleration looks like g, set its unit = "g"' if g < 0.18 else 'looks like km/h, set unit = "km/h"'),
+        Fault.OFFSET: f"about {relation.offset:.3g} {unit} where {other} lets expect 0; subtract it with offset = "
+        f"{relation.offset:.3g}",
+    }[fault]
+    if fault is Fault.UNIT and g >= 0.18:
+        blamed = "speed"
+    severe = fault is not Fault.OFFSET
+    return Finding(signal=blamed, fault=fault, severity="error" if severe else "warning", message=f"{blamed}: {says}")

@@ -1,0 +1,91 @@
+"""Whether a record can be what it is said to be, told before an estimator turns its faults into tyre stiffnesses."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .faults import Fault, Finding, Severity
+from .physics import disagreements
+from .record import Record
+from .samples import LIMITS, dropouts, seen, spikes, stuck
+
+MIN_SPEED = 5.0
+"""m/s; below it the lateral equations, which divide by speed, say little."""
+_DEGREE = np.pi / 180
+
+
+def check(record: Record, *, wheelbase: float | None = None) -> tuple[Finding, ...]:
+    """Every fault found in the signals of a record, errors first.
+
+    Each channel is looked at alone (dropouts, spikes, stuck values, ranges) and against the others by the kinematics
+    of a turn (swapped signs, degrees, the steering wheel's angle, a wrong column, offsets). What varies too little to
+    be judged passes. `wheelbase` (m) of the leading unit sharpens the relation of steer to yaw rate; 4.5 m is taken
+    without it. The reference is not checked.
+    """
+    found = [*_speed(record)]
+    for name in record.signals:
+        found += [
+            *dropouts(record, name),
+            *spikes(record, name),
+            *stuck(record, name, MIN_SPEED),
+            *_range(record, name),
+        ]
+    steps = np.diff(record.time)
+    if steps.max() > max(0.5, 5 * float(np.median(steps))):
+        at = record.time[steps.argmax()]
+        message = f"time: {steps.max():.2f} s without a row after {at:.2f} s; split the record with sections()"
+        found.append(Finding(signal="time", fault=Fault.DROPOUT, severity="warning", message=message))
+    found += disagreements(record, wheelbase=4.5 if wheelbase is None else wheelbase, min_speed=MIN_SPEED)
+    once: dict[tuple[str, Fault], Finding] = {}
+    for finding in found:
+        once.setdefault((finding.signal, finding.fault), finding)
+    return tuple(sorted(once.values(), key=lambda finding: finding.severity))
+
+
+def _speed(record: Record) -> Iterator[Finding]:
+    if "speed" not in record.signals:
+        return
+    time, speed = seen(record, "speed")
+    if not speed.size:
+        return
+
+    def finding(fault: Fault, severity: Severity, message: str) -> Finding:
+        return Finding(signal="speed", fault=fault, severity=severity, message=f"speed: {message}")
+
+    slow = float(np.mean(speed < MIN_SPEED))
+    if float(np.median(speed)) < -1.0:
+        yield finding(Fault.SWAPPED_SIGN, "error", f"{np.median(speed):.1f} m/s; forward is positive, set sign = -1")
+    elif float(np.quantile(speed, 0.99)) < MIN_SPEED:
+        yield finding(
+            Fault.ZERO_SPEED,
+            "error",
+            f"at most {speed.max():.1f} m/s, above {MIN_SPEED:g} m/s expected; take a drive, or check column and unit",
+        )
+    elif slow > 0.02:
+        first, last = time[speed >= MIN_SPEED][[0, -1]]
+        yield finding(
+            Fault.ZERO_SPEED,
+            "warning",
+            f"{slow:.0%} under {MIN_SPEED:g} m/s; cut the record, it is faster within {first:.2f} to {last:.2f} s",
+        )
+
+
+def _range(record: Record, name: str) -> Iterator[Finding]:
+    """All but a hundredth of the samples beyond what a truck can do; a few of them are spikes."""
+    _, values = seen(record, name)
+    limit = LIMITS.get(name.partition(".")[0])
+    if limit is None or not values.size:
+        return
+    most, unit = float(np.quantile(np.abs(values), 0.99)), limit.unit
+    if most <= limit.most:
+        return
+    came = f"{name}: up to {most:.3g} {unit}, at most {limit.most:g} {unit} expected"
+    if unit.startswith("rad") and most * _DEGREE <= limit.most:
+        fault, cure = Fault.DEGREES, f'looks like degrees; set unit = "{unit.replace("rad", "deg")}"'
+        if name.startswith("steer."):
+            cure += ", and gain = 1 / steering ratio if it is the steering wheel's angle"
+    elif name == "speed" and most / 3.6 <= limit.most:
+        fault, cure = Fault.UNIT, 'looks like km/h; set unit = "km/h"'
+    else:
+        fault, cure = Fault.OUT_OF_RANGE, "check column and unit"
+    yield Finding(signal=name, fault=fault, severity="error", message=f"{came}; {cure}")

@@ -1,0 +1,153 @@
+"""A symbolic step, compiled: `Scan` runs it over a whole record, for one vehicle or for many."""
+
+import ctypes
+import functools
+from typing import Any
+
+import casadi as ca
+import llvmlite
+import llvmlite.binding as llvm
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel.native import cache, llvm_ir
+
+Array = NDArray[np.float64]
+_SPEED_LEVEL = 1
+
+
+class Scan:
+    """The machine code of one step, and the loops that carry it over samples and vehicles.
+
+    The step maps (carry, sample, constant) to (carry, output). Nothing is allocated per sample and the interpreter is
+    not entered; calls release its lock.
+
+    Args:
+        step: the CasADi function; its inputs and outputs are dense column vectors.
+        lanes: vehicles that share one vector register in `batch`.
+    """
+
+    def __init__(self, step: ca.Function, lanes: int = 4) -> None:
+        self.step = step
+        self.lanes = lanes
+        self.n_carry, self.n_sample, self.n_constant = (step.numel_in(i) for i in range(3))
+        self.n_output = step.numel_out(1)
+        if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != self.n_carry:
+            raise TypeError(f"{step.name()}: a step maps (carry, sample, constant) to (carry, output)")
+
+    def __call__(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
+        """Run one vehicle through its record.
+
+        Args:
+            carry: (n_carry,) before the first sample.
+            sample: (N, n_sample), a row a sample.
+            constant: (n_constant,).
+
+        Returns:
+            The carry after the last sample (n_carry,) and the outputs (N, n_output).
+        """
+        carry = np.array(carry, dtype=np.float64)
+        sample = np.ascontiguousarray(sample, dtype=np.float64)
+        constant = np.ascontiguousarray(constant, dtype=np.float64)
+        rows = len(sample)
+        self._expect("carry", carry.shape, (self.n_carry,))
+        self._expect("sample", sample.shape, (rows, self.n_sample))
+        self._expect("constant", constant.shape, (self.n_constant,))
+        output = np.empty((rows, self.n_output))
+        self.single(rows, 1, carry.ctypes.data, sample.ctypes.data, constant.ctypes.data, output.ctypes.data)
+        return carry, output
+
+    def batch(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
+        """Run many vehicles, `lanes` at a time.
+
+        Args:
+            carry: (B, n_carry).
+            sample: (B, N, n_sample), or (N, n_sample) when all share one record.
+            constant: (B, n_constant).
+
+        Returns:
+            The carries (B, n_carry) and the outputs (B, N, n_output).
+        """
+        vehicles, rows = len(carry), sample.shape[-2]
+        sample = np.broadcast_to(sample, (vehicles, rows, self.n_sample))
+        self._expect("carry", carry.shape, (vehicles, self.n_carry))
+        self._expect("constant", constant.shape, (vehicles, self.n_constant))
+        carry, sample, constant = (self._to_lanes(array) for array in (carry, sample, constant))
+        groups = len(carry)
+        output = np.empty((groups, rows, self.n_output, self.lanes))
+        self.vector(rows, groups, carry.ctypes.data, sample.ctypes.data, constant.ctypes.data, output.ctypes.data)
+        return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
+
+    @functools.cached_property
+    def single(self) -> Any:
+        """The compiled loop for one vehicle, called with addresses (see `llvm_ir.module`)."""
+        return self._compiled(1)
+
+    @functools.cached_property
+    def vector(self) -> Any:
+        """The compiled loop for `lanes` vehicles at a time, called with addresses."""
+        return self._compiled(self.lanes)
+
+    def _compiled(self, lanes: int) -> Any:
+        code, engine = machine_code(self.step, lanes)
+        self.__dict__.setdefault("_alive", []).append((code, engine))
+        prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
+        return prototype(engine.get_function_address("scan"))
+
+    def _to_lanes(self, array: Array) -> Array:
+        """(B, ...) to (groups, ..., lanes); the last vehicle fills the lanes that are left over."""
+        missing = -len(array) % self.lanes
+        if missing:
+            array = np.concatenate([array, np.repeat(array[-1:], missing, axis=0)])
+        grouped = array.reshape(-1, self.lanes, *array.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(grouped, 1, -1), dtype=np.float64)
+
+    def _from_lanes(self, array: Array, vehicles: int) -> Array:
+        grouped = np.moveaxis(array, -1, 1)
+        return np.ascontiguousarray(grouped.reshape(-1, *grouped.shape[2:])[:vehicles])
+
+    def _expect(self, name: str, got: tuple[int, ...], expected: tuple[int, ...]) -> None:
+        if got != expected:
+            raise TypeError(f"{self.step.name()}: {name} has shape {got}, expected {expected}")
+
+
+@functools.cache
+def _platform() -> tuple[str, str, str, bytes]:
+    """Triple, processor and its features, and what a compiled object depends on besides its source."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    triple = llvm.get_process_triple()
+    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), str(_SPEED_LEVEL))
+    return triple, cpu, features, "\n".join((*versions, triple, cpu, features)).encode()
+
+
+def _machine() -> Any:
+    """A new target machine for this processor: an engine owns the one that it is given."""
+    triple, cpu, features, _ = _platform()
+    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
+
+
+def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
+    """Object code of `step` from the cache or the compiler, and the engine that holds it executable."""
+    *_, platform = _platform()
+    source = llvm_ir.module(step, lanes)
+    key = cache.DIGEST(platform + b"\0" + source.encode()).digest()
+    code = cache.read(key)
+    if code is None:
+        code = _compile(source)
+        cache.write(key, code)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return code, engine
+
+
+def _compile(source: str) -> bytes:
+    machine = _machine()
+    parsed = llvm.parse_assembly(source)
+    parsed.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=_SPEED_LEVEL)
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(parsed, builder)
+    return bytes(machine.emit_object(parsed))
