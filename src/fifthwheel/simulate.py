@@ -12,12 +12,10 @@ from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import Record
 from fifthwheel.native import Scan
+from fifthwheel.observe.noise import GYROS
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-SENSOR_NOISE = {"roll_rate": (4.52e-4, 4.70e-5), "yaw_rate": (1.52e-5, 1.11e-5)}
-"""Variances, (rad/s)^2, of the first unit's gyro and of those behind it: equation (12) of the article."""
 
 MANOEUVRES = ("lane_changes", "sweep", "random", "straight")
 
@@ -87,7 +85,7 @@ def default_sensors(vehicle: Vehicle) -> dict[str, float]:
     """The article's sensors: yaw and roll rate of every unit, with their variances."""
     return {
         f"{quantity}.{unit.name}": variances[min(i, 1)]
-        for quantity, variances in SENSOR_NOISE.items()
+        for quantity, variances in GYROS.items()
         for i, unit in enumerate(vehicle.units)
     }
 

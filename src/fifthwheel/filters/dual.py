@@ -101,17 +101,17 @@ class DualFiltered:
     innovation: Array  # (N, m) sequential, 0 where missing
     innovation_variance: Array  # (N, m)
     accepted: Array  # (N, m)
-    sensitivity: Array | None  # (N, m, n_p) of the prediction to z, when asked for
+    sensitivity: Array  # (N, m, n_p) of each channel's prediction to z
     end: DualState
 
 
 @functools.cache
-def step(model: Model, logarithmic: tuple[bool, ...], *, with_sensitivity: bool = False) -> Scan:
+def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     """The compiled step.
 
     carry = `DualState.vector`; sample = [dt, d, y, weight];
     constant = [c, Q, R, gate^2, centre, scale, lower z, upper z, walk per second, forgetting, consistent, coupled];
-    output = [z, diag Pz, innovation, variance, accepted], then each channel's dy/dz when asked for.
+    output = [z, diag Pz, innovation, variance, accepted, each channel's dy/dz].
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P, n_Pz = packed_size(n_x), packed_size(n_p)
@@ -171,7 +171,7 @@ def step(model: Model, logarithmic: tuple[bool, ...], *, with_sensitivity: bool 
         channels.append(Channel(weight[i] * innovation, variance, accepted))
         seen.append(psi.T)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V), walk)
-    output = [z, ca.diag(Pz), channel_columns(channels)] + (seen if with_sensitivity else [])
+    output = [z, ca.diag(Pz), channel_columns(channels), *seen]
     return Scan(ca.Function("dual", [carry, sample, constant], [carried, ca.vertcat(*output)], {"cse": True}))
 
 
@@ -184,7 +184,6 @@ def run(
     scaling: Scaling,
     start: DualState,
     coupling: Coupling | None = None,
-    with_sensitivity: bool = False,
 ) -> DualFiltered:
     """Take both filters through one record.
 
@@ -195,14 +194,13 @@ def run(
         scaling: how z becomes p.
         start: both filters before the first row.
         coupling: how they know of each other; the joint filter's ways by default.
-        with_sensitivity: also return d prediction / dz of every channel.
     """
     coupling = coupling or Coupling()
     n_x, _, n_p, _, n_y = sizes(model)
     walk = np.broadcast_to(np.asarray(coupling.random_walk, dtype=np.float64), (n_p,))
     switches = [coupling.forgetting, float(coupling.consistent), float(coupling.coupled)]
     constant = np.concatenate([c, noise.vector(), scaling.vector(), walk, switches])
-    carry, out = step(model, scaling.logarithmic, with_sensitivity=with_sensitivity)(start.vector(), rows, constant)
+    carry, out = step(model, scaling.logarithmic)(start.vector(), rows, constant)
     z, variance_z, innovation, variance, accepted, psi = np.split(
         out, np.cumsum([n_p, n_p, n_y, n_y, n_y]), axis=1
     )
@@ -212,7 +210,7 @@ def run(
         innovation=innovation,
         innovation_variance=variance,
         accepted=accepted,
-        sensitivity=psi.reshape(-1, n_y, n_p) if with_sensitivity else None,
+        sensitivity=psi.reshape(-1, n_y, n_p),
         end=DualState.from_vector(carry, n_x, n_p),
     )
 

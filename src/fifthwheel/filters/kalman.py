@@ -84,11 +84,11 @@ def channel_columns(channels: list[Channel]) -> ca.SX:
 
 
 @functools.cache
-def step(model: Model, *, with_prediction: bool = False) -> Scan:
+def step(model: Model) -> Scan:
     """The compiled step.
 
     carry = [x, P]; sample = [dt, d, y, weight]; constant = [p, c, Q, R, gate^2];
-    output = [x, P, innovation, variance, accepted], then [x-, P-] when asked for. Matrices are packed.
+    output = [x, P, innovation, variance, accepted, x-, P-]. Matrices are packed.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P = packed_size(n_x)
@@ -107,12 +107,8 @@ def step(model: Model, *, with_prediction: bool = False) -> Scan:
     predicted, H = observe(model, before, d, p, c)
     after, P_after, channels, _ = correct(before, P_before, predicted, H, y, weight, r, limit)
     carried = ca.vertcat(after, pack(P_after))
-    output = [carried, channel_columns(channels)]
-    if with_prediction:
-        output += [before, pack(P_before)]
-    return Scan(
-        ca.Function("kalman", [carry, sample, constant], [carried, ca.vertcat(*output)], {"cse": True})
-    )
+    output = ca.vertcat(carried, channel_columns(channels), before, pack(P_before))
+    return Scan(ca.Function("kalman", [carry, sample, constant], [carried, output], {"cse": True}))
 
 
 def run(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:
@@ -126,7 +122,7 @@ def run(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Arra
     """
     n_x, _, _, _, n_y = sizes(model)
     carry = np.concatenate([x0, pack_array(P0)])
-    _, out = step(model, with_prediction=True)(carry, rows, np.concatenate([p, c, noise.vector()]))
+    _, out = step(model)(carry, rows, np.concatenate([p, c, noise.vector()]))
     n_P = packed_size(n_x)
     edges = np.cumsum([n_x, n_P, n_y, n_y, n_y, n_x])
     x, P, innovation, variance, accepted, before, P_before = np.split(out, edges, axis=1)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel.errors import SignalError
-
-from .names import is_input
-from .record import Array
+from fifthwheel.logs.names import is_input
+from fifthwheel.logs.record import Array
 
 _SAME = 1e-6
 """s; stamps closer than this are one instant."""

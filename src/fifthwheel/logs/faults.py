@@ -7,7 +7,6 @@ from typing import Literal
 
 from fifthwheel.errors import SignalError
 
-
 Severity = Literal["error", "warning"]
 
 

@@ -9,12 +9,11 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
 from fifthwheel.errors import SignalError
-
-from .names import REFERENCE, header, split_header
-from .record import Record
-from .signals import SignalMap
-from .table import Table
-from .text import read_text
+from fifthwheel.logs.names import REFERENCE, header, split_header
+from fifthwheel.logs.record import Record
+from fifthwheel.logs.signals import SignalMap
+from fifthwheel.logs.table import Table
+from fifthwheel.logs.text import read_text
 
 
 def read(path: str | Path, signals: SignalMap | None = None, *, name: str | None = None) -> Record:
@@ -46,7 +45,7 @@ def write(record: Record, path: str | Path) -> None:
     headers = [header(name) for name in columns]
     fields = [pa.field(h, pa.float64(), metadata={"unit": split_header(h)[1] or ""}) for h in headers]
     table = pa.table([pa.array(values, from_pandas=True) for values in columns.values()], schema=pa.schema(fields))
-    writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": pq.write_table}
+    writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
     if path.suffix.lower() not in writers:
         raise SignalError(f"{path.name}: no format for {path.suffix!r}; end the name in {' or '.join(writers)}")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -61,14 +60,16 @@ def write(record: Record, path: str | Path) -> None:
 
 def _read_parquet(data: bytes, source: str) -> Table:
     try:
-        table = pq.read_table(pa.BufferReader(data))
-    except (pa.ArrowException, OSError) as error:
+        table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
+        table.validate(full=True)
+        headers = [_header(field) for field in table.schema]
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise SignalError(
             f"{source}: a Parquet file cut short or damaged; copy it again, or export it as CSV"
         ) from error
     if not table.num_rows:
         raise SignalError(f"{source}: columns but no rows; the log is empty")
-    return Table(source=source, headers=[_header(field) for field in table.schema], columns=table.columns)
+    return Table(source=source, headers=headers, columns=table.columns)
 
 
 def _header(field: pa.Field) -> str:
@@ -81,3 +82,7 @@ def _write_csv(table: pa.Table, path: Path) -> None:
     with path.open("wb") as file:
         file.write((",".join(table.column_names) + "\n").encode())
         pacsv.write_csv(table, file, pacsv.WriteOptions(include_header=False))
+
+
+def _write_parquet(table: pa.Table, path: Path) -> None:
+    pq.write_table(table, path, write_page_checksum=True)

@@ -39,6 +39,7 @@ QUANTITIES: dict[str, str] = {
     "longitudinal_force": "N",
     "lateral_force": "N",
     "vertical_force": "N",
+    "coupling_force": "N",
     "load_transfer": "1",
     "position_x": "m",
     "position_y": "m",

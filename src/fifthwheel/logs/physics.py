@@ -1,9 +1,8 @@
-"""Faults that only several channels together show: the kinematics of a turn ties them all to the leading unit's yaw
-rate.
+"""Faults that only several channels together show: a turn ties them all to the leading unit's yaw rate.
 
 With speed u, yaw rate r of the leading unit and left positive: steer is r (l + K u^2) / u; a towed unit of length L
-follows as L/u * r2' + r2 = r, with an articulation of -r2 L/u, so that a LEFT turn articulates to the NEGATIVE;
-lateral acceleration is u r. Rough, but a sign or a factor of 57 is not missed.
+follows as L/u r2' + r2 = r, at an articulation of -r2 L/u, so that a LEFT turn articulates to the NEGATIVE; lateral
+acceleration is u r. Rough, but a sign or a factor of 57 is not missed.
 """
 
 from collections import Counter
@@ -13,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .faults import Fault, Finding
-from .record import Array, Record
-from .samples import LIMITS, lone, seen
+from fifthwheel.logs.faults import Fault, Finding
+from fifthwheel.logs.record import Array, Record
+from fifthwheel.logs.samples import LIMITS, lone, seen
 
 _STEP = 0.05
 """s; step of the grid on which signals are compared."""
@@ -55,9 +54,9 @@ class Relation:
         if self.strong and self.correlation < -0.5:
             return Fault.SWAPPED_SIGN
         if abs(self.correlation) > 0.8:
-            if (quantity == "steer" and 7 < self.gain < 38) or self.gain > 300:
+            if quantity == "steer" and (7 < self.gain < 38 or self.gain > 300):
                 return Fault.STEERING_WHEEL
-            if self.gain > 20 or self.gain < 1 / 20:
+            if self.gain < 1 / 20 or (self.gain > 20 and quantity != "lateral_acceleration"):
                 return Fault.DEGREES
             if quantity == "lateral_acceleration" and self.gain < 0.4:
                 return Fault.UNIT
@@ -85,14 +84,14 @@ def disagreements(record: Record, *, wheelbase: float, min_speed: float) -> Iter
 
 
 def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Relation]:
-    """Every signal to be expected from the leading unit's yaw rate, where the vehicle is faster than `min_speed` m/s."""
+    """Every signal to be expected from the leading unit's yaw rate, where faster than `min_speed` m/s."""
     hub = _hub(record)
     if hub is None or "speed" not in record.signals:
         return
     start, stop = record.span
     time = np.arange(start, stop, _STEP)
     (speed, known), (rate, there) = _gridded(record, "speed", time), _gridded(record, hub, time)
-    fast = known & there & (speed > min_speed)
+    fast = known & there & (speed > min_speed) & (speed < LIMITS["speed"].most)
     if fast.sum() * _STEP < 3.0:
         return
     u = np.maximum(speed, min_speed)
@@ -177,10 +176,10 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
     unit = LIMITS[quantity].unit
     c, g = relation.correlation, relation.gain if not hub else 1 / max(relation.gain, 1e-12)
     says = {
-        Fault.SWAPPED_SIGN: f"goes against {other} (correlation {c:.2f}); left turns are positive in yaw rate, steer and "
-        "acceleration, negative in articulation; set sign = -1 here" + ("" if hub else f", or for {other}"),
-        Fault.WRONG_COLUMN: f"has nothing to do with {other} (coherence {relation.coherence:.2f}, over 0.3 expected) "
-        "although both vary; map another column, or check the delay",
+        Fault.SWAPPED_SIGN: f"goes against {other} (correlation {c:.2f}); left turns are positive in yaw rate, "
+        "steer and acceleration, negative in articulation; set sign = -1 here" + ("" if hub else f", or for {other}"),
+        Fault.WRONG_COLUMN: f"has nothing to do with {other} (coherence {relation.coherence:.2f}, expected 0.3) "
+        "though both vary; map another column, or check the delay",
         Fault.DEGREES: f"{g:.0f} times what {other} lets expect, looks like degrees; set unit = "
         f'"{unit.replace("rad", "deg")}"',
         Fault.STEERING_WHEEL: f"{g:.0f} times what {other} lets expect, looks like the steering-wheel angle; set "

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .faults import Fault, Finding, Severity
-from .physics import disagreements
-from .record import Record
-from .samples import LIMITS, dropouts, seen, spikes, stuck
+from fifthwheel.logs.faults import Fault, Finding, Severity
+from fifthwheel.logs.physics import disagreements
+from fifthwheel.logs.record import Record
+from fifthwheel.logs.samples import LIMITS, dropouts, seen, spikes, stuck
 
 MIN_SPEED = 5.0
 """m/s; below it the lateral equations, which divide by speed, say little."""
@@ -22,20 +22,17 @@ def check(record: Record, *, wheelbase: float | None = None) -> tuple[Finding, .
     be judged passes. `wheelbase` (m) of the leading unit sharpens the relation of steer to yaw rate; 4.5 m is taken
     without it. The reference is not checked.
     """
-    found = [*_speed(record)]
+    together = list(disagreements(record, wheelbase=4.5 if wheelbase is None else wheelbase, min_speed=MIN_SPEED))
+    explained = {finding.signal for finding in together if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
+    found = [*_speed(record), *together]
     for name in record.signals:
-        found += [
-            *dropouts(record, name),
-            *spikes(record, name),
-            *stuck(record, name, MIN_SPEED),
-            *_range(record, name),
-        ]
+        found += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
+        found += [] if name in explained else _range(record, name)
     steps = np.diff(record.time)
     if steps.max() > max(0.5, 5 * float(np.median(steps))):
         at = record.time[steps.argmax()]
         message = f"time: {steps.max():.2f} s without a row after {at:.2f} s; split the record with sections()"
         found.append(Finding(signal="time", fault=Fault.DROPOUT, severity="warning", message=message))
-    found += disagreements(record, wheelbase=4.5 if wheelbase is None else wheelbase, min_speed=MIN_SPEED)
     once: dict[tuple[str, Fault], Finding] = {}
     for finding in found:
         once.setdefault((finding.signal, finding.fault), finding)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.errors import SignalError
-
-from .names import known, suggest
+from fifthwheel.logs.names import known, suggest
 
 Array = NDArray[np.float64]
 

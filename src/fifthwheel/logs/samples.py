@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .faults import Fault, Finding, Severity
-from .names import is_input
-from .record import Array, Record
+from fifthwheel.logs.faults import Fault, Finding, Severity
+from fifthwheel.logs.names import is_input
+from fifthwheel.logs.record import Array, Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +141,7 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
 
 def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:
     """Whether the vehicle moves within start to stop and a signal other than `name` changes as it does in a turn."""
-    within = (record.time >= start) & (record.time <= stop)
+    within = slice(*np.searchsorted(record.time, [start, stop + 1e-9]))
     speed = record.signals["speed"][within]
     if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:
         return False

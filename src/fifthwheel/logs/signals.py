@@ -1,4 +1,26 @@
-"""signals.toml: which column of a log is which signal, in what unit, sign and clock."""
+"""signals.toml: which column of a log is which signal, in what unit, sign and clock.
+
+[time]
+column = "t"                        # unit = "s"
+
+[signals]
+speed = "vx [km/h]"                 # a column as it is, in the header's unit
+
+[signals."steer.tractor.front"]
+column = "steering_wheel"
+unit = "deg"                        # the header's, else SI
+sign = -1                           # right counted positive
+gain = 0.05                         # one over the steering ratio
+offset = "0.1 deg"                  # subtracted last
+delay = "200 ms"                    # stamped too late by so much
+
+[signals."yaw_rate.semitrailer"]
+sum = ["yaw_rate", "hitch_rate"]    # the sum of columns
+time = "t_imu"                      # on a clock of its own
+
+[reference]
+"lateral_velocity.tractor" = "vy"   # never shown to an estimator
+"""
 
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -9,12 +31,11 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fifthwheel.errors import SignalError
-
-from .align import Samples, align
-from .names import REFERENCE, known, si_unit, split_header, suggest
-from .record import Array, Record, increasing
-from .table import Table
-from .units import factor, quantity
+from fifthwheel.logs.align import Samples, align
+from fifthwheel.logs.names import REFERENCE, known, si_unit, split_header, suggest
+from fifthwheel.logs.record import Array, Record, increasing
+from fifthwheel.logs.table import Table
+from fifthwheel.logs.units import factor, quantity
 
 _TIMES = ("time", "t")
 
@@ -86,7 +107,7 @@ Name = Annotated[str, AfterValidator(known)]
 
 
 class SignalMap(BaseModel):
-    """From the columns of a log to signals; normally read from a signals.toml, see example()."""
+    """From the columns of a log to signals; normally read from a signals.toml."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -103,7 +124,9 @@ class SignalMap(BaseModel):
         return _channels(value)
 
     @model_validator(mode="after")
-    def _units_fit(self) -> Self:
+    def _fits(self) -> Self:
+        if not self.signals and not self.reference:
+            raise ValueError('no signals; name one at least: [signals."yaw_rate.tractor"]')
         for name, channel in (*self.signals.items(), *self.reference.items()):
             si = si_unit(name) or "1"
             try:
@@ -201,7 +224,7 @@ def _samples(signal: str, channel: Channel, table: Table, base: Samples | None, 
             raise SignalError(f"{signal}: no time; name its column, time = '...', or that of all rows under [time]")
         return Samples(time=base.time - delay, values=total, own=delay != 0)
     stamps = _clock(channel.time, None, table)
-    fresh = np.isfinite(stamps)
+    fresh = np.isfinite(stamps) & np.isfinite(total)
     fresh[fresh] = np.concatenate([[True], np.diff(stamps[fresh]) != 0])[
         : fresh.sum()
     ]  # a stamp held is the same sample
@@ -211,7 +234,8 @@ def _samples(signal: str, channel: Channel, table: Table, base: Samples | None, 
 
 def _fault(error: dict[str, Any]) -> str:
     """One of pydantic's complaints as a sentence with the cure."""
-    path = [str(step) for step in error["loc"] if step != "[key]"]
+    path = [str(step) for step in error["loc"]]
+    path = path[:-2] if path[-1:] == ["[key]"] else path
     where = ".".join(path)
     if error["type"] == "extra_forbidden":
         models: dict[int, type[BaseModel]] = {1: SignalMap, 2: TimeColumn}

@@ -8,9 +8,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from fifthwheel.errors import SignalError
-
-from .names import split_header, suggest
-from .record import Array
+from fifthwheel.logs.names import split_header, suggest
+from fifthwheel.logs.record import Array
 
 _BLANK = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "?")
 

@@ -8,8 +8,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from fifthwheel.errors import SignalError
-
-from .table import Table
+from fifthwheel.logs.table import Table
 
 _BOMS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffd]")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fifthwheel.native import cache, llvm_ir
 
 Array = NDArray[np.float64]
-_SPEED_LEVEL = 1
+_EFFORT = 1  # of LLVM's code generator, 0 to 3: beyond 1 the compiler takes longer and the code is no faster
 
 
 class Scan:
@@ -118,14 +118,14 @@ def _platform() -> tuple[str, str, str, bytes]:
     llvm.initialize_native_asmprinter()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     triple = llvm.get_process_triple()
-    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), str(_SPEED_LEVEL))
+    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), str(_EFFORT))
     return triple, cpu, features, "\n".join((*versions, triple, cpu, features)).encode()
 
 
 def _machine() -> Any:
     """A new target machine for this processor: an engine owns the one that it is given."""
     triple, cpu, features, _ = _platform()
-    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
+    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=_EFFORT, jit=True)
 
 
 def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
@@ -144,10 +144,8 @@ def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
 
 
 def _compile(source: str) -> bytes:
+    """Object code; no passes over the IR, since CasADi has shared the subexpressions and `llvm_ir` hoisted constants."""
     machine = _machine()
     parsed = llvm.parse_assembly(source)
     parsed.verify()
-    options = llvm.create_pipeline_tuning_options(speed_level=_SPEED_LEVEL)
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(parsed, builder)
     return bytes(machine.emit_object(parsed))

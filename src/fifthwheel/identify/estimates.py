@@ -1,0 +1,169 @@
+"""From what the filter and the information say to estimates with a verdict."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel.identify.information import Verdict
+from fifthwheel.identify.parameters import Unknown, scaling, stage_1_names, stage_2_names
+from fifthwheel.identify.result import Estimate, LogSummary, SensorError
+from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.stage import Log, Trace
+from fifthwheel.logs import Record
+from fifthwheel.vehicle import Vehicle, unit_of
+
+Array = NDArray[np.float64]
+
+SETTLED_PART = 0.1
+"""How much of a trace must lie within the tolerance, at its end, to speak of an average."""
+
+
+def settled_since(values: Array, tolerance: float) -> int:
+    """First sample from which all values (N,) stay within `tolerance` of their own average (the article's 2.2.3)."""
+    backwards = values[::-1]
+    count = np.arange(1, len(values) + 1)
+    mean = np.cumsum(backwards) / count
+    spread = np.maximum(np.maximum.accumulate(backwards) - mean, mean - np.minimum.accumulate(backwards))
+    return len(values) - 1 - int(np.flatnonzero(spread <= tolerance * np.abs(mean)).max())
+
+
+def of_parameters(
+    vehicle: Vehicle,
+    sought: Sequence[Unknown],
+    values: Mapping[str, float],
+    sigma_z: Mapping[str, float],
+    settled: Mapping[str, bool],
+    traces: Mapping[str, Trace],
+    settings: Settings,
+) -> list[Estimate]:
+    """An estimate for every parameter that the stages seek or that was held."""
+    unknowns = {u.name: u for u in sought}
+    first, given = stage_1_names(vehicle), vehicle.parameters()
+    found = []
+    for name in (*first, *stage_2_names(vehicle)):
+        stage = 1 if name in first else 2
+        common = {"name": name, "unit": unit_of(name), "stage": stage}
+        if name not in unknowns:
+            held = name in settings.held
+            verdict = Verdict.HELD if held else Verdict.NOT_EXCITED
+            found.append(Estimate(value=given[name], sigma=None, initial=given[name], verdict=verdict, **common))
+            continue
+        unknown = unknowns[name]
+        slope = float(np.abs(scaling([unknown]).slope(np.array([values[name]])))[0])
+        verdict = _verdict(unknown, values[name], sigma_z[name], settled.get(name, False), settings)
+        if verdict is Verdict.NOT_EXCITED:
+            value, sigma = unknown.centre, float(np.abs(scaling([unknown]).slope(np.array([unknown.centre])))[0])
+        else:
+            value, sigma = values[name], sigma_z[name] * slope
+        found.append(
+            Estimate(
+                value=value,
+                sigma=sigma,
+                initial=unknown.centre,
+                verdict=verdict,
+                settled=_settled_at(traces, name, settings),
+                **common,
+            )
+        )
+    return found
+
+
+def _verdict(unknown: Unknown, value: float, sigma_z: float, settled: bool, settings: Settings) -> Verdict:
+    if sigma_z > settings.excited:
+        return Verdict.NOT_EXCITED
+    reach = 1e-6 * (unknown.upper - unknown.lower)
+    if not unknown.lower + reach < value < unknown.upper - reach:
+        return Verdict.AT_BOUND
+    return Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED
+
+
+def _settled_at(traces: Mapping[str, Trace], name: str, settings: Settings) -> float | None:
+    """Seconds of driving until the parameter stayed within the tolerance.
+
+    Passes that restart are estimates of their own: the last one counts. Passes that carry on are one long run.
+    """
+    for trace in traces.values():
+        if name in trace.names:
+            begin = trace.starts[-1] if settings.restart else 0
+            values = trace.values[begin:, trace.names.index(name)]
+            since = settled_since(values, settings.tolerance)
+            late = since > (1 - SETTLED_PART) * len(values)
+            return None if late else float(trace.time[begin + since] - trace.time[begin])
+    return None
+
+
+def derived(vehicle: Vehicle, parameters: Sequence[Estimate]) -> list[Estimate]:
+    """Laden CoG height and roll inertia (8), (9) of every unit with a payload, with sigma by their derivatives."""
+    found = []
+    by_name = {e.name: e for e in parameters}
+    for unit in vehicle.units:
+        height = by_name.get(f"{unit.name}.payload.height")
+        if height is None:
+            continue
+        step = 1e-4
+        higher = vehicle.replace({height.name: height.value + step}).derived()
+        started = vehicle.replace({height.name: height.initial}).derived()
+        for word, si in (("cog_height", "m"), ("roll_inertia", "kg m^2")):
+            name = f"{unit.name}.{word}"
+            value = vehicle.derived()[name]
+            slope = (higher[name] - value) / step
+            found.append(
+                Estimate(
+                    name=name,
+                    value=value,
+                    sigma=None if height.sigma is None else abs(slope) * height.sigma,
+                    unit=si,
+                    initial=started[name],
+                    verdict=height.verdict,
+                    stage=2,
+                    settled=height.settled,
+                )
+            )
+    return found
+
+
+def of_sensors(
+    unknowns: Sequence[Unknown], logs: Sequence[Log], shared: Mapping[str, float], sigma_z: Mapping[str, float]
+) -> list[SensorError]:
+    """The nuisances: those of the truck, then those of each log."""
+    found = []
+    for u in unknowns:
+        if not u.nuisance:
+            continue
+        places = [(log.name, log.errors.get(u.name, u.centre), f"{u.name}@{i}") for i, log in enumerate(logs)]
+        for log, value, key in places if u.each_log else [(None, shared[u.name], u.name)]:
+            found.append(
+                SensorError(name=u.name, value=value, sigma=sigma_z[key] * u.scale, unit=_unit(u.name), log=log)
+            )
+    return found
+
+
+def _unit(name: str) -> str:
+    signal, _, word = name.rpartition(".")
+    if word == "delay":
+        return "s"
+    if word == "gain":
+        return "1"
+    return "rad/s" if "rate" in signal else "rad"
+
+
+def summary(record: Record, log: Log, outputs: Sequence[str], accepted: Array) -> LogSummary:
+    """What was used of a record."""
+    speed = np.concatenate([section.input("speed") for section in log.sections])
+    seen = np.concatenate(
+        [
+            np.column_stack([np.isfinite(s.signals.get(name, np.full(len(s), np.nan))) for name in outputs])
+            for s in log.sections
+        ]
+    )
+    rejected = 1 - accepted.sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    return LogSummary(
+        name=record.name,
+        span=record.span,
+        samples=len(record),
+        used=sum(s.span[1] - s.span[0] for s in log.sections),
+        speed=(float(speed.min()), float(speed.max())),
+        rejected={name: float(part) for name, part in zip(outputs, rejected, strict=True) if name in record.signals},
+        notes=record.notes,
+    )

@@ -1,0 +1,174 @@
+"""What the logs tell about the unknowns: Fisher information, a covariance that survives coloured residuals, verdicts."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters import dual
+from fifthwheel.filters.dual import DualState
+from fifthwheel.identify.parameters import Unknown, scaling
+from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.stage import Log
+from fifthwheel.logs import Record
+from fifthwheel.observe import noise as variances
+from fifthwheel.observe.prepare import prepare
+from fifthwheel.simulate import response
+from fifthwheel.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+class Verdict(StrEnum):
+    """What an estimate is worth."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not_converged"
+    NOT_EXCITED = "not_excited"
+    AT_BOUND = "at_bound"
+    HELD = "held"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Information:
+    """All unknowns together, each log's own ones apart; in units of z, whose prior is N(0, 1)."""
+
+    names: tuple[str, ...]  # a log's own unknowns carry its number: "...offset@0"
+    covariance: Array  # inverse of information plus prior
+    robust: Array  # the same by scores that may hang together (sandwich)
+    bias: Array  # what leaving out roll moves each unknown by, zero where the model has roll
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each z: the larger of both, and the bias."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), np.diag(self.robust)) + self.bias**2)
+
+
+def evaluate(
+    model: ChainModel,
+    vehicle: Vehicle,
+    logs: Sequence[Log],
+    unknowns: Sequence[Unknown],
+    *,
+    values: Mapping[str, float],
+    settings: Settings,
+) -> Information:
+    """Information of all logs at the estimate, all unknowns free together.
+
+    The filter runs once more with its parameters frozen; each channel leaves an innovation e, its variance s and its
+    gradient g to z. Information is the sum of g g'/s plus the prior. The sandwich puts the scores' own long-run
+    covariance (Newey and West 1987) in the middle: where innovations are what the filter thinks, both agree.
+    """
+    names = [u.name for u in unknowns]
+    own = [u.each_log for u in unknowns]
+    full = [name for name, flag in zip(names, own, strict=True) if not flag]
+    full += [f"{name}@{i}" for i in range(len(logs)) for name, flag in zip(names, own, strict=True) if flag]
+    size = len(full)
+    information, middle, push = np.eye(size), np.eye(size), np.zeros(size)
+    for i, log in enumerate(logs):
+        places = [full.index(f"{name}@{i}" if flag else name) for name, flag in zip(names, own, strict=True)]
+        for section in log.sections:
+            frozen = _Frozen(model, vehicle, unknowns, values, log, settings)
+            scores, gram = frozen.scores(section)
+            lags = max(int(settings.correlation_time * section.rate), 1)
+            information[np.ix_(places, places)] += gram
+            middle[np.ix_(places, places)] += long_run(scores, lags)
+            if not model.roll:
+                push[places] += frozen.roll_left_out(section)
+    covariance = np.linalg.inv(information)
+    return Information(
+        names=tuple(full),
+        covariance=covariance,
+        robust=covariance @ middle @ covariance,
+        bias=covariance @ push,
+    )
+
+
+def long_run(scores: Array, lags: int) -> Array:
+    """Covariance of the sum of scores (N, n) that hang together up to `lags` samples; Bartlett weights, (n, n)."""
+    total = scores.T @ scores
+    length = 1 << (2 * len(scores) - 1).bit_length()
+    transform = np.fft.rfft(scores, length, axis=0)
+    cross = np.fft.irfft(transform[:, :, None] * transform[:, None, :].conj(), length, axis=0)
+    for lag in range(1, min(lags, len(scores))):
+        weight = 1 - lag / lags
+        total += weight * (cross[lag] + cross[lag].T)
+    return np.asarray(total)
+
+
+class _Frozen:
+    """The dual filter at fixed parameters over one log's sections."""
+
+    def __init__(
+        self,
+        model: ChainModel,
+        vehicle: Vehicle,
+        unknowns: Sequence[Unknown],
+        values: Mapping[str, float],
+        log: Log,
+        settings: Settings,
+    ) -> None:
+        self.model, self.vehicle, self.settings, self.log = model, vehicle, settings, log
+        self.values = {u.name: u.centre for u in unknowns} | dict(values) | log.errors
+        self.names = [u.name for u in unknowns]
+        self.late = {n.removesuffix(".delay"): self.values[n] for n in self.names if n.endswith(".delay")}
+        self.scaling = scaling(unknowns)
+        z = self.scaling.to_z(np.array([self.values[name] for name in self.names]))
+        self.z = np.where([name.endswith(".delay") for name in self.names], 0.0, z)
+
+    def run(self, section: Record) -> tuple[Array, Array, Array]:
+        """Innovations, weights 1/variance (zero where not used) and gradients: (M, m), (M, m), (M, m, n)."""
+        n, k = len(self.model.states), len(self.names)
+        start = DualState(
+            x=np.zeros(n),
+            P=variances.initial(self.model.states),
+            z=self.z,
+            Pz=np.zeros((k, k)),
+            sensitivity=np.zeros((n, k)),
+        )
+        found = dual.run(
+            self.model,
+            prepare(self.model, self.vehicle, section, delays=self.late).rows,
+            c=self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs)),
+            noise=self._noise(),
+            scaling=self.scaling,
+            start=start,
+        )
+        return found.innovation, found.accepted / found.innovation_variance, found.sensitivity
+
+    def _noise(self) -> dual.Noise:
+        return dual.Noise(
+            process=variances.process(self.model.states, self.settings.process_noise),
+            measurement=np.array([self.log.noise[name] for name in self.model.outputs]),
+            gate=self.settings.gate,
+        )
+
+    def scores(self, section: Record) -> tuple[Array, Array]:
+        """Scores (N, n) of the samples and their information (n, n)."""
+        innovation, weight, gradient = self.run(section)
+        scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
+        gram = np.einsum("km,kmi,kmj->ij", weight, gradient, gradient)
+        return scores[(weight > 0).any(axis=1)], gram
+
+    def roll_left_out(self, section: Record) -> Array:
+        """Score (n,) that the yaw-only model would gather on a vehicle that rolls as the vehicle file says.
+
+        Both vehicles have the estimated parameters and no noise, so that only the missing roll is left.
+        """
+        own = set(self.vehicle.parameters())
+        vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in own})
+        inputs = {name: section.input(name) for name in self.model.inputs}
+        total = []
+        for roll in (True, False):
+            model = dynamics.model(vehicle, self.model.outputs, roll=roll)
+            values = dynamics.all_parameters(vehicle, self.model.outputs) | self.values
+            values |= {name: 0.0 for name in values if name.endswith(".delay")}
+            _, shown = response(model, values, section.time, inputs)
+            seen = {name: shown[:, i] for i, name in enumerate(self.model.outputs) if name in section.signals}
+            plain = replace(section, signals=dict(inputs) | seen, reference={})
+            total.append(self.scores(plain)[0].sum(axis=0))
+        return np.asarray(total[0] - total[1])

@@ -1,0 +1,105 @@
+"""How an identification is done. Every number that steers it is a field here, with a sentence."""
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Settings of the two-stage identification; `Settings()` is our default, `article()` the published preset."""
+
+    preset: str = "default"
+    """Name under which the settings go into the result."""
+    held: tuple[str, ...] = ()
+    """Parameters that keep the value of the vehicle file, as the article holds the front stiffness of its vehicle."""
+    initial_payload_height: float | None = 0.1
+    """Height from which the payload's is sought, m; None starts from the vehicle file."""
+    prior: float = 0.3
+    """Prior standard deviation of a stiffness or an inertia, as a part of its initial value."""
+    height_prior: float = 1.0
+    """Prior standard deviation of a payload height, m."""
+    initial_sigma: float | None = None
+    """Where the filter's own P_p(0) starts, as a part of the initial value; None for the prior's."""
+    initial_height_sigma: float | None = None
+    """The same for a payload height, m."""
+    logarithmic: bool = True
+    """Seek stiffness and inertia by their logarithm, so that they stay positive."""
+    passes: int = 8
+    """At most so many times through the logs in each stage."""
+    rounds: int = 4
+    """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model with stage 2's height."""
+    tolerance: float = 0.01
+    """Converged means: within this part of the final value (the article's 1 %)."""
+    average: bool = False
+    """Take the average since convergence as the estimate (the article), or the last value, which holds all the data."""
+    consistent: bool = True
+    """Count the state's own uncertainty in the parameter filter's innovation variance."""
+    coupled: bool = True
+    """Carry a parameter's correction over to the state."""
+    random_walk: float = 0.0
+    """Standard deviation that a parameter gains at every sample, as a part of its initial value (the article's Q_p)."""
+    height_walk: float = 0.0
+    """The same for a payload height, m."""
+    restart: bool = True
+    """Begin every pass with the prior covariance, so that no sample is counted twice; the article carries it on."""
+    forgetting: float = 1.0
+    """The article's lambda: the random walk shrinks by this factor at every sample."""
+    nuisances: bool = True
+    """Estimate steer zero, steer gain and delay, and the sensors' zeros beside the parameters."""
+    steer_offset_prior: float = 0.01
+    """Prior standard deviation of a steer zero, rad; one for each log."""
+    steer_gain_prior: float = 0.05
+    """Prior standard deviation of a steer gain; one for the truck."""
+    steer_delay_prior: float = 0.1
+    """Prior standard deviation of a steer delay, s; one for the truck."""
+    rate_offset_prior: float = 0.004
+    """Prior standard deviation of a gyro's zero, rad/s; one for each log."""
+    articulation_offset_prior: float = 0.01
+    """Prior standard deviation of an articulation sensor's zero, rad; one for each log."""
+    noise: dict[str, float] = field(default_factory=dict)
+    """Variance of a signal's noise, SI squared; where it is not given the article's R is the start."""
+    adapt_noise: bool = True
+    """Rescale R after every pass to the innovations that were seen."""
+    process_noise: float = 1.0
+    """Process noise, in units of the default (see `noise.process`); the article has none here."""
+    gate: float = 6.0
+    """Innovations beyond so many standard deviations are not used."""
+    min_speed: float = 5.0
+    """Below this the linear tyre model does not hold, m/s; such stretches are left out."""
+    correlation_time: float = 3.0
+    """How long residuals may hang together, s, when sigma is reckoned."""
+    excited: float = 0.5
+    """A parameter counts as excited when the logs bring its sigma below this part of its prior's."""
+    check: bool = True
+    """Refuse logs whose signals cannot be what they are called."""
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def article(**changes: Any) -> Settings:
+    """The article's settings, sections 3.1 to 3.3; those it leaves open are ours.
+
+    Published: Q_x = 0, Q_p of 0.1 % of nominal (0.005 m for the height) shrunk by lambda at every step, the average
+    once within 1 %. Open: P_p(0), here Q_p as its name "initial parameter covariance" suggests; no bounds are told.
+    """
+    preset = Settings(
+        preset="article",
+        initial_sigma=0.001,
+        initial_height_sigma=0.005,
+        logarithmic=False,
+        passes=1,
+        rounds=1,
+        average=True,
+        consistent=False,
+        coupled=False,
+        random_walk=0.001,
+        height_walk=0.005,
+        restart=False,
+        forgetting=0.999,
+        nuisances=False,
+        adapt_noise=False,
+        process_noise=0.0,
+        gate=1e6,
+    )
+    return replace(preset, **changes)

@@ -1,0 +1,249 @@
+"""One stage of an identification: the dual filter, several times through all logs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters import Noise, dual
+from fifthwheel.filters.dual import Coupling, DualState
+from fifthwheel.identify.parameters import Unknown, scaling
+from fifthwheel.identify.settings import Settings
+from fifthwheel.logs import Record
+from fifthwheel.observe import noise as variances
+from fifthwheel.observe.prepare import Rows, prepare
+from fifthwheel.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(kw_only=True)
+class Log:
+    """One log on its way through the stages: its usable sections, and what is known of its sensors so far."""
+
+    name: str
+    sections: list[Record]
+    errors: dict[str, float] = field(default_factory=dict)  # this log's own nuisances by name
+    noise: dict[str, float] = field(default_factory=dict)  # variance of each channel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """How the parameters went: a row a sample, all passes one behind the other."""
+
+    names: tuple[str, ...]
+    time: Array  # (N,) s, running on over logs and passes
+    values: Array  # (N, n)
+    sigma: Array  # (N, n) as the filter has it
+    starts: tuple[int, ...]  # the row at which each pass begins
+
+    @property
+    def passes(self) -> int:
+        return len(self.starts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a stage found."""
+
+    values: dict[str, float]  # the truck's own unknowns; each log's are in the logs
+    trace: Trace
+    settled: bool  # whether the last pass moved nothing
+    innovation: list[Array]  # each log's (N, m), normalised, of the last pass
+    accepted: list[Array]  # each log's (N, m)
+
+
+def build(vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[Unknown], *, roll: bool) -> ChainModel:
+    """The model in which all unknowns are free."""
+    return dynamics.model(vehicle, outputs, roll=roll, free=[u.name for u in unknowns])
+
+
+def run(
+    model: ChainModel,
+    vehicle: Vehicle,
+    logs: Sequence[Log],
+    unknowns: Sequence[Unknown],
+    *,
+    active: Sequence[str],
+    start: Mapping[str, float],
+    settings: Settings,
+    progress: Progress = lambda *_: None,
+    title: str = "",
+) -> Outcome:
+    """Estimate the `active` unknowns; the others keep their values. Changes the logs' nuisances and noise.
+
+    Args:
+        start: values of the unknowns that all logs share.
+    """
+    working = _Working(model, vehicle, logs, unknowns, active, dict(start), settings)
+    for number in range(settings.passes):
+        progress(title, number, settings.passes)
+        working.once_through()
+        if working.settled():
+            break
+    progress(title, settings.passes, settings.passes)
+    return working.outcome()
+
+
+class _Working:
+    def __init__(
+        self,
+        model: ChainModel,
+        vehicle: Vehicle,
+        logs: Sequence[Log],
+        unknowns: Sequence[Unknown],
+        active: Sequence[str],
+        values: dict[str, float],
+        settings: Settings,
+    ) -> None:
+        self.model, self.vehicle, self.logs, self.settings = model, vehicle, logs, settings
+        self.unknowns = tuple(unknowns)
+        self.names = [u.name for u in unknowns]
+        self.scaling = scaling(unknowns)
+        self.constants = dynamics.all_parameters(vehicle, model.outputs)
+        self.active = np.array([u.name in active for u in unknowns])
+        self.returning = np.array([u.nuisance for u in unknowns]) & self.active
+        self.own = np.array([u.each_log for u in unknowns])
+        self.late = np.array([u.name.endswith(".delay") for u in unknowns])
+        self.values = values
+        self.z = self._z(logs[0])
+        self.Pz = self._prior()
+        self.walk = 1.0
+        self.history: list[tuple[Array, Array, Array]] = []
+        self.elapsed = 0.0
+        self.before: Array | None = None
+        self.starts: list[int] = []
+
+    def _prior(self) -> Array:
+        return np.diag([u.start**2 if flag else 0.0 for u, flag in zip(self.unknowns, self.active, strict=True)])
+
+    def _z(self, log: Log) -> Array:
+        """Where the unknowns stand, for this log."""
+        merged = {**{u.name: u.centre for u in self.unknowns}, **self.values, **log.errors}
+        z = self.scaling.to_z(np.array([merged[name] for name in self.names]))
+        return np.where(self.late, 0.0, z)  # a delay is taken out of the rows
+
+    def once_through(self) -> None:
+        """All logs once, in order."""
+        self.before = self.z.copy()
+        self.starts.append(sum(len(time) for time, _, _ in self.history))
+        if self.settings.restart:
+            self.Pz = self._prior()
+            self.z = np.where(self.returning, 0.0, self.z)
+        self.innovation, self.accepted = [], []
+        late = {name.removesuffix(".delay"): self.values.get(name, 0.0) for name in self.names if name.endswith(".delay")}
+        for log in self.logs:
+            self._enter(log)
+            for section in log.sections:
+                self._section(log, prepare(self.model, self.vehicle, section, delays=late))
+            self._leave(log)
+        for i in np.flatnonzero(self.late & self.active):
+            name = self.names[i]
+            unknown = self.unknowns[i]
+            delay = self.values.get(name, 0.0) + self.scaling.scale[i] * self.z[i]
+            self.values[name] = float(np.clip(delay, unknown.lower, unknown.upper))
+            self.z[i] = 0.0
+
+    def _enter(self, log: Log) -> None:
+        own = self.own & self.active
+        self.Pz[own, :] = 0.0
+        self.Pz[:, own] = 0.0
+        self.Pz[own, own] = 1.0
+        self.z = np.where(self.own, np.where(own, 0.0, self._z(log)), self.z)
+        self.residual: list[tuple[Array, Array]] = []
+
+    def _section(self, log: Log, rows: Rows) -> None:
+        n = len(self.model.states)
+        start = DualState(
+            x=np.zeros(n),
+            P=variances.initial(self.model.states),
+            z=self.z,
+            Pz=self.Pz,
+            sensitivity=np.zeros((n, len(self.names))),
+            walk=self.walk,
+        )
+        found = dual.run(
+            self.model,
+            rows.rows,
+            c=self.model.known_values(self.constants),
+            noise=self.noise(log),
+            scaling=self.scaling,
+            start=start,
+            coupling=self.coupling(rows),
+        )
+        self.z, self.Pz, self.walk = found.end.z, found.end.Pz, found.end.walk
+        time = rows.time[rows.places] - rows.time[0] + self.elapsed
+        self.elapsed = float(time[-1])
+        self.history.append((time, found.z[rows.places], found.z_variance[rows.places]))
+        normalised = found.innovation[rows.places] / np.sqrt(found.innovation_variance[rows.places])
+        self.residual.append((normalised, found.accepted[rows.places]))
+
+    def _leave(self, log: Log) -> None:
+        innovation, accepted = (np.concatenate(arrays) for arrays in zip(*self.residual, strict=True))
+        self.innovation.append(innovation)
+        self.accepted.append(accepted)
+        p = dict(zip(self.names, self.scaling.to_p(self.z).tolist(), strict=True))
+        own = self.own & self.active
+        log.errors |= {name: p[name] for name, flag in zip(self.names, own, strict=True) if flag}
+        shared = self.active & ~self.own & ~self.late
+        self.values |= {name: p[name] for name, flag in zip(self.names, shared, strict=True) if flag}
+        if self.settings.adapt_noise:
+            for i, name in enumerate(self.model.outputs):
+                seen = innovation[accepted[:, i] > 0, i]
+                if len(seen) > 20:
+                    log.noise[name] *= float(np.clip(np.mean(seen**2), 1e-2, 1e2))
+
+    def noise(self, log: Log) -> Noise:
+        for name in self.model.outputs:
+            log.noise.setdefault(name, variances.sensor(self.vehicle, name, self.settings.noise))
+        return Noise(
+            process=variances.process(self.model.states, self.settings.process_noise),
+            measurement=np.array([log.noise[name] for name in self.model.outputs]),
+            gate=self.settings.gate,
+        )
+
+    def coupling(self, rows: Rows) -> Coupling:
+        """Walk and forgetting are published per sample, the filter has them per second."""
+        step = float(np.median(np.diff(rows.time[rows.places])))
+        walk = np.array([u.walk**2 if flag else 0.0 for u, flag in zip(self.unknowns, self.active, strict=True)])
+        return Coupling(
+            consistent=self.settings.consistent,
+            coupled=self.settings.coupled,
+            random_walk=walk / step,
+            forgetting=-np.log(self.settings.forgetting) / step,
+        )
+
+    def settled(self) -> bool:
+        """Whether the last pass moved no parameter by more than a tenth of its sigma, or of the tolerance."""
+        if self.before is None or not self.settings.restart:
+            return False
+        sought = self.active & ~self.returning
+        if not sought.any():
+            return len(self.starts) > 1
+        p, p_before = self.scaling.to_p(self.z), self.scaling.to_p(self.before)
+        sigma = np.sqrt(np.diag(self.Pz)) * np.abs(self.scaling.slope(p))
+        allowed = 0.1 * np.maximum(sigma, self.settings.tolerance * np.abs(p))
+        return bool((np.abs(p - p_before)[sought] <= allowed[sought]).all())
+
+    def outcome(self) -> Outcome:
+        sought = self.active & ~self.returning
+        time, z, variance = (np.concatenate(arrays) for arrays in zip(*self.history, strict=True))
+        p = self.scaling.to_p(z)
+        trace = Trace(
+            names=tuple(name for name, flag in zip(self.names, sought, strict=True) if flag),
+            time=time,
+            values=p[:, sought],
+            sigma=(np.sqrt(variance) * np.abs(self.scaling.slope(p)))[:, sought],
+            starts=tuple(self.starts),
+        )
+        return Outcome(
+            values=self.values,
+            trace=trace,
+            settled=self.settled(),
+            innovation=self.innovation,
+            accepted=self.accepted,
+        )

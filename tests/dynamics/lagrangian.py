@@ -1,0 +1,203 @@
+"""Equations of motion of a chain by Lagrange's method: an oracle that shares no formula with the library.
+
+Unit i yaws by psi_i about the vertical, its sprung body rolls by phi_i about the unit's x-axis. The first unit moves as
+X = u t + ..., Y = y; each of the others hangs in plan view on a point fixed to the sprung body in front and to its own.
+Positions are exact up to the second order of the small coordinates, so that the equations are exact up to the first.
+
+Three numbers that the library does not ask for, and that therefore must not matter, are given at random: how far the
+sprung CoG is ahead of the unit's CoG, the sprung pitch inertia, and the sprung part of the yaw inertia.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+from sympy.physics.mechanics import (
+    LagrangesMethod,
+    Point,
+    ReferenceFrame,
+    RigidBody,
+    Vector,
+    dynamicsymbols,
+    inertia,
+)
+
+from fifthwheel.vehicle import Unit, Vehicle
+
+Array = NDArray[np.float64]
+S = sp.Symbol
+EPS = sp.Symbol("eps")
+GRAVITY = 9.80665
+IRRELEVANT = {"ahead": 0.37, "Iyy": 23456.0, "Izz_sprung": 7654.0}
+
+
+class Linear(NamedTuple):
+    """E x' = F x + G d, where the state has the names of `states`."""
+
+    states: tuple[str, ...]
+    E: Array
+    F: Array
+    G: Array
+
+    @property
+    def A(self) -> Array:  # noqa: N802
+        return np.linalg.solve(self.E, self.F)
+
+    @property
+    def B(self) -> Array:  # noqa: N802
+        return np.linalg.solve(self.E, self.G)
+
+    def ordered(self, states: Sequence[str]) -> "Linear":
+        """The same, states (and equations, each belonging to a state) in another order."""
+        assert sorted(states) == sorted(self.states)
+        i = [self.states.index(name) for name in states]
+        return Linear(tuple(states), self.E[np.ix_(i, i)], self.F[np.ix_(i, i)], self.G[i])
+
+
+def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
+    """The linear equations of a vehicle at a speed."""
+    units, n = vehicle.units, len(vehicle.units)
+    values: dict[str, float] = {"u": speed, "g": GRAVITY}
+    steer: list[int] = []  # columns of the axles that are steered
+    for i, unit in enumerate(units):
+        values |= {f"{word}{i}": value for word, value in (_numbers(vehicle, unit) | IRRELEVANT).items()}
+        for group in unit.axle_groups:
+            for axle in group.axles:
+                k = sum(key.startswith(f"Ca{i}_") for key in values)
+                values |= {f"Ca{i}_{k}": group.cornering_stiffness / len(group.axles)}
+                values |= {f"x{i}_{k}": axle.position - unit.cog}
+                if axle.steerable:
+                    steer.append(sum(key.startswith("Ca") for key in values) - 1)
+    for i, coupling in enumerate(vehicle.couplings):
+        values |= {
+            f"lead{i}": coupling.leading_position - units[i].cog,
+            f"lead_up{i}": coupling.height - units[i].roll_axis_height,
+            f"trail{i + 1}": coupling.trailing_position - units[i + 1].cog,
+            f"trail_up{i + 1}": coupling.height - units[i + 1].roll_axis_height,
+            f"Kc{i + 1}": coupling.roll_stiffness,
+            f"Cc{i + 1}": coupling.roll_damping,
+        }
+    function, arguments = lagrangian(tuple(len(unit.axles) for unit in units), roll)
+    M, D, K, H = (np.array(m, dtype=float) for m in function(*(values[name] for name in arguments)))
+
+    # M q'' + D q' + K q = H d  in q = y, psi, phi, with y' = v + u psi_0, y'' = v' + u r_0, psi_i = psi_0 + their sum
+    yaw, rolls = slice(1, n + 1), slice(n + 1, None)
+    adrift = D[:, 0] * speed + K[:, yaw].sum(axis=1)
+    assert not K[:, 0].any()
+    assert np.abs(adrift).max() < 1e-12 * np.abs(K[:, yaw]).max(), "the equations depend on the heading"
+    sums = np.tril(np.ones((n, n)))[:, 1:]
+    D_yaw = D[:, yaw].copy()
+    D_yaw[:, 0] += speed * M[:, 0]
+    dynamic = [f"lateral_velocity.{units[0].name}", *(f"yaw_rate.{unit.name}" for unit in units)]
+    angles = [f"articulation.{unit.name}" for unit in units[1:]]
+    damping, stiffness = np.column_stack([D[:, 0], D_yaw, D[:, rolls]]), K[:, yaw] @ sums
+    rates = np.column_stack([np.zeros(n - 1), np.diff(np.eye(n), axis=0)])  # articulation' per (v, r)
+    if roll:
+        dynamic += [f"roll_rate.{unit.name}" for unit in units]
+        angles += [f"roll.{unit.name}" for unit in units]
+        stiffness = np.column_stack([stiffness, K[:, rolls]])
+        rates = np.block([[rates, np.zeros((n - 1, n))], [np.zeros((n, n + 1)), np.eye(n)]])
+    E = np.block([[M, np.zeros_like(stiffness)], [np.zeros_like(rates), np.eye(len(angles))]])
+    F = np.block([[-damping, -stiffness], [rates, np.zeros((len(angles), len(angles)))]])
+    G = np.vstack([H[:, steer], np.zeros((len(angles), len(steer)))])
+    return Linear((*dynamic, *angles), E, F, G)
+
+
+def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
+    """A unit's numbers as the derivation calls them: heights from the roll axis, the sprung body laden."""
+    derived, sprung = vehicle.derived(), unit.laden_sprung_mass
+    up = derived[f"{unit.name}.cog_height"] - unit.roll_axis_height
+    return {
+        "m": unit.mass,
+        "Izz": unit.yaw_inertia,
+        "ms": sprung,
+        "up": up,
+        "Ixx": derived[f"{unit.name}.roll_inertia"] - sprung * up**2,
+        "Ixz": unit.sprung.roll_yaw_product,
+        "K": sum(1 / (1 / group.roll_stiffness + 1 / group.tyre_roll_stiffness) for group in unit.axle_groups),
+        "C": sum(group.roll_damping for group in unit.axle_groups),
+    }
+
+
+@lru_cache
+def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]]:
+    """M, D, K, H of M q'' + D q' + K q = H d, for a chain of units with so many axles, and the names of the arguments.
+
+    q: y of the first unit's CoG, all yaw angles, and all roll angles unless the suspensions are rigid (roll False).
+    """
+    n, t = len(axles), dynamicsymbols._t
+    ground, origin = ReferenceFrame("N"), Point("O")
+    origin.set_vel(ground, 0)
+    y, psi = dynamicsymbols("y"), dynamicsymbols(f"psi:{n}")
+    phi = dynamicsymbols(f"phi:{n}") if roll else [sp.Integer(0)] * n
+    q = [y, *psi, *(phi if roll else [])]
+    small = [*q, *(x.diff(t) for x in q)]
+
+    def second_order(r: Vector) -> Vector:
+        xyz = (truncated(component, q, 2) for component in r.to_matrix(ground))
+        return sum((c * e for c, e in zip(xyz, (ground.x, ground.y, ground.z), strict=True)), Vector(0))
+
+    def point(name: str, r: Vector) -> Point:
+        p = origin.locatenew(name, r)
+        p.set_vel(ground, second_order(r).dt(ground))
+        return p
+
+    energy, loads, steer = sp.Integer(0), [], []
+    here = S("u") * t * ground.x + y * ground.y  # the roll axis under the CoG of the unit
+    yawed, rolled = [], []
+    for i in range(n):
+        m, Izz, ms, up, Ixx, Ixz, K, C = (S(f"{word}{i}") for word in ("m", "Izz", "ms", "up", "Ixx", "Ixz", "K", "C"))
+        ahead, Iyy, Izs = (S(f"{word}{i}") for word in IRRELEVANT)
+        unit = ground.orientnew(f"unit{i}", "Axis", [psi[i], ground.z])
+        body = unit.orientnew(f"body{i}", "Axis", [phi[i], unit.x])
+        yawed.append(unit)
+        rolled.append(body)
+        if i:  # from the coupling, where `here` has been left, to the unit's own CoG
+            here = second_order(here - S(f"trail{i}") * unit.x + S(f"trail_up{i}") * sp.sin(phi[i]) * unit.y)
+
+        behind = ms * ahead / (m - ms)  # where the rest must be, so that the CoG of the whole is at `here`
+        sprung_cog = point(f"sprung{i}", here + ahead * body.x + up * body.z)
+        central = inertia(body, Ixx, Iyy, Izs, izx=-(Ixz - ms * ahead * up))  # product: minus the integral of x z
+        sprung = RigidBody(f"sprung{i}", sprung_cog, body, ms, (central, sprung_cog))
+        rest_cog = point(f"rest{i}", here - behind * unit.x)
+        rest_yaw = Izz - Izs - ms * ahead**2 - (m - ms) * behind**2
+        rest = RigidBody(f"rest{i}", rest_cog, unit, m - ms, (inertia(unit, 0, 0, rest_yaw), rest_cog))
+        energy += truncated(sprung.kinetic_energy(ground) + rest.kinetic_energy(ground), small, 2)
+        energy -= truncated(ms * S("g") * up * sp.cos(phi[i]) + K * phi[i] ** 2 / 2, q, 2)
+        if roll:
+            loads.append((body, -C * phi[i].diff(t) * unit.x))
+        if roll and i:
+            energy -= S(f"Kc{i}") * (phi[i] - phi[i - 1]) ** 2 / 2
+            moment = S(f"Cc{i}") * (phi[i] - phi[i - 1]).diff(t)
+            loads += [(body, -moment * unit.x), (rolled[i - 1], moment * yawed[i - 1].x)]
+
+        for k in range(axles[i]):
+            axle, angle = point(f"axle{i}_{k}", here + S(f"x{i}_{k}") * unit.x), S(f"d{i}_{k}")
+            v = axle.vel(ground)
+            slip = angle - sp.atan(v.dot(unit.y) / v.dot(unit.x))
+            loads.append((axle, truncated(S(f"Ca{i}_{k}") * slip, [*small, angle], 1) * unit.y))
+            steer.append(angle)
+        if i + 1 < n:
+            here = second_order(here + S(f"lead{i}") * unit.x - S(f"lead_up{i}") * sp.sin(phi[i]) * unit.y)
+
+    equations = LagrangesMethod(energy, q, forcelist=loads, frame=ground).form_lagranges_equations()
+    orders = [[x.diff(t, 2) for x in q], [x.diff(t) for x in q], q, steer]
+    plain = {x: sp.Dummy() for order in orders for x in order}  # no derivative is left to hold a coordinate
+    linearised = equations.xreplace({x: EPS * symbol for x, symbol in plain.items()}).diff(EPS).xreplace({EPS: 0})
+    found = [linearised.jacobian([plain[x] for x in order]) for order in orders]
+    found[3] = -found[3]
+    arguments = sorted(set().union(*(m.free_symbols for m in found)), key=str)
+    return sp.lambdify(arguments, found, modules="numpy", cse=True), tuple(str(a) for a in arguments)
+
+
+def truncated(expression: Any, small: Sequence[Any], order: int) -> Any:
+    """The Taylor polynomial in the small quantities, up to an order."""
+    derivative = sp.sympify(expression).xreplace({x: EPS * x for x in small})
+    total = sp.Integer(0)
+    for k in range(order + 1):
+        total += derivative.xreplace({EPS: sp.Integer(0)}) / sp.factorial(k)
+        derivative = derivative.diff(EPS)
+    return sp.expand(total)

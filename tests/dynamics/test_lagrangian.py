@@ -1,0 +1,199 @@
+"""The equations of motion against Lagrange's method, and the evidence for the article's misprint."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lagrangian import Array, linear
+
+from fifthwheel.dynamics import matrices, modes
+from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle, get
+
+ARTICLE = get("cheng_cebon_2011")
+KMH_88 = 88 / 3.6
+
+
+def group(name: str, stiffness: float, roll: float, *axles: Axle) -> AxleGroup:
+    return AxleGroup(
+        name=name,
+        axles=axles,
+        cornering_stiffness=stiffness,
+        roll_stiffness=roll,
+        tyre_roll_stiffness=2.5 * roll,
+        roll_damping=0.04 * roll,
+    )
+
+
+def b_double() -> Vehicle:
+    """Three units with everything that the article's truck leaves at zero."""
+    tractor = Unit(
+        name="tractor",
+        mass=8600,
+        cog=-1.9,
+        yaw_inertia=41000,
+        roll_axis_height=0.55,
+        sprung=SprungMass(mass=6400, cog_height=1.12, roll_inertia=5100, roll_yaw_product=1900),
+        axle_groups=(
+            group("front", 4.1e5, 3.4e5, Axle(name="front", position=0.1, steerable=True)),
+            group("drive", 9.3e5, 9e5, Axle(name="second", position=-4.3), Axle(name="third", position=-5.6)),
+        ),
+    )
+    lead = Unit(
+        name="lead",
+        mass=24000,
+        cog=-4.3,
+        yaw_inertia=150000,
+        roll_axis_height=0.75,
+        sprung=SprungMass(mass=6100, cog_height=1.3, roll_inertia=7900, roll_yaw_product=-4100),
+        payload=Payload(mass=15500, height=1.4, width=2.3, floor_height=1.2),
+        axle_groups=(group("axles", 8.8e5, 2e6, Axle(name="one", position=-6.9), Axle(name="two", position=-8.2)),),
+    )
+    last = Unit(
+        name="last",
+        mass=21000,
+        cog=-5.2,
+        yaw_inertia=210000,
+        roll_axis_height=0.82,
+        sprung=SprungMass(mass=7300, cog_height=1.25, roll_inertia=8300, roll_yaw_product=6500),
+        payload=Payload(mass=11900, height=1.1, width=2.2, floor_height=1.15, shape="point"),
+        axle_groups=(
+            group("front", 3.9e5, 8e5, Axle(name="lift", position=-5.9)),
+            group(
+                "rear",
+                7.7e5,
+                1.7e6,
+                Axle(name="rigid", position=-7.3),
+                Axle(name="steered", position=-8.7, steerable=True),
+            ),
+        ),
+    )
+    wheels = (
+        Coupling(
+            name="front_wheel",
+            leading_position=-4.8,
+            trailing_position=0.2,
+            height=1.2,
+            roll_stiffness=2.4e6,
+            roll_damping=1.3e4,
+        ),
+        Coupling(
+            name="rear_wheel",
+            leading_position=-7.6,
+            trailing_position=-0.1,
+            height=1.3,
+            roll_stiffness=1.9e6,
+            roll_damping=2.1e4,
+        ),
+    )
+    return Vehicle(name="b_double", units=(tractor, lead, last), couplings=wheels)
+
+
+def changed(vehicle: Vehicle, draw: Callable[[float, float], float], *, masses: bool) -> Vehicle:
+    """The vehicle with every parameter drawn anew between what is still a truck; its masses only if told so."""
+    values = {}
+    for path, value in vehicle.parameters().items():
+        owner, _, word = path.rpartition(".")
+        if word in ("position", "cog", "leading_position", "trailing_position"):
+            values[path] = value + draw(-0.2, 0.2)
+        elif word == "mass":  # the whole may grow, its sprung part only shrink
+            grows = owner in {unit.name for unit in vehicle.units}
+            values[path] = value * (draw(1.0, 1.2) if grows else draw(0.8, 1.0)) if masses else value
+        elif "height" in word or word == "width":
+            values[path] = value * draw(0.8, 1.2)
+        else:
+            values[path] = value * draw(0.7, 1.4)
+        if word == "roll_damping" and not value:
+            values[path] = draw(0.0, 5e4)
+    found = vehicle.replace(values)
+    for unit in found.units:  # no body has a larger product than what makes its mass matrix singular
+        body, m = found.derived(), unit.laden_sprung_mass
+        moment = m * (body[f"{unit.name}.cog_height"] - unit.roll_axis_height)
+        bound = np.sqrt(unit.yaw_inertia * (body[f"{unit.name}.roll_inertia"] - moment**2 / unit.mass))
+        found = found.replace({f"{unit.name}.sprung.roll_yaw_product": draw(-0.9, 0.9) * float(bound)})
+    return found
+
+
+VEHICLES = {
+    "article": ARTICLE,
+    "b_double": b_double(),
+    "article, all changed": changed(ARTICLE, np.random.default_rng(1).uniform, masses=True),
+    "b_double, all changed": changed(b_double(), np.random.default_rng(2).uniform, masses=True),
+}
+
+
+def off(found: Array, expected: Array) -> float:
+    """Largest difference, each row relative to its largest element."""
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    return float((np.abs(found - expected) / np.where(scale > 0, scale, 1.0)).max())
+
+
+@pytest.mark.parametrize("speed", [9.0, KMH_88])
+@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
+@pytest.mark.parametrize("name", VEHICLES)
+def test_equals_lagrange(name: str, roll: bool, speed: float) -> None:
+    found = matrices(VEHICLES[name], speed, roll=roll)
+    expected = linear(VEHICLES[name], speed, roll=roll).ordered(found.states)
+    for matrix in "EFGAB":
+        assert off(getattr(found, matrix), getattr(expected, matrix)) < 1e-9, matrix
+    ours, theirs = np.linalg.eigvals(found.A), np.linalg.eigvals(expected.A)
+    apart = np.abs(ours[:, None] - theirs) / np.abs(theirs)
+    assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-9
+
+
+def test_oracle_sees_every_parameter() -> None:
+    """Each one that is not a mere origin of coordinates moves A or B of the oracle, and those of the library alike."""
+    vehicle = VEHICLES["b_double, all changed"]
+    before = matrices(vehicle, 15.0, roll=True)
+    for path, value in vehicle.parameters().items():
+        if path == "last.payload.width":
+            continue  # a point has no width
+        other = vehicle.replace({path: value * 1.001 if value else 0.001})
+        found = matrices(other, 15.0, roll=True)
+        expected = linear(other, 15.0).ordered(found.states)
+        moved = max(off(found.A, before.A), off(found.B, before.B))
+        assert moved > 1e-9, path
+        assert max(off(found.A, expected.A), off(found.B, expected.B)) < 1e-6 * moved, path
+
+
+@given(data=st.data())
+@settings(deadline=None, max_examples=60)
+def test_left_hand_side_positive_definite(data: st.DataObject) -> None:
+    vehicle = changed(
+        data.draw(st.sampled_from([ARTICLE, b_double()])),
+        lambda low, high: data.draw(st.floats(low, high)),
+        masses=False,
+    )
+    E = matrices(vehicle, 20.0, roll=True).E
+    scale = 1 / np.sqrt(np.diag(E))
+    assert np.abs(E - E.T).max() <= 1e-12 * np.abs(E).max()
+    assert np.linalg.eigvalsh(E * scale * scale[:, None]).min() > 1e-6
+
+
+def test_misprint_of_the_roll_equation() -> None:
+    """(A3) and (A6) as printed count m_s h^2 phi'' twice: the laden trailer would roll at 1.0 instead of 1.4 Hz."""
+    m = matrices(ARTICLE, KMH_88, roll=True)
+    printed = m.E.copy()
+    for unit in ARTICLE.units:
+        i = m.states.index(f"roll_rate.{unit.name}")
+        up = ARTICLE.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
+        printed[i, i] += unit.laden_sprung_mass * up**2
+    trailer = m.states.index("roll.semitrailer")
+
+    def roll_frequency(A: Array) -> float:
+        """Of the most lightly damped oscillation in which the trailer's roll angle leads all other angles, Hz."""
+        values, vectors = np.linalg.eig(A)
+        angles = [i for i, name in enumerate(m.states) if name.startswith(("articulation", "roll."))]
+        rolls = [
+            value
+            for value, vector in zip(values, vectors.T, strict=True)
+            if value.imag > 0 and max(angles, key=lambda i: abs(vector[i])) == trailer
+        ]
+        return float(abs(min(rolls, key=lambda value: -value.real / abs(value)))) / (2 * np.pi)
+
+    right, wrong = roll_frequency(m.A), roll_frequency(np.linalg.solve(printed, m.F))
+    assert any(mode.frequency == pytest.approx(right) for mode in modes(ARTICLE, KMH_88))
+    assert right == pytest.approx(1.38, abs=0.03), f"{right:.3f} Hz, {wrong:.3f} Hz as printed"
+    assert wrong == pytest.approx(1.03, abs=0.03), f"{right:.3f} Hz, {wrong:.3f} Hz as printed"
+    assert wrong < 0.8 * right

@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+
+from fifthwheel.errors import SignalError
+from fifthwheel.logs import Fault, Finding, Record, SignalMap, check, raise_errors, read
+
+from .conftest import drive
+
+STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
+HITCH, ACCELERATION = "articulation.semitrailer", "lateral_acceleration.tractor"
+
+
+def scaled(name, factor, offset=0.0):
+    return lambda record: record.with_signals({name: factor * record.signals[name] + offset})
+
+
+def between(name, start, stop, value):
+    """The signal replaced by a value within start to stop, s; by the one it has there when the value is None."""
+
+    def inject(record):
+        values, inside = record.signals[name].copy(), (record.time >= start) & (record.time < stop)
+        values[inside] = values[inside][0] if value is None else value
+        return record.with_signals({name: values})
+
+    return inject
+
+
+def spiked(record):
+    values = record.signals[RATE].copy()
+    values[[400, 900, 1500]] += [0.6, -0.8, 0.5]
+    return record.with_signals({RATE: values})
+
+
+def thinned(record):
+    random = np.random.default_rng(2)
+    return record.with_signals({RATE: np.where(random.random(len(record)) < 0.6, np.nan, record.signals[RATE])})
+
+
+def another(name):
+    t = np.arange(0, 40, 0.02)
+    return lambda record: record.with_signals({name: 0.08 * np.sin(5.1 * t) * np.cos(0.31 * t)})
+
+
+INJECTED = [
+    (Fault.DROPOUT, RATE2, "warning", between(RATE2, 12, 15, np.nan)),
+    (Fault.DROPOUT, RATE2, "error", between(RATE2, 10, 35, np.nan)),
+    (Fault.DROPOUT, RATE, "error", thinned),
+    (Fault.DROPOUT, RATE, "error", between(RATE, 0, 99, np.nan)),
+    (Fault.SPIKE, RATE, "warning", spiked),
+    (Fault.STUCK, RATE, "warning", between(RATE, 12, 15, None)),
+    (Fault.STUCK, RATE2, "error", between(RATE2, 8, 40, None)),
+    (Fault.STUCK, STEER, "warning", between(STEER, 10, 13.5, None)),
+    (Fault.STUCK, HITCH, "error", between(HITCH, 0, 40, 0.0)),
+    (Fault.ZERO_SPEED, "speed", "error", scaled("speed", 0.0)),
+    (Fault.ZERO_SPEED, "speed", "warning", between("speed", 0, 4, 1.0)),
+    (Fault.OUT_OF_RANGE, ACCELERATION, "error", scaled(ACCELERATION, 100)),
+    (Fault.OUT_OF_RANGE, "speed", "error", scaled("speed", 1000)),
+    (Fault.DEGREES, STEER, "error", scaled(STEER, 180 / np.pi)),
+    (Fault.DEGREES, RATE, "error", scaled(RATE, 180 / np.pi)),
+    (Fault.DEGREES, RATE2, "error", scaled(RATE2, 180 / np.pi)),
+    (Fault.DEGREES, HITCH, "error", scaled(HITCH, 180 / np.pi)),
+    (Fault.UNIT, "speed", "error", scaled("speed", 3.6)),
+    (Fault.UNIT, ACCELERATION, "error", scaled(ACCELERATION, 1 / 9.81)),
+    (Fault.STEERING_WHEEL, STEER, "error", scaled(STEER, 18)),
+    (Fault.STEERING_WHEEL, STEER, "error", scaled(STEER, 18 * 180 / np.pi)),
+    (Fault.SWAPPED_SIGN, "speed", "error", scaled("speed", -1)),
+    *((Fault.SWAPPED_SIGN, name, "error", scaled(name, -1)) for name in (STEER, RATE, RATE2, HITCH, ACCELERATION)),
+    (Fault.WRONG_COLUMN, STEER, "error", another(STEER)),
+    (Fault.WRONG_COLUMN, RATE, "error", another(RATE)),
+    (Fault.WRONG_COLUMN, RATE2, "error", another(RATE2)),
+    (Fault.OFFSET, STEER, "warning", scaled(STEER, 1, 0.04)),
+    (Fault.OFFSET, HITCH, "warning", scaled(HITCH, 1, -0.06)),
+]
+
+
+def test_every_fault_is_injected():
+    assert {fault for fault, *_ in INJECTED} == set(Fault)
+
+
+@pytest.mark.parametrize(
+    ("fault", "signal", "severity", "inject"), INJECTED, ids=lambda v: getattr(v, "name", str(v)[:24])
+)
+def test_a_fault_is_found_and_nothing_else(a_drive, fault, signal, severity, inject):
+    findings = check(inject(a_drive))
+    assert [(f.fault, f.signal, f.severity) for f in findings] == [(fault, signal, severity)]
+    assert findings[0].message.startswith(f"{signal}: ")
+    assert "; " in findings[0].message
+    if severity == "error":
+        with pytest.raises(SignalError, match=f"^{signal}: "):
+            raise_errors(findings)
+    else:
+        raise_errors(findings)
+
+
+@pytest.mark.parametrize("speed", [8.0, 14.0, 22.0, 28.0])
+@pytest.mark.parametrize(("rate", "noise"), [(10, 1), (100, 3), (20, 0)])
+def test_a_good_drive_passes(speed, rate, noise):
+    assert check(drive(speed=speed, rate=rate, noise=noise, seed=int(speed)), wheelbase=4.0) == ()
+
+
+def test_noise_on_a_straight_is_not_judged(a_drive):
+    random = np.random.default_rng(1)
+    signals = {name: 1e-3 * random.standard_normal(len(a_drive)) for name in a_drive.signals}
+    straight = a_drive.with_signals(signals | {"speed": a_drive.signals["speed"]})
+    assert check(straight) == ()
+    assert check(straight.with_signals({STEER: np.zeros(len(a_drive))})) == ()
+
+
+def test_a_held_and_quantised_steer_is_not_stuck(a_drive):
+    held = a_drive.signals[STEER][np.arange(len(a_drive)) // 10 * 10]
+    assert check(a_drive.with_signals({STEER: np.round(held / 0.002) * 0.002})) == ()
+
+
+def test_a_channel_of_a_slower_rate_is_no_dropout(a_drive):
+    slow = np.where(np.arange(len(a_drive)) % 10 == 3, a_drive.signals[RATE2], np.nan)
+    assert check(a_drive.with_signals({RATE2: slow})) == ()
+
+
+def test_two_faults_at_once(a_drive):
+    findings = check(spiked(scaled(STEER, -1)(a_drive)))
+    assert [(f.signal, f.fault) for f in findings] == [(STEER, Fault.SWAPPED_SIGN), (RATE, Fault.SPIKE)]
+    assert str(findings[1]).startswith("warning: yaw_rate.tractor: 3 spikes, the first")
+
+
+def test_a_hole_of_the_clock_is_told(a_drive):
+    keep = (a_drive.time < 10) | (a_drive.time > 13)
+    holed = Record(time=a_drive.time[keep], signals={n: v[keep] for n, v in a_drive.signals.items()})
+    assert [(f.signal, f.fault) for f in check(holed)] == [("time", Fault.DROPOUT)]
+
+
+def test_little_to_go_by(a_drive):
+    for names in ([STEER], [RATE], ["speed"], ["speed", STEER], [STEER, RATE], ["speed", RATE2, HITCH]):
+        assert check(Record(time=a_drive.time, signals={n: a_drive.signals[n] for n in names})) == ()
+    assert check(a_drive.cut(0, 0.03)) == ()
+    assert isinstance(check(between("speed", 0, 99, np.nan)(a_drive))[0], Finding)
+
+
+MAP = """
+[signals]
+speed = "vx"
+"steer.tractor.front" = "steer_ang"
+"yaw_rate.tractor" = "yaw_rate"
+"articulation.semitrailer" = "hitch"
+"lateral_acceleration.tractor" = "imu_accel_y"
+"yaw_rate.semitrailer" = {sum = ["yaw_rate", "hitch_rate"]}
+[reference]
+"lateral_velocity.tractor" = "vy"
+"""
+
+
+@pytest.mark.parametrize("run", ["run01_s_bend", "run02_exit_ramp"])
+def test_a_real_truck_has_no_errors(data, run):
+    record = read(data / "real_truck" / f"{run}.csv", SignalMap.parse(MAP))
+    assert list(record.reference) == ["lateral_velocity.tractor"]
+    findings = check(record)
+    raise_errors(findings)
+    assert {(f.signal, f.fault) for f in findings} <= {(ACCELERATION, Fault.SPIKE)}
+
+
+@pytest.mark.parametrize("signal", [STEER, RATE, RATE2, HITCH, ACCELERATION])
+@pytest.mark.parametrize("run", ["run01_s_bend", "run02_exit_ramp"])
+def test_a_real_truck_with_a_swapped_sign(data, run, signal):
+    record = read(data / "real_truck" / f"{run}.csv", SignalMap.parse(MAP))
+    errors = [f for f in check(scaled(signal, -1)(record)) if f.severity == "error"]
+    assert [(f.signal, f.fault) for f in errors] == [(signal, Fault.SWAPPED_SIGN)]
