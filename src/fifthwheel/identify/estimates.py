@@ -1,6 +1,6 @@
 """From what the filter and the information say to estimates with a verdict."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ def of_parameters(
     values: Mapping[str, float],
     sigma_z: Mapping[str, float],
     settled: Mapping[str, bool],
+    idle: Collection[str],
     traces: Mapping[str, Trace],
     settings: Settings,
 ) -> list[Estimate]:
@@ -51,15 +52,11 @@ def of_parameters(
             continue
         unknown = unknowns[name]
         slope = float(np.abs(scaling([unknown]).slope(np.array([values[name]])))[0])
-        verdict = _verdict(unknown, values[name], sigma_z[name], settled.get(name, False), settings)
-        if verdict is Verdict.NOT_EXCITED:
-            value, sigma = unknown.centre, float(np.abs(scaling([unknown]).slope(np.array([unknown.centre])))[0])
-        else:
-            value, sigma = values[name], sigma_z[name] * slope
+        verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, values[name], settled.get(name, False))
         found.append(
             Estimate(
-                value=value,
-                sigma=sigma,
+                value=values[name],
+                sigma=sigma_z[name] * slope,
                 initial=unknown.centre,
                 verdict=verdict,
                 settled=_settled_at(traces, name, settings),
@@ -69,9 +66,7 @@ def of_parameters(
     return found
 
 
-def _verdict(unknown: Unknown, value: float, sigma_z: float, settled: bool, settings: Settings) -> Verdict:
-    if sigma_z > settings.excited:
-        return Verdict.NOT_EXCITED
+def _verdict(unknown: Unknown, value: float, settled: bool) -> Verdict:
     reach = 1e-6 * (unknown.upper - unknown.lower)
     if not unknown.lower + reach < value < unknown.upper - reach:
         return Verdict.AT_BOUND

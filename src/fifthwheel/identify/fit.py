@@ -83,11 +83,12 @@ def _free_run(
     def run(x0: Array | None, steer: Mapping[str, Array]) -> Array:
         return response(model, p, section.time, inputs | dict(steer), x0)[1]
 
-    base = run(None, {})
+    x0, P0 = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, roll=model.roll)
+    base = run(x0, {})
     still = {name: np.zeros_like(section.time) for name in model.inputs[1:]}
     quiet = run(None, still)
     columns = [run(row, still) - quiet for row in np.eye(n)]
-    scales = list(np.sqrt(np.diag(variances.initial(model.states))))
+    scales = list(np.sqrt(np.diag(P0)))
     for name in model.inputs[1:]:
         if f"{name}.offset" in priors:
             columns.append(run(None, still | {name: -np.ones_like(section.time)}) - quiet)

@@ -13,7 +13,7 @@ from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.settings import Settings
-from fifthwheel.identify.stage import Log
+from fifthwheel.identify.stage import Log, channel_noise, shift_delays
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
 from fifthwheel.observe.prepare import prepare
@@ -41,6 +41,10 @@ class Information:
     covariance: Array  # inverse of information plus prior
     robust: Array  # the same by scores that may hang together (sandwich)
     bias: Array  # what leaving out roll moves each unknown by, zero where the model has roll
+
+    def excited(self, limit: float) -> dict[str, bool]:
+        """Whether the logs bring each unknown's sigma below `limit` times its prior's, were the model right."""
+        return dict(zip(self.names, (np.sqrt(np.diag(self.covariance)) < limit).tolist(), strict=True))
 
     @property
     def sigma(self) -> Array:
@@ -116,59 +120,68 @@ class _Frozen:
         self.values = {u.name: u.centre for u in unknowns} | dict(values) | log.errors
         self.names = [u.name for u in unknowns]
         self.late = {n.removesuffix(".delay"): self.values[n] for n in self.names if n.endswith(".delay")}
-        self.scaling = scaling(unknowns)
-        z = self.scaling.to_z(np.array([self.values[name] for name in self.names]))
-        self.z = np.where([name.endswith(".delay") for name in self.names], 0.0, z)
+        own = scaling(unknowns)
+        self.z = own.to_z(np.array([self.values[name] for name in self.names]))
+        self.scaling = shift_delays(own, self.names, self.late)
 
     def run(self, section: Record) -> tuple[Array, Array, Array]:
         """Innovations, weights 1/variance (zero where not used) and gradients: (M, m), (M, m), (M, m, n)."""
         n, k = len(self.model.states), len(self.names)
+        rows = prepare(self.model, self.vehicle, section, delays=self.late)
         start = DualState(
-            x=np.zeros(n),
-            P=variances.initial(self.model.states),
+            x=rows.x0,
+            P=rows.P0,
             z=self.z,
             Pz=np.zeros((k, k)),
             sensitivity=np.zeros((n, k)),
         )
         found = dual.run(
             self.model,
-            prepare(self.model, self.vehicle, section, delays=self.late).rows,
+            rows.rows,
             c=self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs)),
-            noise=self._noise(),
+            noise=channel_noise(self.model, self.vehicle, self.log, self.settings),
             scaling=self.scaling,
             start=start,
         )
         return found.innovation, found.accepted / found.innovation_variance, found.sensitivity
 
-    def _noise(self) -> dual.Noise:
-        return dual.Noise(
-            process=variances.process(self.model.states, self.settings.process_noise),
-            measurement=np.array([self.log.noise[name] for name in self.model.outputs]),
-            gate=self.settings.gate,
-        )
-
     def scores(self, section: Record) -> tuple[Array, Array]:
-        """Scores (N, n) of the samples and their information (n, n)."""
-        innovation, weight, gradient = self.run(section)
+        """Scores (N, n) of the samples and their information (n, n).
+
+        The gradients are those of a vehicle that only its inputs move. Along the filtered states they would hold the
+        sensors' noise, which looks like excitation: on a straight road it is all there is.
+        """
+        innovation, weight, _ = self.run(section)
+        _, _, gradient = self.run(self.by_inputs(section, roll=self.model.roll))
         scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
         gram = np.einsum("km,kmi,kmj->ij", weight, gradient, gradient)
         return scores[(weight > 0).any(axis=1)], gram
 
     def roll_left_out(self, section: Record) -> Array:
-        """Score (n,) that the yaw-only model would gather on a vehicle that rolls as the vehicle file says.
+        """Score (n,) that the yaw-only model gathers on a vehicle that rolls as the vehicle file says.
 
         Both vehicles have the estimated parameters and no noise, so that only the missing roll is left.
         """
-        own = set(self.vehicle.parameters())
-        vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in own})
-        inputs = {name: section.input(name) for name in self.model.inputs}
         total = []
         for roll in (True, False):
-            model = dynamics.model(vehicle, self.model.outputs, roll=roll)
-            values = dynamics.all_parameters(vehicle, self.model.outputs) | self.values
-            values |= {name: 0.0 for name in values if name.endswith(".delay")}
-            _, shown = response(model, values, section.time, inputs)
-            seen = {name: shown[:, i] for i, name in enumerate(self.model.outputs) if name in section.signals}
-            plain = replace(section, signals=dict(inputs) | seen, reference={})
-            total.append(self.scores(plain)[0].sum(axis=0))
+            innovation, weight, gradient = self.run(self.by_inputs(section, roll=roll))
+            total.append(np.einsum("km,kmn->n", innovation * weight, gradient))
         return np.asarray(total[0] - total[1])
+
+    def by_inputs(self, section: Record, *, roll: bool) -> Record:
+        """The section as the model at its estimate would have given it, without noise and with the same samples missing."""
+        own = set(self.vehicle.parameters())
+        vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in own})
+        model = dynamics.model(vehicle, self.model.outputs, roll=roll)
+        inputs = {name: section.input(name) for name in model.inputs}
+        x0, _ = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, roll=roll)
+        values = dynamics.all_parameters(vehicle, model.outputs) | self.values
+        moved = {n: np.interp(section.time + self.late.get(n, 0.0), section.time, v) for n, v in inputs.items()}
+        values |= {name: 0.0 for name in values if name.endswith(".delay")}
+        _, shown = response(model, values, section.time, moved, x0)
+        seen = {
+            name: np.where(np.isfinite(section.signals[name]), shown[:, i], np.nan)
+            for i, name in enumerate(model.outputs)
+            if name in section.signals
+        }
+        return replace(section, signals=inputs | seen, reference={})

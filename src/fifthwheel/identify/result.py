@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """One parameter. A parameter that the logs do not tell keeps its initial value and its prior's sigma."""
+    """One parameter: mean and standard deviation given the logs and the prior, which is all there is where not excited."""
 
     name: str
     value: float

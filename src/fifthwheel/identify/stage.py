@@ -1,7 +1,7 @@
 """One stage of an identification: the dual filter, several times through all logs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, dual
-from fifthwheel.filters.dual import Coupling, DualState
+from fifthwheel.filters.dual import Coupling, DualState, Scaling
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.settings import Settings
 from fifthwheel.logs import Record
@@ -89,6 +89,26 @@ def run(
     return working.outcome()
 
 
+def shift_delays(scaling: Scaling, names: Sequence[str], late: Mapping[str, float]) -> Scaling:
+    """The scaling for rows whose inputs were already moved by `late` seconds: only the rest is left to the model."""
+    centre = scaling.centre.copy()
+    for i, name in enumerate(names):
+        if name.endswith(".delay"):
+            centre[i] -= late[name.removesuffix(".delay")]
+    return replace(scaling, centre=centre)
+
+
+def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Settings) -> Noise:
+    """Process noise, and each channel's variance as far as this log has told it."""
+    for name in model.outputs:
+        log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
+    return Noise(
+        process=variances.process(model.states, settings.process_noise),
+        measurement=np.array([log.noise[name] for name in model.outputs]),
+        gate=settings.gate,
+    )
+
+
 class _Working:
     def __init__(
         self,
@@ -106,16 +126,15 @@ class _Working:
         self.scaling = scaling(unknowns)
         self.constants = dynamics.all_parameters(vehicle, model.outputs)
         self.active = np.array([u.name in active for u in unknowns])
-        self.returning = np.array([u.nuisance for u in unknowns]) & self.active
         self.own = np.array([u.each_log for u in unknowns])
-        self.late = np.array([u.name.endswith(".delay") for u in unknowns])
+        self.sought = self.active & ~np.array([u.nuisance for u in unknowns])
         self.values = values
         self.z = self._z(logs[0])
         self.Pz = self._prior()
         self.walk = 1.0
         self.history: list[tuple[Array, Array, Array]] = []
         self.elapsed = 0.0
-        self.before: Array | None = None
+        self.before = self.z
         self.starts: list[int] = []
 
     def _prior(self) -> Array:
@@ -124,43 +143,42 @@ class _Working:
     def _z(self, log: Log) -> Array:
         """Where the unknowns stand, for this log."""
         merged = {**{u.name: u.centre for u in self.unknowns}, **self.values, **log.errors}
-        z = self.scaling.to_z(np.array([merged[name] for name in self.names]))
-        return np.where(self.late, 0.0, z)  # a delay is taken out of the rows
+        return self.scaling.to_z(np.array([merged[name] for name in self.names]))
 
     def once_through(self) -> None:
-        """All logs once, in order."""
-        self.before = self.z.copy()
+        """All logs once, in order.
+
+        A pass begins where the last one ended, for the sake of its linearisation, with the prior's covariance. That
+        centres the prior on the last estimate; at the end its mean is put back to where it belongs, z = 0, by taking
+        its information out of the result. So no sample and no prior is counted twice, however many the passes.
+        """
+        self.before = self.z
         self.starts.append(sum(len(time) for time, _, _ in self.history))
         if self.settings.restart:
             self.Pz = self._prior()
-            self.z = np.where(self.returning, 0.0, self.z)
-        self.innovation, self.accepted = [], []
-        late = {name.removesuffix(".delay"): self.values.get(name, 0.0) for name in self.names if name.endswith(".delay")}
+        self.innovation: list[Array] = []
+        self.accepted: list[Array] = []
+        late = {n.removesuffix(".delay"): self.values.get(n, 0.0) for n in self.names if n.endswith(".delay")}
+        shifted = shift_delays(self.scaling, self.names, late)
         for log in self.logs:
-            self._enter(log)
+            own = self.own & self.active
+            self.Pz[own, :] = self.Pz[:, own] = 0.0
+            self.Pz[own, own] = 1.0
+            self.z = np.where(self.own, self._z(log), self.z)
+            begun, self.residual = np.where(own, self.z, 0.0), []
             for section in log.sections:
-                self._section(log, prepare(self.model, self.vehicle, section, delays=late))
+                self._section(log, prepare(self.model, self.vehicle, section, delays=late), shifted)
+            self.z = self.z - self.Pz @ begun
             self._leave(log)
-        for i in np.flatnonzero(self.late & self.active):
-            name = self.names[i]
-            unknown = self.unknowns[i]
-            delay = self.values.get(name, 0.0) + self.scaling.scale[i] * self.z[i]
-            self.values[name] = float(np.clip(delay, unknown.lower, unknown.upper))
-            self.z[i] = 0.0
+        if self.settings.restart:
+            self.z = self.z - self.Pz @ np.where(self.active & ~self.own, self.before, 0.0)
+        self._store(self.active & ~self.own, self.values)
 
-    def _enter(self, log: Log) -> None:
-        own = self.own & self.active
-        self.Pz[own, :] = 0.0
-        self.Pz[:, own] = 0.0
-        self.Pz[own, own] = 1.0
-        self.z = np.where(self.own, np.where(own, 0.0, self._z(log)), self.z)
-        self.residual: list[tuple[Array, Array]] = []
-
-    def _section(self, log: Log, rows: Rows) -> None:
+    def _section(self, log: Log, rows: Rows, shifted: Scaling) -> None:
         n = len(self.model.states)
         start = DualState(
-            x=np.zeros(n),
-            P=variances.initial(self.model.states),
+            x=rows.x0,
+            P=rows.P0,
             z=self.z,
             Pz=self.Pz,
             sensitivity=np.zeros((n, len(self.names))),
@@ -170,10 +188,10 @@ class _Working:
             self.model,
             rows.rows,
             c=self.model.known_values(self.constants),
-            noise=self.noise(log),
-            scaling=self.scaling,
+            noise=channel_noise(self.model, self.vehicle, log, self.settings),
+            scaling=shifted,
             start=start,
-            coupling=self.coupling(rows),
+            coupling=self._coupling(rows),
         )
         self.z, self.Pz, self.walk = found.end.z, found.end.Pz, found.end.walk
         time = rows.time[rows.places] - rows.time[0] + self.elapsed
@@ -186,27 +204,20 @@ class _Working:
         innovation, accepted = (np.concatenate(arrays) for arrays in zip(*self.residual, strict=True))
         self.innovation.append(innovation)
         self.accepted.append(accepted)
-        p = dict(zip(self.names, self.scaling.to_p(self.z).tolist(), strict=True))
-        own = self.own & self.active
-        log.errors |= {name: p[name] for name, flag in zip(self.names, own, strict=True) if flag}
-        shared = self.active & ~self.own & ~self.late
-        self.values |= {name: p[name] for name, flag in zip(self.names, shared, strict=True) if flag}
+        self._store(self.own & self.active, log.errors)
         if self.settings.adapt_noise:
             for i, name in enumerate(self.model.outputs):
                 seen = innovation[accepted[:, i] > 0, i]
                 if len(seen) > 20:
                     log.noise[name] *= float(np.clip(np.mean(seen**2), 1e-2, 1e2))
 
-    def noise(self, log: Log) -> Noise:
-        for name in self.model.outputs:
-            log.noise.setdefault(name, variances.sensor(self.vehicle, name, self.settings.noise))
-        return Noise(
-            process=variances.process(self.model.states, self.settings.process_noise),
-            measurement=np.array([log.noise[name] for name in self.model.outputs]),
-            gate=self.settings.gate,
-        )
+    def _store(self, which: NDArray[np.bool_], into: dict[str, float]) -> None:
+        """Write z's parameters, inside their bounds, where they belong; z follows."""
+        p = np.clip(self.scaling.to_p(self.z), self.scaling.lower, self.scaling.upper)
+        self.z = np.where(which, self.scaling.to_z(p), self.z)
+        into |= {name: float(value) for name, value, flag in zip(self.names, p, which, strict=True) if flag}
 
-    def coupling(self, rows: Rows) -> Coupling:
+    def _coupling(self, rows: Rows) -> Coupling:
         """Walk and forgetting are published per sample, the filter has them per second."""
         step = float(np.median(np.diff(rows.time[rows.places])))
         walk = np.array([u.walk**2 if flag else 0.0 for u, flag in zip(self.unknowns, self.active, strict=True)])
@@ -219,25 +230,23 @@ class _Working:
 
     def settled(self) -> bool:
         """Whether the last pass moved no parameter by more than a tenth of its sigma, or of the tolerance."""
-        if self.before is None or not self.settings.restart:
+        if not self.settings.restart:
             return False
-        sought = self.active & ~self.returning
-        if not sought.any():
+        if not self.sought.any():
             return len(self.starts) > 1
         p, p_before = self.scaling.to_p(self.z), self.scaling.to_p(self.before)
         sigma = np.sqrt(np.diag(self.Pz)) * np.abs(self.scaling.slope(p))
         allowed = 0.1 * np.maximum(sigma, self.settings.tolerance * np.abs(p))
-        return bool((np.abs(p - p_before)[sought] <= allowed[sought]).all())
+        return bool((np.abs(p - p_before)[self.sought] <= allowed[self.sought]).all())
 
     def outcome(self) -> Outcome:
-        sought = self.active & ~self.returning
         time, z, variance = (np.concatenate(arrays) for arrays in zip(*self.history, strict=True))
         p = self.scaling.to_p(z)
         trace = Trace(
-            names=tuple(name for name, flag in zip(self.names, sought, strict=True) if flag),
+            names=tuple(name for name, flag in zip(self.names, self.sought, strict=True) if flag),
             time=time,
-            values=p[:, sought],
-            sigma=(np.sqrt(variance) * np.abs(self.scaling.slope(p)))[:, sought],
+            values=p[:, self.sought],
+            sigma=(np.sqrt(variance) * np.abs(self.scaling.slope(p)))[:, self.sought],
             starts=tuple(self.starts),
         )
         return Outcome(

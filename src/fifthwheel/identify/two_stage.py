@@ -21,6 +21,7 @@ from fifthwheel.filters import dual
 from fifthwheel.identify import estimates, information, parameters, stage
 from fifthwheel.identify.estimates import SETTLED_PART, settled_since
 from fifthwheel.identify.fit import fits
+from fifthwheel.identify.information import Information
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Fit, Identification
 from fifthwheel.identify.settings import Settings
@@ -94,39 +95,58 @@ class _TwoStage:
         self.yaw, self.roll = channels(records, self.vehicle)
         self.stage_1 = parameters.sought(self.vehicle, parameters.stage_1_names(self.vehicle), settings)
         self.stage_2 = parameters.sought(self.vehicle, self._heights(), settings)
-        self.values: dict[str, float] = {u.name: u.centre for u in self.stage_2}
+        self.values: dict[str, float] = {u.name: u.centre for u in (*self.stage_1, *self.stage_2)}
         self.traces: dict[str, Trace] = {}
         self.settled: dict[str, bool] = {}
 
     def run(self) -> Identification:
-        """Figure 2."""
-        yaw_unknowns = [*self.stage_1, *parameters.nuisances(self.vehicle, self.yaw, self.settings)]
+        """Figure 2, again without those parameters that turn out not to be excited."""
+        yaw_unknowns = self._unknowns(self.yaw)
         yaw_model = stage.build(self.vehicle, self.yaw, yaw_unknowns, roll=False)
-        rounds = 1
         if not self.stage_2:
-            self._stage("stage 1", yaw_model, yaw_unknowns, active=[u.name for u in yaw_unknowns])
-            return self._result(yaw_model, yaw_unknowns, rounds)
+            model, unknowns = yaw_model, yaw_unknowns
+        else:
+            unknowns = self._unknowns((*self.yaw, *self.roll))
+            model = stage.build(self.vehicle, (*self.yaw, *self.roll), unknowns, roll=True)
+        self.idle: set[str] = set()
+        while True:
+            known = self._information(model, unknowns)
+            idle = {u.name for u in unknowns if not u.nuisance and not known.excited(self.settings.excited)[u.name]}
+            if self.traces and idle <= self.idle:
+                return self._result(model, unknowns, known)
+            self.idle |= idle
+            self._begin()
+            self._stages(yaw_model, yaw_unknowns, model, unknowns)
 
-        outputs = (*self.yaw, *self.roll)
-        unknowns = [*self.stage_1, *self.stage_2, *parameters.nuisances(self.vehicle, outputs, self.settings)]
-        model = stage.build(self.vehicle, outputs, unknowns, roll=True)
-        step = dual.step(model, parameters.scaling(unknowns).logarithmic)
-        with ThreadPoolExecutor(1) as background:  # compile stage 2 while stage 1 runs
-            compiled = background.submit(lambda: step.single)
-            self._stage("stage 1", yaw_model, yaw_unknowns, active=[u.name for u in yaw_unknowns])
-            compiled.result()
+    def _unknowns(self, outputs: Sequence[str]) -> list[Unknown]:
+        heights = self.stage_2 if any(name.startswith("roll_rate.") for name in outputs) else []
+        return [*self.stage_1, *heights, *parameters.nuisances(self.vehicle, outputs, self.settings)]
+
+    def _begin(self) -> None:
+        """Forget what an earlier attempt found."""
+        self.values = {u.name: u.centre for u in (*self.stage_1, *self.stage_2)}
+        self.traces, self.settled, self.rounds = {}, {}, 1
+        for log in self.logs:
+            log.errors.clear()
+            log.noise.clear()
+
+    def _stages(
+        self, yaw_model: ChainModel, yaw_unknowns: list[Unknown], model: ChainModel, unknowns: list[Unknown]
+    ) -> None:
+        self._stage("stage 1", yaw_model, yaw_unknowns, active=[u.name for u in yaw_unknowns])
+        if model is yaw_model:
+            return
         rolling = [u.name for u in unknowns if u in self.stage_2 or u.name.startswith("roll_rate.")]
         yawing = [u.name for u in unknowns if u.name not in rolling]
         self._stage("stage 2", model, unknowns, active=rolling)
-        while rounds < self.settings.rounds:
+        while self.rounds < self.settings.rounds:
             before = dict(self.values)
-            rounds += 1
+            self.rounds += 1
             self._stage("stage 1", model, unknowns, active=yawing)
             self._stage("stage 2", model, unknowns, active=rolling)
             sought = [u.name for u in (*self.stage_1, *self.stage_2)]
             if all(abs(self.values[n] - before[n]) <= 0.1 * self.settings.tolerance * abs(before[n]) for n in sought):
                 break
-        return self._result(model, unknowns, rounds)
 
     def _heights(self) -> tuple[str, ...]:
         """Payload heights that stage 2 can seek, with a note on those it cannot."""
@@ -155,7 +175,7 @@ class _TwoStage:
             self.vehicle,
             self.logs,
             unknowns,
-            active=active,
+            active=[name for name in active if name not in self.idle],
             start=self.values,
             settings=self.settings,
             progress=self.progress,
@@ -171,14 +191,16 @@ class _TwoStage:
             late = since > (1 - SETTLED_PART) * len(outcome.trace.values)
             self.settled[name] = outcome.settled if self.settings.restart else not late
 
-    def _result(self, model: ChainModel, unknowns: list[Unknown], rounds: int) -> Identification:
-        known = information.evaluate(model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings)
+    def _information(self, model: ChainModel, unknowns: list[Unknown]) -> Information:
+        return information.evaluate(model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings)
+
+    def _result(self, model: ChainModel, unknowns: list[Unknown], known: Information) -> Identification:
         sigma = dict(zip(known.names, known.sigma.tolist(), strict=True))
         if not model.roll and known.bias.any():
             self.notes.append("No roll rates: stage 1 leaves out roll; each sigma holds what that may move.")
         sought = [*self.stage_1, *self.stage_2]
         told = estimates.of_parameters(
-            self.original, sought, self.values, sigma, self.settled, self.traces, self.settings
+            self.original, sought, self.values, sigma, self.settled, self.idle, self.traces, self.settings
         )
         vehicle = self.vehicle.replace({e.name: e.value for e in told})
         plain = dynamics.model(self.vehicle, model.outputs, roll=model.roll)
@@ -203,7 +225,7 @@ class _TwoStage:
             ),
             fits=tuple(found),
             settings=self.settings,
-            rounds=rounds,
+            rounds=self.rounds,
             notes=tuple(dict.fromkeys(self.notes)),
             version=fifthwheel.__version__,
         )

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel import dynamics
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -24,8 +25,11 @@ PROCESS = {
 }
 """Variance that a state gains in a second by what the model leaves out, SI squared."""
 
-INITIAL = {"lateral_velocity": 1.0, "yaw_rate": 0.3, "articulation": 0.3, "roll": 0.1, "roll_rate": 0.1}
-"""Standard deviation of a state at the start of a record, SI; the start itself is straight running."""
+INITIAL = {"lateral_velocity": 0.05, "yaw_rate": 0.01, "articulation": 0.01, "roll": 0.005, "roll_rate": 0.02}
+"""Standard deviation of a state about its steady value at the start of a record that starts straight, SI."""
+
+UNSTEADY = 0.5
+"""What of the steady value itself is added to that deviation, for a record that starts in a bend."""
 
 
 def sensor(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:
@@ -43,6 +47,14 @@ def process(states: Sequence[str], factor: float) -> Array:
     return np.diag([factor * PROCESS[name.split(".")[0]] for name in states])
 
 
-def initial(states: Sequence[str]) -> Array:
-    """P at the start of a record (n, n)."""
-    return np.diag([INITIAL[name.split(".")[0]] ** 2 for name in states])
+def initial(vehicle: Vehicle, inputs: Mapping[str, float], *, roll: bool) -> tuple[Array, Array]:
+    """State (n,) at the start of a record, and its covariance (n, n).
+
+    A record starts somewhere near the steady state that its first steer angles lead to at its first speed.
+    """
+    m = dynamics.matrices(vehicle, inputs["speed"], roll=roll)
+    steer = np.array([inputs[name] for name in vehicle.steer_signals()])
+    stable = np.linalg.eigvals(m.A).real.max() < 0
+    x0 = -np.linalg.solve(m.A, m.B @ steer) if stable else np.zeros(len(m.A))
+    deviation = np.array([INITIAL[name.split(".")[0]] for name in m.states]) + UNSTEADY * np.abs(x0)
+    return x0, np.diag(deviation**2)

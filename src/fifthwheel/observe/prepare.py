@@ -10,6 +10,7 @@ from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.logs import Record
+from fifthwheel.observe.noise import initial
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -22,6 +23,8 @@ class Rows:
     rows: Array  # (M, 1 + n_d + 2 n_y), for a compiled step
     time: Array  # (M,) s
     places: NDArray[np.int64]  # (N,) which of the M are samples
+    x0: Array  # (n,) where the state may start
+    P0: Array  # (n, n) and how well that is known
 
 
 def steered_as_logged(vehicle: Vehicle, record: Record) -> Vehicle:
@@ -101,4 +104,5 @@ def prepare(
     for i, name in enumerate(model.outputs):
         if name in record.signals:
             measured[places, i] = record.signals[name]
-    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places)
+    x0, P0 = initial(vehicle, {name: float(values[0]) for name, values in inputs.items()}, roll=model.roll)
+    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, x0=x0, P0=P0)

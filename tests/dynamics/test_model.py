@@ -1,0 +1,310 @@
+"""The discrete model against the exact solution of equations that the library has not written (see lagrangian.py)."""
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+import pytest
+from lagrangian import GRAVITY, Array, linear
+from scipy.linalg import expm
+from test_lagrangian import ARTICLE, VEHICLES, b_double, changed
+
+from fifthwheel.dynamics import ChainModel, all_parameters, model, steps
+from fifthwheel.errors import SignalError
+from fifthwheel.vehicle import Vehicle
+
+TYPICAL = {"lateral_velocity": 0.5, "yaw_rate": 0.1, "articulation": 0.05, "roll": 0.03, "roll_rate": 0.15}
+
+
+def typical(states: tuple[str, ...]) -> Array:
+    """What each state is in a lane change, so that errors in different units can be compared."""
+    return np.array([TYPICAL[name.split(".")[0]] for name in states])
+
+
+def later(A: Array, B: Array, x: Array, before: Array, after: Array, dt: float) -> Array:
+    """The exact x after dt seconds of x' = A x + B d, d going linearly from `before` to `after`."""
+    n = len(x)
+    whole = np.zeros((n + 2, n + 2))  # of (x, 1, the part of the step that has passed)
+    whole[:n, :n], whole[:n, n], whole[:n, n + 1], whole[n + 1, n] = A, B @ before, B @ (after - before), 1 / dt
+    return np.asarray((expm(whole * dt) @ np.r_[x, 1.0, 0.0])[:n])
+
+
+def by_lagrange(vehicle: Vehicle, states: tuple[str, ...], speed: float) -> tuple[Array, Array]:
+    found = linear(vehicle, speed, roll="roll_rate" in {name.split(".")[0] for name in states}).ordered(states)
+    return found.A, found.B
+
+
+def drawn(seed: int, chain: ChainModel) -> tuple[Array, Array, Array]:
+    """A state and the steer angles at both ends of a step."""
+    rng = np.random.default_rng(seed)
+    k = len(chain.inputs) - 1
+    return rng.normal(size=len(chain.states)) * typical(chain.states), *rng.normal(scale=0.03, size=(2, k))
+
+
+@pytest.mark.parametrize("speed", [3.0, 9.0, 24.4, 35.0])
+@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
+@pytest.mark.parametrize("name", VEHICLES)
+def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) -> None:
+    vehicle = VEHICLES[name]
+    chain = model(vehicle, (), roll=roll)
+    constants = chain.known_values(all_parameters(vehicle, ()))
+    A, B = by_lagrange(vehicle, chain.states, speed)
+    longest = float(steps.longest(vehicle, np.array([speed]), roll=roll)[0])
+    scale = typical(chain.states)
+    for dt in (longest, longest / 3, 1e-3):
+        for seed in range(5):
+            x, before, after = drawn(seed, chain)
+            d = np.r_[speed, before, speed, after]
+            found = np.array(chain.transition(x, dt, d, [], constants)).ravel() / scale
+            expected = later(A, B, x, before, after, dt) / scale
+            assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
+
+
+def test_speed_of_a_step_is_its_mean() -> None:
+    chain = model(ARTICLE, (), roll=True)
+    x, before, after = drawn(1, chain)
+    constants = chain.known_values(all_parameters(ARTICLE, ()))
+    found = np.array(chain.transition(x, 0.005, np.r_[19.0, before, 22.0, after], [], constants)).ravel()
+    expected = later(*by_lagrange(ARTICLE, chain.states, 20.5), x, before, after, 0.005)
+    assert found == pytest.approx(expected, rel=1e-7, abs=1e-9)
+
+
+def test_no_step_changes_nothing() -> None:
+    chain = model(ARTICLE, (), roll=True)
+    x, before, _ = drawn(2, chain)
+    constants = chain.known_values(all_parameters(ARTICLE, ()))
+    assert np.array(chain.transition(x, 0.0, np.r_[20.0, before, 20.0, before], [], constants)).ravel() == (
+        pytest.approx(x, abs=0)
+    )
+
+
+@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
+@pytest.mark.parametrize("name", ["article", "b_double, all changed"])
+def test_irregular_samples(name: str, roll: bool) -> None:
+    """A record sampled every 2 ms to 0.2 s: enough steps between, and the exact state at every sample."""
+    vehicle, speed = VEHICLES[name], 22.0
+    rng = np.random.default_rng(5)
+    time = np.cumsum(rng.choice([0.002, 0.01, 0.0137, 0.05, 0.2], size=60)) + 100
+    chain = model(vehicle, (), roll=roll)
+    steer = {
+        signal: 0.03 * np.sin((1.5 + 0.4 * i) * time + i) for i, signal in enumerate(chain.inputs) if signal != "speed"
+    }
+    inputs = {"speed": np.full(len(time), speed), **steer}
+    fine, places = steps.subdivide(time, steps.longest(vehicle, inputs["speed"], roll=roll))
+    assert fine[places] == pytest.approx(time, abs=0)
+    assert (np.diff(fine) > 0).all()
+    dt, d = steps.input_rows(time, inputs, fine)
+    assert dt.max() <= float(steps.longest(vehicle, inputs["speed"], roll=roll)[0]) * (1 + 1e-9)
+
+    constants = chain.known_values(all_parameters(vehicle, ()))
+    x, states = np.zeros(len(chain.states)), []
+    for step, row in zip(dt, d, strict=True):
+        x = np.array(chain.transition(x, step, row, [], constants)).ravel()
+        states.append(x)
+    found = np.array(states)[places]
+
+    A, B = by_lagrange(vehicle, chain.states, speed)
+    angles = np.column_stack(list(steer.values()))
+    expected = np.zeros_like(found)
+    for i in range(1, len(time)):
+        expected[i] = later(A, B, expected[i - 1], angles[i - 1], angles[i], time[i] - time[i - 1])
+    assert (np.abs(found - expected).max(axis=0) <= 1e-6 * np.abs(expected).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("name", ["article, all changed", "b_double, all changed"])
+def test_derivatives_of_the_transition(name: str) -> None:
+    """By the state and by every parameter, against central differences of the exact solution."""
+    vehicle, dt, speeds = VEHICLES[name], 0.005, (17.0, 18.0)
+    values = all_parameters(vehicle, ())
+    values |= {path: {"gain": 1.1, "offset": 0.01, "delay": 0.03}[path.rpartition(".")[2]]
+               for path in values if path.startswith("steer.")}  # fmt: skip
+    free = tuple(values)
+    chain = model(vehicle, (), roll=True, free=free)
+    assert chain.free == free
+    assert chain.known == ()
+    x, before, after = drawn(3, chain)
+    d = np.r_[speeds[0], before, speeds[1], after]
+    arguments = [ca.SX.sym(word, *chain.transition.size_in(i)) for i, word in enumerate(("x", "dt", "d", "p", "c"))]
+    whole = chain.transition(*arguments)
+    jacobians = ca.Function("J", arguments, [ca.jacobian(whole, arguments[0]), ca.jacobian(whole, arguments[3])])
+    by_state, by_parameters = (np.array(J) for J in jacobians(x, dt, d, chain.free_values(values), []))
+
+    def exact(x: Array, values: Mapping[str, float]) -> Array:
+        own = vehicle.replace({path: values[path] for path in vehicle.parameters()})
+        rate = (after - before) / dt
+        gain, zero, delay = (
+            np.array([values[f"{signal}.{word}"] for signal in vehicle.steer_signals()])
+            for word in ("gain", "offset", "delay")
+        )
+        angles = [gain * (shown + delay * rate - zero) for shown in (before, after)]
+        return later(*by_lagrange(own, chain.states, sum(speeds) / 2), x, angles[0], angles[1], dt)
+
+    scale = typical(chain.states)
+    for i, size in enumerate(scale):
+        h = size * np.eye(len(x))[i]
+        expected = (exact(x + h, values) - exact(x - h, values)) / (2 * size)
+        assert np.abs((by_state[:, i] - expected) / scale).max() <= 1e-7 * np.abs(expected / scale).max()
+    response = np.abs(exact(x, values) / scale).max()
+    for i, (path, value) in enumerate(values.items()):
+        h = 1e-4 * (abs(value) or 1.0)
+        plus, minus = (exact(x, values | {path: value + s * h}) for s in (1, -1))
+        expected = (plus - minus) / (2 * h) / scale * (abs(value) or 1.0)
+        found = by_parameters[:, i] / scale * (abs(value) or 1.0)
+        assert np.abs(found - expected).max() <= 1e-5 * np.abs(expected).max() + 1e-9 * response, path
+
+
+def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: float) -> list[tuple[Array, Array, Array]]:
+    """(v, r, p) of every unit from states (N, n): v of the units behind from what the couplings do."""
+    at = dict(zip(states, x.T, strict=True))
+    still = np.zeros(len(x))
+    found = [
+        (at.get(f"lateral_velocity.{u.name}", still), at[f"yaw_rate.{u.name}"], at.get(f"roll_rate.{u.name}", still))
+        for u in vehicle.units
+    ]
+    for i, wheel in enumerate(vehicle.couplings):
+        front, rear = vehicle.units[i : i + 2]
+        (v, r, p), (_, r2, p2) = found[i], found[i + 1]
+        v = v + (wheel.leading_position - front.cog) * r - (wheel.height - front.roll_axis_height) * p
+        v = v - speed * at[f"articulation.{rear.name}"]
+        v = v - (wheel.trailing_position - rear.cog) * r2 + (wheel.height - rear.roll_axis_height) * p2
+        found[i + 1] = (v, r2, p2)
+    return found
+
+
+@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
+@pytest.mark.parametrize("name", ["article, all changed", "b_double"])
+class TestSensors:
+    """What sensors show while every steered axle swings, against a simulation by Lagrange's equations."""
+
+    speed = 19.0
+    h = 1e-3  # s, between the samples that are differentiated
+
+    def trajectory(self, vehicle: Vehicle, states: tuple[str, ...]) -> tuple[Array, Array]:
+        """States and steer angles at a time and h before and after it, three seconds into the manoeuvre."""
+        A, B = by_lagrange(vehicle, states, self.speed)
+        n, k = B.shape
+        w = 2.2  # rad/s; the angles are states of an oscillator, so that one exponential is the exact solution
+        whole = np.zeros((n + 2 * k, n + 2 * k))
+        whole[:n, :n], whole[:n, n : n + k] = A, B
+        whole[n : n + k, n + k :], whole[n + k :, n : n + k] = w * np.eye(k), -w * np.eye(k)
+        start = np.r_[np.zeros(n + k), np.linspace(0.02, -0.03, k)]
+        out = np.array([expm(whole * (3.0 + s * self.h)) @ start for s in (-1, 0, 1)])
+        return out[:, :n], out[:, n : n + k]
+
+    def shown(self, vehicle: Vehicle, roll: bool, sensors: dict[str, dict[str, float]]) -> tuple[Array, Array, Array]:
+        """What each sensor shows in the middle of the trajectory, the states, and the steer angles."""
+        chain = model(vehicle, tuple(sensors), roll=roll)
+        own = {f"{sensor}.{word}": v for sensor, words in sensors.items() for word, v in words.items()}
+        values = all_parameters(vehicle, chain.outputs) | own
+        x, steer = self.trajectory(vehicle, chain.states)
+        d = np.r_[self.speed, steer[0], self.speed, steer[1]]
+        return np.array(chain.observation(x[1], d, [], chain.known_values(values))).ravel(), x, steer
+
+    def test_rates_and_angles(self, name: str, roll: bool) -> None:
+        vehicle = VEHICLES[name]
+        last = vehicle.units[-1].name
+        sensors: dict[str, dict[str, float]] = {f"yaw_rate.{last}": {"offset": 0.01}, f"articulation.{last}": {}}
+        if roll:
+            sensors |= {f"roll_rate.{last}": {"offset": -0.02}, f"roll.{last}": {}}
+        found, x, _ = self.shown(vehicle, roll, sensors)
+        at = dict(zip(model(vehicle, (), roll=roll).states, x[1], strict=True))
+        expected = [at[sensor] + own.get("offset", 0.0) for sensor, own in sensors.items()]
+        assert found == pytest.approx(expected, rel=1e-12)
+
+    def test_sideslip_and_lateral_velocity(self, name: str, roll: bool) -> None:
+        vehicle = VEHICLES[name]
+        place = {"position": -2.34, "height": 1.9}
+        sensors = {f"sideslip.{u.name}": place | {"offset": 0.003} for u in vehicle.units}
+        sensors |= {f"lateral_velocity.{u.name}": {} for u in vehicle.units}
+        found, x, _ = self.shown(vehicle, roll, sensors)
+        states = model(vehicle, (), roll=roll).states
+        motion = unit_motion(vehicle, states, x[1:2], self.speed)
+        for i, (unit, (v, r, p)) in enumerate(zip(vehicle.units, motion, strict=True)):
+            point = v[0] + (-2.34 - unit.cog) * r[0] - (1.9 - unit.roll_axis_height) * p[0]
+            assert found[i] == pytest.approx(point / self.speed + 0.003, rel=1e-9)
+            assert found[len(motion) + i] == pytest.approx(v[0], rel=1e-9)
+
+    def test_accelerometer(self, name: str, roll: bool) -> None:
+        """v' + u r + x r' - (z - h_r) p' + g phi, the derivatives taken from the simulation."""
+        vehicle = VEHICLES[name]
+        sensors = {f"lateral_acceleration.{u.name}": {"position": -3.1, "height": 1.7} for u in vehicle.units}
+        found, x, _ = self.shown(vehicle, roll, sensors)
+        states = model(vehicle, (), roll=roll).states
+        motion = unit_motion(vehicle, states, x, self.speed)
+        expected = []
+        for unit, (v, r, p) in zip(vehicle.units, motion, strict=True):
+            rate = [(values[2] - values[0]) / (2 * self.h) for values in (v, r, p)]
+            seen = rate[0] + self.speed * r[1] + (-3.1 - unit.cog) * rate[1]
+            if roll:
+                leaning = x[1, states.index(f"roll.{unit.name}")]
+                seen += GRAVITY * leaning - (1.7 - unit.roll_axis_height) * rate[2]
+            expected.append(seen)
+        assert found == pytest.approx(np.array(expected), rel=1e-4)
+
+    def test_coupling_force(self, name: str, roll: bool) -> None:
+        """From the front: what each unit's own mass and tyres leave for the coupling behind it."""
+        vehicle = VEHICLES[name]
+        sensors = {f"coupling_force.{u.name}": dict[str, float]() for u in vehicle.units[1:]}
+        found, x, steer = self.shown(vehicle, roll, sensors)
+        states = model(vehicle, (), roll=roll).states
+        angles = dict(zip(vehicle.steer_signals(), steer[1], strict=True))
+        carried = 0.0  # side force on the unit by the coupling in front of it
+        for i, (v, r, p) in enumerate(unit_motion(vehicle, states, x, self.speed)[:-1]):
+            unit = vehicle.units[i]
+            rate = [(values[2] - values[0]) / (2 * self.h) for values in (v, r, p)]
+            up = vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
+            needed = unit.mass * (rate[0] + self.speed * r[1]) - unit.laden_sprung_mass * up * rate[2]
+            tyres = sum(
+                group.cornering_stiffness
+                / len(group.axles)
+                * (
+                    angles.get(f"steer.{unit.name}.{axle.name}", 0.0)
+                    - (v[1] + (axle.position - unit.cog) * r[1]) / self.speed
+                )
+                for group in unit.axle_groups
+                for axle in group.axles
+            )
+            carried = tyres + carried - needed
+            assert found[i] == pytest.approx(carried, rel=1e-4)
+
+
+def test_late_and_crooked_steer_sensor() -> None:
+    """A sensor that shows (angle / gain + offset) late by `delay`: the model takes all three back."""
+    signal, delay = "steer.tractor.front", 0.1
+    chain = model(ARTICLE, (), roll=True)
+    own = {f"{signal}.gain": 1.25, f"{signal}.offset": 0.02, f"{signal}.delay": delay}
+    constants = chain.known_values(all_parameters(ARTICLE, ()) | own)
+    plain = chain.known_values(all_parameters(ARTICLE, ()))
+    x, _, _ = drawn(4, chain)
+    dt, slope = 0.01, 0.3  # rad/s
+    angles = [np.array([slope * t, 0, 0, 0]) for t in (0.0, dt)]
+    shown = [angle.copy() for angle in angles]
+    for angle, t in zip(shown, (0.0, dt), strict=True):
+        angle[0] = slope * (t - delay) / 1.25 + 0.02
+    found, expected = (
+        np.array(chain.transition(x, dt, np.r_[20.0, pair[0], 20.0, pair[1]], [], c)).ravel()
+        for pair, c in ((shown, constants), (angles, plain))
+    )
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_one_model_for_vehicles_of_the_same_make_up() -> None:
+    outputs = ("yaw_rate.tractor", "yaw_rate.semitrailer")
+    other = changed(ARTICLE, np.random.default_rng(7).uniform, masses=True)
+    assert model(ARTICLE, outputs, roll=True) is model(other, outputs, roll=True)
+    assert model(ARTICLE, outputs, roll=True) is not model(ARTICLE, outputs, roll=False)
+    assert model(b_double(), (), roll=True).states != model(ARTICLE, (), roll=True).states
+
+
+def test_refused() -> None:
+    with pytest.raises(SignalError, match="no roll"):
+        model(ARTICLE, ("roll_rate.tractor",), roll=False)
+    with pytest.raises(SignalError, match="no unit"):
+        model(ARTICLE, ("yaw_rate.dolly",), roll=True)
+    with pytest.raises(SignalError, match="no such quantity"):
+        model(ARTICLE, ("mood.tractor",), roll=True)
+    with pytest.raises(KeyError, match="tractor.colour"):
+        model(ARTICLE, (), roll=True, free=("tractor.colour",))
+    for name in ("articulation.tractor", "coupling_force.tractor"):
+        with pytest.raises(SignalError, match="first unit"):
+            model(ARTICLE, (name,), roll=True)
