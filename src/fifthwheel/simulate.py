@@ -101,10 +101,11 @@ def response(
         time: (N,) s.
         inputs: speed and steer angles, (N,) each, in any order.
     """
-    ordered = {name: np.asarray(inputs[name], dtype=np.float64) for name in model.inputs}
+    columns = steps.stacked(inputs, model.inputs)
     vehicle = model.vehicle.replace({name: values[name] for name in model.vehicle.parameters()})
-    fine, places = steps.subdivide(time, steps.longest(vehicle, ordered["speed"], roll=model.roll))
-    dt, d = steps.input_rows(time, ordered, fine)
+    limit = steps.longest(vehicle, columns[:, 0], roll=model.roll)
+    fine, columns, places = steps.subdivide(time, columns, limit)
+    dt, d = steps.step_inputs(fine, columns)
     start = np.zeros(len(model.states)) if x0 is None else x0
     _, out = _simulator(model)(start, np.column_stack([dt, d]), model.known_values(values))
     found = out[places]
@@ -170,9 +171,7 @@ def simulate(
     model = dynamics.model(vehicle, outputs, roll=roll)
     _, y = response(model, dynamics.all_parameters(vehicle, outputs), time, inputs)
     noise = np.random.default_rng(seed).normal(size=(len(time), len(sensors)))
-    measured = {
-        n: y[:, i] + np.sqrt(variance) * noise[:, i] for i, (n, variance) in enumerate(sensors.items())
-    }
+    measured = {n: y[:, i] + np.sqrt(variance) * noise[:, i] for i, (n, variance) in enumerate(sensors.items())}
     steered = {n: values for n, values in inputs.items() if n in ("speed", first)}
     return Record(
         time=time,

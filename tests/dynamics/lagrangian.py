@@ -44,11 +44,11 @@ class Linear(NamedTuple):
 
     @property
     def A(self) -> Array:  # noqa: N802
-        return np.linalg.solve(self.E, self.F)
+        return np.asarray(np.linalg.solve(self.E, self.F), dtype=np.float64)
 
     @property
     def B(self) -> Array:  # noqa: N802
-        return np.linalg.solve(self.E, self.G)
+        return np.asarray(np.linalg.solve(self.E, self.G), dtype=np.float64)
 
     def ordered(self, states: Sequence[str]) -> "Linear":
         """The same, states (and equations, each belonging to a state) in another order."""
@@ -186,7 +186,8 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
     equations = LagrangesMethod(energy, q, forcelist=loads, frame=ground).form_lagranges_equations()
     orders = [[x.diff(t, 2) for x in q], [x.diff(t) for x in q], q, steer]
     plain = {x: sp.Dummy() for order in orders for x in order}  # no derivative is left to hold a coordinate
-    linearised = equations.xreplace({x: EPS * symbol for x, symbol in plain.items()}).diff(EPS).xreplace({EPS: sp.Integer(0)})
+    scaled = equations.xreplace({x: EPS * symbol for x, symbol in plain.items()})
+    linearised = scaled.diff(EPS).xreplace({EPS: sp.Integer(0)})
     found = [linearised.jacobian([plain[x] for x in order]) for order in orders]
     found[3] = -found[3]
     arguments = sorted(set().union(*(m.free_symbols for m in found)), key=str)

@@ -100,7 +100,7 @@ def test_no_critical_speed() -> None:
 
 
 def test_critical_speed_of_a_swaying_trailer() -> None:
-    """A load far behind: an oscillation, not a divergence; on its two sides the roots are on either side of the axis."""
+    """A load far behind: an oscillation, not a divergence; the damping changes its sign at the speed found."""
     rig = truck_and_trailer().replace({"trailer.cog": -6.7, "trailer.yaw_inertia": 1.2e5, "trailer.mass": 16000})
     found = critical_speed(rig)
     assert found is not None

@@ -191,7 +191,7 @@ def test_misprint_of_the_roll_equation() -> None:
         ]
         return min(found, key=lambda value: -value.real / abs(value))
 
-    right, wrong = trailer_roll(m.A), trailer_roll(np.linalg.solve(printed, m.F))
+    right, wrong = (trailer_roll(np.asarray(np.linalg.solve(E, m.F))) for E in (m.E, printed))
     undamped = np.abs([right, wrong]) / (2 * np.pi)
     damped = np.array([right.imag, wrong.imag]) / (2 * np.pi)
     assert undamped == pytest.approx([1.445, 1.092], abs=0.001)

@@ -89,12 +89,14 @@ def test_irregular_samples(name: str, roll: bool) -> None:
     steer = {
         signal: 0.03 * np.sin((1.5 + 0.4 * i) * time + i) for i, signal in enumerate(chain.inputs) if signal != "speed"
     }
-    inputs = {"speed": np.full(len(time), speed), **steer}
-    fine, places = steps.subdivide(time, steps.longest(vehicle, inputs["speed"], roll=roll))
-    assert fine[places] == pytest.approx(time, abs=0)
-    assert (np.diff(fine) > 0).all()
-    dt, d = steps.input_rows(time, inputs, fine)
-    assert dt.max() <= float(steps.longest(vehicle, inputs["speed"], roll=roll)[0]) * (1 + 1e-9)
+    inputs = steps.stacked({"speed": np.full(len(time), speed), **steer}, chain.inputs)
+    limit = steps.longest(vehicle, inputs[:, 0], roll=roll)
+    fine, between, places = steps.subdivide(time, inputs, limit)
+    assert (fine[places] == time).all()
+    assert (between[places] == inputs).all()
+    dt, d = steps.step_inputs(fine, between)
+    assert (dt[1:] > 0).all()
+    assert dt.max() <= limit.min() * (1 + 1e-9)
 
     constants = chain.known_values(all_parameters(vehicle, ()))
     x, states = np.zeros(len(chain.states)), []
@@ -288,6 +290,23 @@ def test_late_and_crooked_steer_sensor() -> None:
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
+def test_accelerometer_knows_of_the_crooked_steer_sensor() -> None:
+    """Steer angles drive what an accelerometer shows, and they too are taken with gain and offset."""
+    signal, output = "steer.tractor.front", "lateral_acceleration.tractor"
+    chain = model(ARTICLE, (output,), roll=True)
+    plain = all_parameters(ARTICLE, (output,))
+    crooked = plain | {f"{signal}.gain": 1.25, f"{signal}.offset": 0.02}
+    x, angles, _ = drawn(6, chain)
+    shown = angles.copy()
+    shown[0] = angles[0] / 1.25 + 0.02
+    found, expected = (
+        float(chain.observation(x, np.r_[20.0, d, 20.0, d], [], chain.known_values(values)))
+        for d, values in ((shown, crooked), (angles, plain))
+    )
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert abs(angles[0]) > 1e-3
+
+
 def test_one_model_for_vehicles_of_the_same_make_up() -> None:
     outputs = ("yaw_rate.tractor", "yaw_rate.semitrailer")
     other = changed(ARTICLE, np.random.default_rng(7).uniform, masses=True)
@@ -303,7 +322,7 @@ def test_refused() -> None:
         model(ARTICLE, ("yaw_rate.dolly",), roll=True)
     with pytest.raises(SignalError, match="no such quantity"):
         model(ARTICLE, ("mood.tractor",), roll=True)
-    with pytest.raises(KeyError, match="tractor.colour"):
+    with pytest.raises(KeyError, match="colour"):
         model(ARTICLE, (), roll=True, free=("tractor.colour",))
     for name in ("articulation.tractor", "coupling_force.tractor"):
         with pytest.raises(SignalError, match="first unit"):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.model import topology
@@ -107,7 +107,9 @@ def steady_state(vehicle: Vehicle, speed: float, steer: Iterable[float], *, roll
     return dict(zip(m.states, -np.linalg.solve(m.A, m.B @ np.array(list(steer))), strict=True))
 
 
-def frequency_response(vehicle: Vehicle, speed: float, frequency: Array, *, roll: bool = True) -> NDArray[np.complex128]:
+def frequency_response(
+    vehicle: Vehicle, speed: float, frequency: Array, *, roll: bool = True
+) -> NDArray[np.complex128]:
     """x / d at each frequency (Hz): (len(frequency), n, k)."""
     m = matrices(vehicle, speed, roll=roll)
     s = 2j * np.pi * np.asarray(frequency)[:, None, None]

@@ -24,7 +24,11 @@ from fifthwheel.vehicle import Vehicle
 def state_names(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
     """The state's signals in order: 2 n of them for n units, 4 n with roll."""
     units = [unit.name for unit in vehicle.units]
-    names = [f"lateral_velocity.{units[0]}", *[f"yaw_rate.{u}" for u in units], *[f"articulation.{u}" for u in units[1:]]]
+    names = [
+        f"lateral_velocity.{units[0]}",
+        *[f"yaw_rate.{u}" for u in units],
+        *[f"articulation.{u}" for u in units[1:]],
+    ]
     if roll:
         names += [f"roll.{u}" for u in units] + [f"roll_rate.{u}" for u in units]
     return tuple(names)

@@ -48,7 +48,7 @@ class ChainModel:
 
 def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
     """What a steer sensor may do wrong, with defaults: angle = gain (shown - offset), shown late by `delay` seconds."""
-    own = {}
+    own: dict[str, float] = {}
     for name in vehicle.steer_signals():
         own |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0, f"{name}.delay": 0.0}
     return own

@@ -11,48 +11,82 @@ from fifthwheel.dynamics.model import ORDER
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
 TOLERANCE = 1e-6
 """Largest error of a step's transition matrix, as the first term of the Taylor series that the step leaves out."""
 
+SPEEDS = np.geomspace(1.0, 60.0, 32)
+"""Where the fastest mode is reckoned, m/s; between them it is interpolated."""
 
-def longest(vehicle: Vehicle, speed: Array, *, roll: bool, margin: float = 1.25) -> Array:
-    """The longest step that keeps to the tolerance at each speed, s.
+
+class StepLimit:
+    """The longest step of a vehicle's model at each speed.
 
     Args:
-        speed: (N,) m/s, positive.
         margin: how much faster than this vehicle's the fastest mode may become while parameters are being estimated.
     """
-    order = ORDER[roll] + 1
-    reach = (TOLERANCE * math.factorial(order)) ** (1 / order)
-    low, high = float(np.min(speed)), float(np.max(speed))
-    grid = np.geomspace(low, max(high, low * 1.001), 12)
-    fastest = [np.abs(np.linalg.eigvals(matrices(vehicle, u, roll=roll).A)).max() for u in grid]
-    return reach / (margin * np.interp(speed, grid, fastest))
+
+    def __init__(self, vehicle: Vehicle, *, roll: bool, margin: float = 1.25) -> None:
+        order = ORDER[roll] + 1
+        reach = (TOLERANCE * math.factorial(order)) ** (1 / order)
+        fastest = [np.abs(np.linalg.eigvals(matrices(vehicle, u, roll=roll).A)).max() for u in SPEEDS]
+        self.longest = reach / (margin * np.array(fastest))
+
+    def __call__(self, speed: Array) -> Array:
+        """Seconds (N,) at speeds (N,), m/s."""
+        return np.asarray(np.interp(speed, SPEEDS, self.longest), dtype=np.float64)
 
 
-def subdivide(time: Array, limit: Array) -> tuple[Array, NDArray[np.int64]]:
-    """A time base that holds every sample and enough steps between.
+def longest(vehicle: Vehicle, speed: Array, *, roll: bool) -> Array:
+    """`StepLimit` for one use."""
+    return StepLimit(vehicle, roll=roll)(speed)
+
+
+def pieces(gap: Array, limit: Array) -> NDArray[np.int64]:
+    """How many steps each gap between samples needs.
+
+    Args:
+        gap: (N - 1,) s.
+        limit: (N,) longest step at each sample, s.
+    """
+    return np.maximum(np.ceil(gap / np.minimum(limit[1:], limit[:-1])), 1).astype(np.int64)
+
+
+def subdivide(time: Array, inputs: Array, limit: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Time and inputs with enough steps between the samples, linear in between.
+
+    Every step is reckoned from its own two samples alone, so that a record taken sample by sample gives the same bits.
 
     Args:
         time: (N,) increasing, s.
-        limit: (N,) longest step up to each sample, s.
+        inputs: (N, k).
+        limit: (N,) longest step at each sample, s.
 
     Returns:
-        The times (M,), and the places of the N samples among them (N,).
+        Times (M,), inputs (M, k), and the places of the N samples among them (N,).
     """
-    gaps = np.diff(time)
-    pieces = np.maximum(np.ceil(gaps / np.minimum(limit[1:], limit[:-1])), 1).astype(np.int64)
-    places = np.concatenate([[0], np.cumsum(pieces)])
-    fine = np.interp(np.arange(places[-1] + 1), places, time)
-    fine[places] = time
-    return fine, places
+    count = pieces(np.diff(time), limit)
+    if (count == 1).all():
+        return time, inputs, np.arange(len(time))
+    places = np.concatenate([[0], np.cumsum(count)])
+    first = np.repeat(np.arange(len(count)), count)
+    part = (np.arange(1, places[-1] + 1) - places[first]) / count[first]
+    fine = np.concatenate([time[:1], time[first] + (time[first + 1] - time[first]) * part])
+    between = inputs[first] + (inputs[first + 1] - inputs[first]) * part[:, None]
+    between = np.concatenate([inputs[:1], between])
+    fine[places], between[places] = time, inputs
+    return fine, between, places
 
 
-def input_rows(time: Array, inputs: Mapping[str, Array], fine: Array) -> tuple[Array, Array]:
-    """dt (M,) and d (M, 2 k) for `ChainModel`: the k inputs at the step's begin and at its end, linear between samples.
+def step_inputs(time: Array, inputs: Array) -> tuple[Array, Array]:
+    """dt (M,) and d (M, 2 k) for `ChainModel`: the inputs at each step's begin and end.
 
     The first row has no step before it: its dt is 0 and its begin is its end.
     """
-    columns = np.column_stack([np.interp(fine, time, values) for values in inputs.values()])
-    before = np.vstack([columns[:1], columns[:-1]])
-    return np.diff(fine, prepend=fine[0]), np.hstack([before, columns])
+    before = np.vstack([inputs[:1], inputs[:-1]])
+    return np.diff(time, prepend=time[0]), np.hstack([before, inputs])
+
+
+def stacked(inputs: Mapping[str, Array], names: tuple[str, ...]) -> Array:
+    """Inputs by name as columns (N, k) in the model's order."""
+    return np.column_stack([np.asarray(inputs[name], dtype=np.float64) for name in names])

@@ -201,9 +201,7 @@ def run(
     switches = [coupling.forgetting, float(coupling.consistent), float(coupling.coupled)]
     constant = np.concatenate([c, noise.vector(), scaling.vector(), walk, switches])
     carry, out = step(model, scaling.logarithmic)(start.vector(), rows, constant)
-    z, variance_z, innovation, variance, accepted, psi = np.split(
-        out, np.cumsum([n_p, n_p, n_y, n_y, n_y]), axis=1
-    )
+    z, variance_z, innovation, variance, accepted, psi = np.split(out, np.cumsum([n_p, n_p, n_y, n_y, n_y]), axis=1)
     return DualFiltered(
         z=z,
         z_variance=variance_z,
@@ -213,4 +211,3 @@ def run(
         sensitivity=psi.reshape(-1, n_y, n_p),
         end=DualState.from_vector(carry, n_x, n_p),
     )
-

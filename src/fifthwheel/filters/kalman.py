@@ -42,9 +42,9 @@ class Noise:
         return np.concatenate([pack_array(self.process), self.measurement, [limit]])
 
 
-def predict(model: Model, x: ca.SX, covariance: ca.SX, dt: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX, q: ca.SX) -> tuple[
-    ca.SX, ca.SX, ca.SX
-]:
+def predict(
+    model: Model, x: ca.SX, covariance: ca.SX, dt: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX, q: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Time update: the state dt later, its covariance F P F' + Q dt, and F."""
     symbol = ca.SX.sym("x", x.shape[0])
     forward = model.transition(symbol, dt, d, p, c)
@@ -60,8 +60,9 @@ def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX
     return y, H
 
 
-def correct(x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
-            ) -> tuple[ca.SX, ca.SX, list[Channel], list[tuple[ca.SX, ca.SX]]]:
+def correct(
+    x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
+) -> tuple[ca.SX, ca.SX, list[Channel], list[tuple[ca.SX, ca.SX]]]:
     """Measurement update, channel by channel: state, covariance, what each channel left, and each (gain, row)."""
     prior, channels, gains = x, [], []
     for i in range(y.shape[0]):

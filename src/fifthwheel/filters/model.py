@@ -1,6 +1,7 @@
 """What a filter needs to know of a system, and how its numbers lie in a carry, a sample and a constant vector."""
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Hashable, Sequence
 from typing import Protocol
 
 import casadi as ca
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Model(Protocol):
+class Model(Hashable, Protocol):
     """A discrete-time system, symbolically.
 
     transition: (x, dt, d, p, c) -> x+, the state dt seconds later; observation: (x, d, p, c) -> y.
@@ -70,7 +71,7 @@ def unpack_array(vector: Array, n: int) -> Array:
 def split(vector: ca.SX, lengths: Sequence[int]) -> list[ca.SX]:
     """Cut a column vector into consecutive pieces."""
     edges = np.concatenate([[0], np.cumsum(lengths)])
-    return [vector[int(a) : int(b)] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [vector[int(a) : int(b)] for a, b in itertools.pairwise(edges)]
 
 
 def sample_rows(dt: Array, inputs: Array, measured: Array) -> Array:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Array, Model, pack, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
 from fifthwheel.native import Scan
 
 
@@ -42,7 +42,7 @@ def step(model: Model) -> Scan:
         )
     )
     adjoint, information, dt_next, d_next = split(carry, [n_x, n_P, 1, n_d])
-    dt, d, y, weight, accepted, before, P_before = split(sample, [1, n_d, n_y, n_y, n_y, n_x, n_P])
+    dt, d, y, _, accepted, before, P_before = split(sample, [1, n_d, n_y, n_y, n_y, n_x, n_P])
     p, c, _, r, _ = split(constant, [n_p, n_c, n_P, n_y, 1])
     information, P_before = unpack(information, n_x), unpack(P_before, n_x)
 
@@ -59,7 +59,9 @@ def step(model: Model) -> Scan:
         information = ca.mtimes([back.T, information, back]) + used * row.T @ row / channel.variance
     carried = ca.vertcat(adjoint, pack(information), dt, d)
     return Scan(
-        ca.Function("smoother", [carry, sample, constant], [carried, ca.vertcat(smoothed, pack(P_smoothed))], {"cse": True})
+        ca.Function(
+            "smoother", [carry, sample, constant], [carried, ca.vertcat(smoothed, pack(P_smoothed))], {"cse": True}
+        )
     )
 
 
@@ -68,7 +70,7 @@ def run(model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x
     n_x, n_d, _, _, n_y = sizes(model)
     n_P = packed_size(n_x)
     constant = np.concatenate([p, c, noise.vector()])
-    carry = np.concatenate([x0, kalman.pack_array(P0)])
+    carry = np.concatenate([x0, pack_array(P0)])
     _, out = kalman.step(model)(carry, rows, constant)
     edges = np.cumsum([n_x, n_P, 2 * n_y, n_y])
     _, _, _, accepted, predicted = np.split(out, edges, axis=1)

@@ -1,6 +1,7 @@
 """From what the filter and the information say to estimates with a verdict."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ def of_parameters(
     found = []
     for name in (*first, *stage_2_names(vehicle)):
         stage = 1 if name in first else 2
-        common = {"name": name, "unit": unit_of(name), "stage": stage}
+        common: Any = {"name": name, "unit": unit_of(name), "stage": stage}
         if name not in unknowns:
             held = name in settings.held
             verdict = Verdict.HELD if held else Verdict.NOT_EXCITED
@@ -160,5 +161,6 @@ def summary(record: Record, log: Log, outputs: Sequence[str], accepted: Array) -
         used=sum(s.span[1] - s.span[0] for s in log.sections),
         speed=(float(speed.min()), float(speed.max())),
         rejected={name: float(part) for name, part in zip(outputs, rejected, strict=True) if name in record.signals},
+        noise={name: log.noise[name] for name in outputs if name in record.signals},
         notes=record.notes,
     )

@@ -1,4 +1,4 @@
-"""What the logs tell about the unknowns: Fisher information, a covariance that survives coloured residuals, verdicts."""
+"""What the logs tell about the unknowns: Fisher information, and a covariance that survives coloured residuals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -83,7 +83,7 @@ def evaluate(
             middle[np.ix_(places, places)] += long_run(scores, lags)
             if not model.roll:
                 push[places] += frozen.roll_left_out(section)
-    covariance = np.linalg.inv(information)
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     return Information(
         names=tuple(full),
         covariance=covariance,
@@ -169,7 +169,7 @@ class _Frozen:
         return np.asarray(total[0] - total[1])
 
     def by_inputs(self, section: Record, *, roll: bool) -> Record:
-        """The section as the model at its estimate would have given it, without noise and with the same samples missing."""
+        """The section as the model at its estimate would have given it: no noise, the same samples missing."""
         own = set(self.vehicle.parameters())
         vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in own})
         model = dynamics.model(vehicle, self.model.outputs, roll=roll)

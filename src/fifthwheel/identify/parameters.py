@@ -110,7 +110,12 @@ def nuisances(vehicle: Vehicle, outputs: Sequence[str], settings: Settings) -> l
 
 def _error(name: str, prior: float, *, centre: float = 0.0, each_log: bool = False) -> Unknown:
     return Unknown(
-        name=name, centre=centre, scale=prior, lower=centre - 8 * prior, upper=centre + 8 * prior, nuisance=True,
+        name=name,
+        centre=centre,
+        scale=prior,
+        lower=centre - 8 * prior,
+        upper=centre + 8 * prior,
+        nuisance=True,
         each_log=each_log,
     )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fifthwheel.identify.information import Verdict
 from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Trace
+from fifthwheel.observe import ObserverSettings
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """One parameter: mean and standard deviation given the logs and the prior, which is all there is where not excited."""
+    """One parameter: mean and standard deviation given the logs and the prior; the prior's where not excited."""
 
     name: str
     value: float
@@ -67,6 +68,7 @@ class LogSummary:
     used: float  # s of driving fast enough
     speed: tuple[float, float]  # m/s, lowest and highest of what was used
     rejected: dict[str, float]  # part of each channel's samples outside the gate
+    noise: dict[str, float]  # variance of each channel's noise as found, SI squared
     notes: tuple[str, ...]
 
 
@@ -95,6 +97,12 @@ class Identification:
                 return estimate
         raise KeyError(name)
 
+    def observer_settings(self, log: str | None = None, **changes: Any) -> ObserverSettings:
+        """Settings for an `Observer` of this truck: the sensors' zeros and noise as found, a log's own if named."""
+        zeros = {e.name: e.value for e in self.sensors if e.log is None or e.log == log}
+        noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
+        return ObserverSettings(**{"zeros": zeros, "noise": noise} | changes)
+
     def as_dict(self) -> dict[str, Any]:
         """What identification.json holds: no histories, no arrays."""
         return {
@@ -107,7 +115,13 @@ class Identification:
             "sensors": [asdict(error) for error in self.sensors],
             "logs": [asdict(log) for log in self.logs],
             "fit": [
-                {"log": f.log, "signal": f.signal, "explained": f.explained, "rms": f.rms, "identified_on": f.identified_on}
+                {
+                    "log": f.log,
+                    "signal": f.signal,
+                    "explained": f.explained,
+                    "rms": f.rms,
+                    "identified_on": f.identified_on,
+                }
                 for f in self.fits
             ],
             "rounds": self.rounds,
@@ -121,7 +135,9 @@ class Identification:
 
     def save(self, path: Path) -> None:
         """Write identification.json."""
-        path.write_text(self.to_json() + "\n", encoding="utf-8")
+        temporary = path.with_name(f".{path.name}.part")
+        temporary.write_text(self.to_json() + "\n", encoding="utf-8")
+        temporary.replace(path)
 
 
 def _finite(value: Any) -> Any:

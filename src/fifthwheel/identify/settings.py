@@ -27,7 +27,7 @@ class Settings:
     passes: int = 8
     """At most so many times through the logs in each stage."""
     rounds: int = 4
-    """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model with stage 2's height."""
+    """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
     tolerance: float = 0.01
     """Converged means: within this part of the final value (the article's 1 %)."""
     average: bool = False
@@ -61,7 +61,7 @@ class Settings:
     adapt_noise: bool = True
     """Rescale R after every pass to the innovations that were seen."""
     process_noise: float = 1.0
-    """Process noise, in units of the default (see `noise.process`); the article has none here."""
+    """Process noise, in units of the default (`observe.noise.PROCESS`); the article has none here."""
     gate: float = 6.0
     """Innovations beyond so many standard deviations are not used."""
     min_speed: float = 5.0

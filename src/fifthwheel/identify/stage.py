@@ -103,7 +103,7 @@ def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Setti
     for name in model.outputs:
         log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
     return Noise(
-        process=variances.process(model.states, settings.process_noise),
+        process=variances.process(model.states, variances.PROCESS, settings.process_noise),
         measurement=np.array([log.noise[name] for name in model.outputs]),
         gate=settings.gate,
     )
@@ -165,7 +165,8 @@ class _Working:
             self.Pz[own, :] = self.Pz[:, own] = 0.0
             self.Pz[own, own] = 1.0
             self.z = np.where(self.own, self._z(log), self.z)
-            begun, self.residual = np.where(own, self.z, 0.0), []
+            begun = np.where(own, self.z, 0.0)
+            self.residual: list[tuple[Array, Array]] = []
             for section in log.sections:
                 self._section(log, prepare(self.model, self.vehicle, section, delays=late), shifted)
             self.z = self.z - self.Pz @ begun

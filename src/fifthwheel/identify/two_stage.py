@@ -9,9 +9,6 @@ both stages therefore come round again, now with the yaw-roll model and the heig
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-
-import numpy as np
 
 import fifthwheel
 from fifthwheel import dynamics
@@ -27,6 +24,7 @@ from fifthwheel.identify.result import Fit, Identification
 from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Log, Progress, Trace
 from fifthwheel.logs import Record, check, raise_errors
+from fifthwheel.native import compile_together
 from fifthwheel.observe.prepare import fast_enough, steered_as_logged
 from fifthwheel.vehicle import Vehicle
 
@@ -108,6 +106,12 @@ class _TwoStage:
         else:
             unknowns = self._unknowns((*self.yaw, *self.roll))
             model = stage.build(self.vehicle, (*self.yaw, *self.roll), unknowns, roll=True)
+        compile_together(
+            *(
+                dual.step(m, parameters.scaling(u).logarithmic)
+                for m, u in ((model, unknowns), (yaw_model, yaw_unknowns))
+            )
+        )
         self.idle: set[str] = set()
         while True:
             known = self._information(model, unknowns)
@@ -161,9 +165,7 @@ class _TwoStage:
         return possible
 
     def _check(self, record: Record) -> None:
-        first = self.vehicle.units[0]
-        rear = np.mean([axle.position for group in first.axle_groups[1:] for axle in group.axles] or [-5.0])
-        findings = check(record, wheelbase=float(first.axles[0].position - rear))
+        findings = check(record, wheelbase=self.vehicle.wheelbase)
         self.notes += [f"{record.name}: {finding.message}" for finding in findings if finding.severity != "error"]
         self.notes += [f"{record.name}: {note}" for note in record.notes]
         if self.settings.check:
@@ -192,7 +194,9 @@ class _TwoStage:
             self.settled[name] = outcome.settled if self.settings.restart else not late
 
     def _information(self, model: ChainModel, unknowns: list[Unknown]) -> Information:
-        return information.evaluate(model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings)
+        return information.evaluate(
+            model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings
+        )
 
     def _result(self, model: ChainModel, unknowns: list[Unknown], known: Information) -> Identification:
         sigma = dict(zip(known.names, known.sigma.tolist(), strict=True))

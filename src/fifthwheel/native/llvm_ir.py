@@ -101,9 +101,7 @@ class Emitter:
             return self.select(self.truth(a, invariant), invariant, self.constant(0.0), self.constant(1.0))
         if op in (ca.OP_AND, ca.OP_OR):
             word = "and" if op == ca.OP_AND else "or"
-            both, _ = self.emit(
-                f"{word} {self.mask} {self.truth(a, invariant)}, {self.truth(b, invariant)}", invariant
-            )
+            both, _ = self.emit(f"{word} {self.mask} {self.truth(a, invariant)}, {self.truth(b, invariant)}", invariant)
             return self.select(both, invariant, self.constant(1.0), self.constant(0.0))
         raise NotImplementedError(f"{self.step.name()}: CasADi operation {op} has no translation to LLVM")
 
@@ -145,8 +143,9 @@ def module(step: ca.Function, lanes: int = 1) -> str:
     n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
     n_output = step.numel_out(1)
     newline = "\n"
+    arrays = ", ".join(f"ptr noalias %{name}" for name in ("carry", "sample", "constant", "output"))
     return f"""
-define void @scan(i64 %samples, i64 %groups, ptr noalias %carry, ptr noalias %sample, ptr noalias %constant, ptr noalias %output) {{
+define void @scan(i64 %samples, i64 %groups, {arrays}) {{
 entry:
   %no.samples = icmp sle i64 %samples, 0
   %no.groups = icmp sle i64 %groups, 0

@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import casadi as ca
@@ -111,6 +112,12 @@ class Scan:
             raise TypeError(f"{self.step.name()}: {name} has shape {got}, expected {expected}")
 
 
+def compile_together(*scans: Scan) -> None:
+    """Compile several steps side by side; the compiler does not hold the interpreter's lock."""
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(lambda scan: scan.single, scans))
+
+
 @functools.cache
 def _platform() -> tuple[str, str, str, bytes]:
     """Triple, processor and its features, and what a compiled object depends on besides its source."""
@@ -144,7 +151,7 @@ def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
 
 
 def _compile(source: str) -> bytes:
-    """Object code; no passes over the IR, since CasADi has shared the subexpressions and `llvm_ir` hoisted constants."""
+    """Object code; without passes over the IR, since CasADi shares subexpressions and `llvm_ir` hoists constants."""
     machine = _machine()
     parsed = llvm.parse_assembly(source)
     parsed.verify()

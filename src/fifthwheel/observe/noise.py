@@ -17,13 +17,22 @@ OTHERS = {"articulation": 0.005**2, "roll": 0.005**2, "lateral_acceleration": 0.
 """Variance of sensors that the article does not have, SI squared."""
 
 PROCESS = {
-    "lateral_velocity": 1e-2**2,
-    "yaw_rate": 2e-3**2,
-    "articulation": 1e-4**2,
-    "roll": 1e-4**2,
-    "roll_rate": 4e-3**2,
+    "lateral_velocity": 3e-3**2,
+    "yaw_rate": 6e-4**2,
+    "articulation": 3e-5**2,
+    "roll": 3e-5**2,
+    "roll_rate": 1.2e-3**2,
 }
-"""Variance that a state gains in a second by what the model leaves out, SI squared."""
+"""Variance that a state gains in a second by what the model leaves out, SI squared, while parameters are estimated."""
+
+OBSERVED = {
+    "lateral_velocity": 2e-2**2,
+    "yaw_rate": 1e-3**2,
+    "articulation": 1e-3**2,
+    "roll": 1e-3**2,
+    "roll_rate": 1e-3**2,
+}
+"""The same while states are observed: equation (14), 1e-8 rad^2 a step of 10 ms, with sideslip as lateral velocity."""
 
 INITIAL = {"lateral_velocity": 0.05, "yaw_rate": 0.01, "articulation": 0.01, "roll": 0.005, "roll_rate": 0.02}
 """Standard deviation of a state about its steady value at the start of a record that starts straight, SI."""
@@ -42,9 +51,9 @@ def sensor(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:
     return OTHERS[quantity]
 
 
-def process(states: Sequence[str], factor: float) -> Array:
+def process(states: Sequence[str], table: Mapping[str, float], factor: float = 1.0) -> Array:
     """Q per second (n, n)."""
-    return np.diag([factor * PROCESS[name.split(".")[0]] for name in states])
+    return np.diag([factor * table[name.split(".")[0]] for name in states])
 
 
 def initial(vehicle: Vehicle, inputs: Mapping[str, float], *, roll: bool) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """From a record to the rows that a compiled step reads."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,34 +28,24 @@ class Rows:
 
 
 def steered_as_logged(vehicle: Vehicle, record: Record) -> Vehicle:
-    """The vehicle with the axles locked whose steer angle the record does not have.
+    """`locked_but` for the steer angles of a record."""
+    return locked_but(vehicle, record.signals, record.name)
+
+
+def locked_but(vehicle: Vehicle, signals: Container[str], source: str) -> Vehicle:
+    """The vehicle with the axles locked whose steer angle is not among the signals.
 
     Raises:
-        SignalError: the record has no steer angle at all.
+        SignalError: there is no steer angle at all.
     """
-    logged = [name for name in vehicle.steer_signals() if name in record.signals]
-    if not logged:
-        wanted = vehicle.steer_signals()
-        raise SignalError(f"{wanted[0]}: not in {record.name}; map the road-wheel angle of a steered axle to it")
-    units = tuple(
-        unit.model_copy(
-            update={
-                "axle_groups": tuple(
-                    group.model_copy(
-                        update={
-                            "axles": tuple(
-                                axle.model_copy(update={"steerable": f"steer.{unit.name}.{axle.name}" in logged})
-                                for axle in group.axles
-                            )
-                        }
-                    )
-                    for group in unit.axle_groups
-                )
-            }
-        )
-        for unit in vehicle.units
-    )
-    return vehicle.model_copy(update={"units": units})
+    wanted = vehicle.steer_signals()
+    if not any(name in signals for name in wanted):
+        raise SignalError(f"{wanted[0]}: not in {source}; map the road-wheel angle of a steered axle to it")
+    fields = vehicle.model_dump()
+    for unit in fields["units"]:
+        for axle in (axle for group in unit["axle_groups"] for axle in group["axles"]):
+            axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
+    return Vehicle(**fields)
 
 
 def fast_enough(record: Record, min_speed: float) -> list[Record]:
@@ -80,9 +70,7 @@ def fast_enough(record: Record, min_speed: float) -> list[Record]:
     return [section for piece in pieces for section in piece.sections()]
 
 
-def prepare(
-    model: ChainModel, vehicle: Vehicle, record: Record, *, delays: Mapping[str, float] | None = None
-) -> Rows:
+def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, delays: Mapping[str, float] | None = None) -> Rows:
     """Rows of a record for a model.
 
     Args:
@@ -98,8 +86,10 @@ def prepare(
         values = record.input(name)
         late = delays.get(name, 0.0)
         inputs[name] = np.interp(record.time + late, record.time, values) if late else values
-    fine, places = steps.subdivide(record.time, steps.longest(vehicle, inputs["speed"], roll=model.roll))
-    dt, d = steps.input_rows(record.time, inputs, fine)
+    columns = steps.stacked(inputs, model.inputs)
+    limit = steps.longest(vehicle, columns[:, 0], roll=model.roll)
+    fine, columns, places = steps.subdivide(record.time, columns, limit)
+    dt, d = steps.step_inputs(fine, columns)
     measured = np.full((len(fine), len(model.outputs)), np.nan)
     for i, name in enumerate(model.outputs):
         if name in record.signals:

@@ -1,6 +1,6 @@
 """What an observer says of a record: states, their sigmas, and whether they may be believed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -33,10 +33,17 @@ class States:
     innovation_sigma: Mapping[str, Array]
     accepted: Mapping[str, NDArray[np.bool_]]  # False where missing or outside the gate
 
-    def save(self, path: Path) -> None:
-        """Write time, the states in SI, their sigmas as "<state>.sigma" and the status as a Parquet file."""
-        import pyarrow as pa
-        from pyarrow import parquet
 
-        columns = {"time": self.time, **self.values, **{f"{n}.sigma": s for n, s in self.sigma.items()}}
-        parquet.write_table(pa.table({**columns, "status": self.status}), path)
+def save(states: Sequence[States], path: Path) -> None:
+    """Write one Parquet file: log, time, the states in SI, their sigmas as "<state>.sigma", and the status."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    tables = []
+    for one in states:
+        columns = {"time": one.time, **one.values, **{f"{name}.sigma": sigma for name, sigma in one.sigma.items()}}
+        log = pa.array([one.name] * len(one.time)).dictionary_encode()
+        tables.append(pa.table({**columns, "status": one.status, "log": log}))
+    temporary = path.with_name(f".{path.name}.part")
+    parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)
+    temporary.replace(path)

@@ -1,6 +1,6 @@
 """What a payload does to the sprung body: equations (8) and (9) of Cheng and Cebon (2011).
 
-D. Cheng, D. Cebon, "Parameter and state estimation for articulated heavy vehicles", Vehicle System Dynamics 49 (2011).
+C. Cheng, D. Cebon, "Parameter and state estimation for articulated heavy vehicles", Vehicle System Dynamics 49 (2011).
 Plain functions of + - * / only: floats, NumPy arrays and CasADi symbols alike.
 """
 

@@ -93,6 +93,13 @@ class Vehicle(Part):
         """Static vertical load of each axle group by its path, N, on level ground; see statics.group_loads."""
         return group_loads(self.units, [(c.leading_position, c.trailing_position) for c in self.couplings])
 
+    @property
+    def wheelbase(self) -> float:
+        """From the first axle of the first unit to the mean of its other groups' axles, m."""
+        front, *others = self.units[0].axle_groups
+        rear = [axle.position for group in others for axle in group.axles] or [self.units[0].axles[-1].position]
+        return front.axles[0].position - sum(rear) / len(rear)
+
     def steer_signals(self) -> tuple[str, ...]:
         """Names of the steer angles that are inputs of the vehicle, front to rear: 'steer.tractor.front'."""
         return tuple(f"steer.{unit.name}.{axle.name}" for unit in self.units for axle in unit.axles if axle.steerable)
