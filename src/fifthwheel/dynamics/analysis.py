@@ -108,7 +108,7 @@ def steady_state(vehicle: Vehicle, speed: float, steer: Iterable[float], *, roll
 
 
 def frequency_response(
-    vehicle: Vehicle, speed: float, frequency: Array, *, roll: bool = True
+    vehicle: Vehicle, speed: float, frequency: ArrayLike, *, roll: bool = True
 ) -> NDArray[np.complex128]:
     """x / d at each frequency (Hz): (len(frequency), n, k)."""
     m = matrices(vehicle, speed, roll=roll)

@@ -16,8 +16,8 @@ from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-ORDER = {False: 4, True: 6}
-"""Of the Taylor series, without and with roll: roll modes are four times as fast."""
+ORDER = {False: 5, True: 6}
+"""Of the Taylor series, without and with roll."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +47,11 @@ class ChainModel:
 
 
 def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
-    """What a steer sensor may do wrong, with defaults: angle = gain (shown - offset), shown late by `delay` seconds."""
+    """What a steer sensor may do wrong, with defaults: angle = gain (shown - offset), shown late by `delay` seconds.
+
+    The model takes a delay out to first order, which is meant for the small rest that rows already moved by most of it
+    leave; outputs that see the steer angle directly (an accelerometer, the coupling force) do not take it out at all.
+    """
     own: dict[str, float] = {}
     for name in vehicle.steer_signals():
         own |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0, f"{name}.delay": 0.0}
@@ -106,18 +110,14 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     states, steers = chain.state_names(vehicle, roll=roll), vehicle.steer_signals()
     n, k = len(states), 1 + len(steers)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
-    rate = (d[k + 1 :] - d[1:k]) / ca.fmax(dt, 1e-3)
-
-    def angles(shown: ca.SX) -> ca.SX:
-        late = [value[f"{name}.delay"] for name in steers]
-        gain = [value[f"{name}.gain"] for name in steers]
-        zero = [value[f"{name}.offset"] for name in steers]
-        return ca.vertcat(*[gain[i] * (shown[i] + late[i] * rate[i] - zero[i]) for i in range(len(steers))])
-
-    before, after = angles(d[1:k]), angles(d[k + 1 :])
+    shown, shown_after = d[1:k], d[k + 1 :]
+    sensor = {word: ca.vertcat(*[value[f"{name}.{word}"] for name in steers]) for word in ("gain", "offset", "delay")}
+    late = sensor["delay"] * (shown_after - shown) / ca.fmax(dt, 1e-3)
+    before, after = (sensor["gain"] * (angle - sensor["offset"]) for angle in (shown, shown_after))
     equations = chain.equations(value, vehicle, roll=roll)
     A, B = equations.state_space((d[0] + d[k]) / 2)
-    transition = taylor(A, B, x, before, after, dt, ORDER[roll])
+    advance = sensor["gain"] * late
+    transition = taylor(A, B, x, before + advance, after + advance, dt, ORDER[roll])
 
     speed = d[k]
     A, B = equations.state_space(speed)

@@ -1,0 +1,202 @@
+"""An identification in words: what is known, what is not, what to beware of, what to do next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fifthwheel.report import advice, facts
+from fifthwheel.report.numbers import percent, with_sigma
+
+if TYPE_CHECKING:
+    from fifthwheel.identify import Estimate, Identification
+    from fifthwheel.logs import Record
+    from fifthwheel.observe import States
+
+ROUGH = 0.15
+"""A parameter with a greater relative sigma is known roughly only."""
+
+MARKS = {
+    "converged": ("✓", "known"),
+    "not_converged": ("…", "not settled"),
+    "not_excited": ("?", "not known"),
+    "at_bound": ("!", "at bound"),
+    "held": ("=", "held"),
+}
+"""Verdict -> mark and word."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conclusion:
+    """What a reader should take away, a sentence each."""
+
+    good: bool
+    """Whether nothing is left to do."""
+    headline: str
+    found: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+    next_steps: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def spoken(name: str) -> str:
+    """A path as words: "semitrailer.cog_height" -> "semitrailer CoG height"."""
+    return name.replace(".", " ").replace("_", " ").replace("cog", "CoG")
+
+
+def conclude(identification: "Identification", records: "Sequence[Record]" = ()) -> Conclusion:
+    """The identification in words; with the records also how they were driven."""
+    sought = [e for e in identification.parameters if e.verdict != "held"]
+    known = [e for e in sought if e.verdict == "converged"]
+    drives = facts.driven(identification, records)
+    cautions = [
+        *advice.sensor_cautions(identification),
+        *advice.fit_cautions(identification),
+        *advice.drive_cautions(identification, drives),
+    ]
+    return Conclusion(
+        good=len(known) == len(sought),
+        headline=_headline(identification, len(known), len(sought)),
+        found=(*[_found(identification, e) for e in known], *_found_derived(identification)),
+        unknown=tuple(_unknown(identification, e) for e in identification.parameters if e.verdict != "converged"),
+        cautions=tuple(cautions),
+        next_steps=tuple(advice.next_steps(identification, drives)),
+        notes=identification.notes,
+    )
+
+
+def _headline(identification: "Identification", known: int, sought: int) -> str:
+    used = len(identification.logs)
+    logs = "1 log" if used == 1 else f"{used} logs"
+    if not sought:
+        return "Every parameter was held; nothing was identified."
+    if known == sought:
+        return f"All {sought} parameters are known from {logs}." if sought > 1 else f"The parameter is known from {logs}."
+    if known:
+        return f"{known} of {sought} parameters are known from {logs}, {sought - known} not."
+    if all(e.verdict == "not_excited" for e in identification.parameters if e.verdict != "held"):
+        return f"Nothing is known from {logs}: the drive does not show it."
+    return f"No parameter is known from {logs}."
+
+
+def _found(identification: "Identification", estimate: "Estimate") -> str:
+    text = f"{spoken(estimate.name)}: {with_sigma(estimate.value, estimate.sigma, estimate.unit)}"
+    relative = estimate.sigma / abs(estimate.value) if estimate.sigma is not None and estimate.value else None
+    if relative is not None:
+        text += f" (±{percent(relative)}{', roughly' if relative > ROUGH else ''})"
+    before = identification.initial_vehicle.parameters().get(estimate.name)
+    if before:
+        change = estimate.value / before - 1
+        where = f"{percent(abs(change))} {'above' if change > 0 else 'below'}" if abs(change) >= 5e-4 else "as in"
+        text += f", {where} the vehicle file"
+    return _sentence(text)
+
+
+def _found_derived(identification: "Identification") -> list[str]:
+    return [
+        _sentence(f"with it, {spoken(e.name)}: {with_sigma(e.value, e.sigma, e.unit)}")
+        for e in identification.derived
+        if e.verdict == "converged"
+    ]
+
+
+def _unknown(identification: "Identification", estimate: "Estimate") -> str:
+    name, held = spoken(estimate.name), with_sigma(estimate.value, None, estimate.unit)
+    if estimate.verdict == "held":
+        return _sentence(f"{name}: held at {held}, as asked for")
+    if estimate.verdict == "at_bound":
+        return _sentence(f"{name}: ran into the edge of what is allowed, {held}; that is no finding")
+    if estimate.verdict == "not_converged":
+        text = with_sigma(estimate.value, estimate.sigma, estimate.unit)
+        return _sentence(f"{name}: {text} is provisional, it was still moving at the end")
+    if estimate.sigma is None:
+        unit = estimate.name.split(".")[0]
+        return _sentence(f"{name}: not sought, no roll rate of the {unit} was logged; {_stands(identification, estimate)}")
+    prior, relative = advice.prior_sigma(identification.settings, estimate)
+    if relative:
+        after, before = f"±{percent(estimate.sigma / estimate.initial)}", f"±{percent(prior / estimate.initial)}"
+        needed = f"±{percent(identification.settings.excited * prior / estimate.initial)}"
+    else:
+        after, before = f"±{estimate.sigma:.2g} m", f"±{prior:.2g} m"
+        needed = f"±{identification.settings.excited * prior:.2g} m"
+    learnt = f"the logs leave {after} of {before}, under {needed} counts as known"
+    return _sentence(f"{name}: not excited, {learnt}; {_stands(identification, estimate)}")
+
+
+def _stands(identification: "Identification", estimate: "Estimate") -> str:
+    value = with_sigma(estimate.value, None, estimate.unit)
+    given = identification.initial_vehicle.parameters().get(estimate.name)
+    if given is not None and not np.isclose(given, estimate.value, rtol=1e-6):
+        return f"{value} is where the search began, the vehicle file has {with_sigma(given, None, estimate.unit)}"
+    return f"{value} is the vehicle file's value, not a finding"
+
+
+def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> Conclusion:
+    """States alone in words."""
+    found, cautions, steps = [], [], []
+    for one in states:
+        shares = facts.status_shares(one)
+        good = shares.get(facts.WORDS["OK"], 0.0)
+        rest = "; ".join(f"{percent(part)} {word}" for word, part in shares.items() if word != facts.WORDS["OK"])
+        found.append(f"{one.name}: reliable in {percent(good)} of the samples{f' ({rest})' if rest else ''}.")
+        differences = [
+            (name, facts.reference_rms(one, facts.record_of(one, records), name), _unit(name)) for name in one.values
+        ]
+        told = [f"{spoken(n)} {with_sigma(rms, None, unit)}" for n, rms, unit in differences if rms is not None]
+        if told:
+            found.append(f"{one.name}: rms difference from the reference: {', '.join(told)}.")
+        warned = list(_innovation_cautions(one))
+        cautions += warned
+        if warned:
+            steps.append(f"Check the vehicle file against this truck, or identify it from {one.name} first.")
+        if good < 0.5:
+            steps.append(f"Cut {one.name} to where the truck drives, or map the missing channels.")
+    whole = float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
+    return Conclusion(
+        good=whole > 0.95 and not cautions,
+        headline=f"States are reliable in {percent(whole)} of the samples of "
+        f"{'1 log' if len(states) == 1 else f'{len(states)} logs'}.",
+        found=tuple(found),
+        cautions=tuple(cautions),
+        next_steps=tuple(dict.fromkeys(steps)),
+        notes=tuple(dict.fromkeys(f"{r.name}: {note}" for r in records for note in r.notes)),
+    )
+
+
+def _innovation_cautions(states: "States") -> "Sequence[str]":
+    told = []
+    for name in states.innovation:
+        size, out = innovation_size(states, name)
+        if np.isfinite(size) and size > 1.5:
+            told.append(
+                f"{states.name}: innovations of {name} are {size:.1f} times what the filter expects; "
+                "vehicle file or sensor noise do not fit, and the bands are too narrow."
+            )
+        if out > 0.02:
+            told.append(f"{states.name}: {percent(out)} of {name} lie outside the gate and were not used.")
+    return told
+
+
+def innovation_size(states: "States", name: str) -> tuple[float, float]:
+    """Root mean square of a channel's used, normalised innovations (1 is as expected), and the part not used."""
+    values = facts.normalised(states, name)
+    out = facts.rejected(states, name)
+    seen = np.isfinite(values)
+    used = seen & ~out
+    size = float(np.sqrt(np.mean(values[used] ** 2))) if used.any() else float("nan")
+    return size, float(out.sum() / max(seen.sum(), 1))
+
+
+def _unit(name: str) -> str:
+    from fifthwheel.logs.names import si_unit
+
+    return si_unit(name) or ""
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:] + "."
+
+
+
