@@ -106,7 +106,7 @@ def _free_run(
     weight = np.isfinite(target).astype(float)
     for _ in range(3):  # outliers lose their weight, as they do at the filter's gate
         rows, right = design * weight[..., None], np.where(weight > 0, target, 0.0)
-        normal = np.einsum("kmi,kmj->ij", rows, design) + np.eye(len(scales))
+        normal = np.tensordot(rows, design, axes=([0, 1], [0, 1])) + np.eye(len(scales))
         solution = np.linalg.solve(normal, np.einsum("kmi,km->i", rows, right))
         misfit = np.abs(target - design @ solution)
         typical = max(1.0, float(np.nanmedian(misfit) / 0.6745))

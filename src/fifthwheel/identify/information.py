@@ -42,9 +42,15 @@ class Information:
     robust: Array  # the same by scores that may hang together (sandwich)
     bias: Array  # what leaving out roll moves each unknown by, zero where the model has roll
 
-    def excited(self, limit: float) -> dict[str, bool]:
-        """Whether the logs bring each unknown's sigma below `limit` times its prior's, were the model right."""
-        return dict(zip(self.names, (np.sqrt(np.diag(self.covariance)) < limit).tolist(), strict=True))
+    def excited(self, name: str, limit: float) -> bool:
+        """Whether the logs bring an unknown's sigma below `limit` times its prior's, were the model right.
+
+        True of an unknown that this information is not about.
+        """
+        if name not in self.names:
+            return True
+        i = self.names.index(name)
+        return bool(np.sqrt(self.covariance[i, i]) < limit)
 
     @property
     def sigma(self) -> Array:
@@ -93,15 +99,14 @@ def evaluate(
 
 
 def long_run(scores: Array, lags: int) -> Array:
-    """Covariance of the sum of scores (N, n) that hang together up to `lags` samples; Bartlett weights, (n, n)."""
-    total = scores.T @ scores
-    length = 1 << (2 * len(scores) - 1).bit_length()
-    transform = np.fft.rfft(scores, length, axis=0)
-    cross = np.fft.irfft(transform[:, :, None] * transform[:, None, :].conj(), length, axis=0)
-    for lag in range(1, min(lags, len(scores))):
-        weight = 1 - lag / lags
-        total += weight * (cross[lag] + cross[lag].T)
-    return np.asarray(total)
+    """Covariance of the sum of scores (N, n) that hang together up to `lags` samples, (n, n), never indefinite.
+
+    Newey and West's estimate with Bartlett weights, written as the sums over all windows of `lags` samples.
+    """
+    edge = np.zeros((lags, scores.shape[1]))
+    total = np.cumsum(np.vstack([edge, scores, edge]), axis=0)
+    windows = total[lags:] - total[:-lags]
+    return np.asarray(windows.T @ windows / lags)
 
 
 class _Frozen:
@@ -154,7 +159,8 @@ class _Frozen:
         innovation, weight, _ = self.run(section)
         _, _, gradient = self.run(self.by_inputs(section, roll=self.model.roll))
         scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
-        gram = np.einsum("km,kmi,kmj->ij", weight, gradient, gradient)
+        rows = (np.sqrt(weight)[..., None] * gradient).reshape(-1, gradient.shape[-1])
+        gram = rows.T @ rows
         return scores[(weight > 0).any(axis=1)], gram
 
     def roll_left_out(self, section: Record) -> Array:

@@ -26,7 +26,7 @@ class Settings:
     """Seek stiffness and inertia by their logarithm, so that they stay positive."""
     passes: int = 8
     """At most so many times through the logs in each stage."""
-    rounds: int = 4
+    rounds: int = 10
     """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
     tolerance: float = 0.01
     """Converged means: within this part of the final value (the article's 1 %)."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel
@@ -71,6 +71,7 @@ def run(
     active: Sequence[str],
     start: Mapping[str, float],
     settings: Settings,
+    passes: int,
     progress: Progress = lambda *_: None,
     title: str = "",
 ) -> Outcome:
@@ -78,14 +79,15 @@ def run(
 
     Args:
         start: values of the unknowns that all logs share.
+        passes: at most so many times through the logs.
     """
     working = _Working(model, vehicle, logs, unknowns, active, dict(start), settings)
-    for number in range(settings.passes):
-        progress(title, number, settings.passes)
+    for number in range(passes):
+        progress(title, number, passes)
         working.once_through()
         if working.settled():
             break
-    progress(title, settings.passes, settings.passes)
+    progress(title, passes, passes)
     return working.outcome()
 
 
@@ -107,6 +109,12 @@ def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Setti
         measurement=np.array([log.noise[name] for name in model.outputs]),
         gate=settings.gate,
     )
+
+
+def moved(change: ArrayLike, value: ArrayLike, sigma: ArrayLike, settings: Settings) -> bool:
+    """Whether a parameter's change is more than a tenth of its sigma and of the tolerance."""
+    allowed = 0.1 * np.maximum(sigma, settings.tolerance * np.abs(value))
+    return bool((np.abs(change) > allowed).any())
 
 
 class _Working:
@@ -230,15 +238,14 @@ class _Working:
         )
 
     def settled(self) -> bool:
-        """Whether the last pass moved no parameter by more than a tenth of its sigma, or of the tolerance."""
+        """Whether the last pass moved nothing."""
         if not self.settings.restart:
             return False
         if not self.sought.any():
             return len(self.starts) > 1
         p, p_before = self.scaling.to_p(self.z), self.scaling.to_p(self.before)
         sigma = np.sqrt(np.diag(self.Pz)) * np.abs(self.scaling.slope(p))
-        allowed = 0.1 * np.maximum(sigma, self.settings.tolerance * np.abs(p))
-        return bool((np.abs(p - p_before)[self.sought] <= allowed[self.sought]).all())
+        return not moved((p - p_before)[self.sought], p[self.sought], sigma[self.sought], self.settings)
 
     def outcome(self) -> Outcome:
         time, z, variance = (np.concatenate(arrays) for arrays in zip(*self.history, strict=True))

@@ -22,9 +22,9 @@ from fifthwheel.identify.information import Information
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Fit, Identification
 from fifthwheel.identify.settings import Settings
-from fifthwheel.identify.stage import Log, Progress, Trace
+from fifthwheel.identify.stage import Log, Progress, Trace, moved
 from fifthwheel.logs import Record, check, raise_errors
-from fifthwheel.native import compile_together
+from fifthwheel.native import compile_soon
 from fifthwheel.observe.prepare import fast_enough, steered_as_logged
 from fifthwheel.vehicle import Vehicle
 
@@ -106,21 +106,18 @@ class _TwoStage:
         else:
             unknowns = self._unknowns((*self.yaw, *self.roll))
             model = stage.build(self.vehicle, (*self.yaw, *self.roll), unknowns, roll=True)
-        compile_together(
-            *(
-                dual.step(m, parameters.scaling(u).logarithmic)
-                for m, u in ((model, unknowns), (yaw_model, yaw_unknowns))
-            )
-        )
+        for m, u in ((yaw_model, yaw_unknowns), (model, unknowns)):
+            compile_soon(dual.step(m, parameters.scaling(u).logarithmic))
         self.idle: set[str] = set()
+        known = self._information(yaw_model, yaw_unknowns)  # the yaw model will do to begin with
         while True:
-            known = self._information(model, unknowns)
-            idle = {u.name for u in unknowns if not u.nuisance and not known.excited(self.settings.excited)[u.name]}
+            idle = {u.name for u in unknowns if not u.nuisance and not known.excited(u.name, self.settings.excited)}
             if self.traces and idle <= self.idle:
                 return self._result(model, unknowns, known)
             self.idle |= idle
             self._begin()
             self._stages(yaw_model, yaw_unknowns, model, unknowns)
+            known = self._information(model, unknowns)
 
     def _unknowns(self, outputs: Sequence[str]) -> list[Unknown]:
         heights = self.stage_2 if any(name.startswith("roll_rate.") for name in outputs) else []
@@ -130,6 +127,7 @@ class _TwoStage:
         """Forget what an earlier attempt found."""
         self.values = {u.name: u.centre for u in (*self.stage_1, *self.stage_2)}
         self.traces, self.settled, self.rounds = {}, {}, 1
+        self.sigma: dict[str, float] = {}
         for log in self.logs:
             log.errors.clear()
             log.noise.clear()
@@ -146,10 +144,13 @@ class _TwoStage:
         while self.rounds < self.settings.rounds:
             before = dict(self.values)
             self.rounds += 1
-            self._stage("stage 1", model, unknowns, active=yawing)
-            self._stage("stage 2", model, unknowns, active=rolling)
-            sought = [u.name for u in (*self.stage_1, *self.stage_2)]
-            if all(abs(self.values[n] - before[n]) <= 0.1 * self.settings.tolerance * abs(before[n]) for n in sought):
+            self._stage("stage 1", model, unknowns, active=yawing, passes=1)
+            self._stage("stage 2", model, unknowns, active=rolling, passes=1)
+            for name, sigma in self.sigma.items():
+                self.settled[name] = not moved(
+                    self.values[name] - before[name], self.values[name], sigma, self.settings
+                )
+            if all(self.settled.values()):
                 break
 
     def _heights(self) -> tuple[str, ...]:
@@ -171,7 +172,9 @@ class _TwoStage:
         if self.settings.check:
             raise_errors(findings)
 
-    def _stage(self, title: str, model: ChainModel, unknowns: list[Unknown], active: list[str]) -> None:
+    def _stage(
+        self, title: str, model: ChainModel, unknowns: list[Unknown], *, active: list[str], passes: int | None = None
+    ) -> None:
         outcome = stage.run(
             model,
             self.vehicle,
@@ -180,6 +183,7 @@ class _TwoStage:
             active=[name for name in active if name not in self.idle],
             start=self.values,
             settings=self.settings,
+            passes=passes or self.settings.passes,
             progress=self.progress,
             title=title,
         )
@@ -187,6 +191,7 @@ class _TwoStage:
         self.traces.setdefault(title, outcome.trace)
         self.accepted = outcome.accepted
         for i, name in enumerate(outcome.trace.names):
+            self.sigma[name] = float(outcome.trace.sigma[-1, i])
             since = settled_since(outcome.trace.values[:, i], self.settings.tolerance)
             if self.settings.average:
                 self.values[name] = float(outcome.trace.values[since:, i].mean())

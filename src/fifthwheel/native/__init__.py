@@ -1,5 +1,5 @@
 """From a symbolic step to machine code that scans a record; knows CasADi functions and nothing of vehicles."""
 
-from fifthwheel.native.scan import Scan, compile_together
+from fifthwheel.native.scan import Scan, compile_soon
 
-__all__ = ["Scan", "compile_together"]
+__all__ = ["Scan", "compile_soon"]

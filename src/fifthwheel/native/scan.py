@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -33,6 +34,9 @@ class Scan:
         self.lanes = lanes
         self.n_carry, self.n_sample, self.n_constant = (step.numel_in(i) for i in range(3))
         self.n_output = step.numel_out(1)
+        self._lock = threading.Lock()
+        self._compiled: dict[int, Any] = {}
+        self._alive: list[Any] = []  # the engines that hold the code
         if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != self.n_carry:
             raise TypeError(f"{step.name()}: a step maps (carry, sample, constant) to (carry, output)")
 
@@ -79,21 +83,24 @@ class Scan:
         self.vector(rows, groups, carry.ctypes.data, sample.ctypes.data, constant.ctypes.data, output.ctypes.data)
         return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
 
-    @functools.cached_property
+    @property
     def single(self) -> Any:
         """The compiled loop for one vehicle, called with addresses (see `llvm_ir.module`)."""
-        return self._compiled(1)
+        return self._compiled.get(1) or self._compile(1)
 
-    @functools.cached_property
+    @property
     def vector(self) -> Any:
         """The compiled loop for `lanes` vehicles at a time, called with addresses."""
-        return self._compiled(self.lanes)
+        return self._compiled.get(self.lanes) or self._compile(self.lanes)
 
-    def _compiled(self, lanes: int) -> Any:
-        code, engine = machine_code(self.step, lanes)
-        self.__dict__.setdefault("_alive", []).append((code, engine))
-        prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
-        return prototype(engine.get_function_address("scan"))
+    def _compile(self, lanes: int) -> Any:
+        with self._lock:
+            if lanes not in self._compiled:
+                code, engine = machine_code(self.step, lanes)
+                self._alive.append((code, engine))
+                prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
+                self._compiled[lanes] = prototype(engine.get_function_address("scan"))
+            return self._compiled[lanes]
 
     def _to_lanes(self, array: Array) -> Array:
         """(B, ...) to (groups, ..., lanes); the last vehicle fills the lanes that are left over."""
@@ -112,10 +119,16 @@ class Scan:
             raise TypeError(f"{self.step.name()}: {name} has shape {got}, expected {expected}")
 
 
-def compile_together(*scans: Scan) -> None:
-    """Compile several steps side by side; the compiler does not hold the interpreter's lock."""
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(lambda scan: scan.single, scans))
+_background = ThreadPoolExecutor(2, thread_name_prefix="compile")
+
+
+def compile_soon(*scans: Scan) -> None:
+    """Begin to compile in the background; a scan that is needed earlier waits for its own compilation only.
+
+    The compiler does not hold the interpreter's lock.
+    """
+    for scan in scans:
+        _background.submit(getattr, scan, "single")
 
 
 @functools.cache

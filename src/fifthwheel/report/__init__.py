@@ -1,0 +1,6 @@
+"""What people see: a page that opens anywhere, and tables on a terminal."""
+
+from fifthwheel.report.html import write_report
+from fifthwheel.report.terminal import show_identification, show_states
+
+__all__ = ["show_identification", "show_states", "write_report"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fifthwheel.report import facts
-from fifthwheel.report.numbers import percent, with_sigma
+from fifthwheel.report.numbers import about, percent, with_sigma
 
 if TYPE_CHECKING:
     from fifthwheel.identify import Estimate, Identification, SensorError, Settings
@@ -75,10 +75,10 @@ def fit_cautions(identification: "Identification") -> Iterator[str]:
         if fit.explained >= POOR or share.by_noise:
             continue
         kind = "" if fit.identified_on else " (predicted only)"
-        limit = f", sensor noise about {with_sigma(share.noise, None, _unit(fit.signal))}"
+        limit = f", sensor noise about {about(share.noise, facts.unit_of(fit.signal))}"
         yield (
             f"Of {fit.signal} in {fit.log}{kind} only {percent(max(fit.explained, 0.0))} is explained; residual "
-            f"{with_sigma(fit.rms, None, _unit(fit.signal))} rms{limit if np.isfinite(share.noise) else ''}."
+            f"{about(fit.rms, facts.unit_of(fit.signal))} rms{limit if np.isfinite(share.noise) else ''}."
         )
     for log in identification.logs:
         for name, part in log.rejected.items():
@@ -127,7 +127,9 @@ def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> l
                 f"Measure the ratio from the logged {signal} to the angle of the road wheels and correct it where "
                 "columns are mapped to signals."
             )
-    poor = [f.log for f in identification.fits if not f.identified_on and f.explained < POOR and not facts.share(f).by_noise]
+    poor = [
+        f.log for f in identification.fits if not f.identified_on and f.explained < POOR and not facts.share(f).by_noise
+    ]
     if poor:
         steps.append(f"Identify on {_listed(poor)} too: what was found does not carry over to it well.")
     if all(fit.identified_on for fit in identification.fits) and any(
@@ -157,7 +159,7 @@ def _for_excitation(identification: "Identification", drives: "Sequence[Drive]")
         )
     inertias = [e.name for e in missing if e.name.endswith("yaw_inertia")]
     if inertias:
-        yield f"For {_listed(inertias)}: add quick lane changes or a slalom (0.3 to 0.5 Hz); slow bends hide an inertia."
+        yield f"For {_listed(inertias)}: add quick lane changes or a slalom (0.3 to 0.5 Hz); slow bends hide it."
     heights = [e.name for e in missing if e.name.endswith("payload.height")]
     if heights:
         yield f"For {_listed(heights)}: add lane changes that make the truck lean ({LANE_CHANGE})."
@@ -184,9 +186,3 @@ def kmh(speed: tuple[float, float]) -> str:
 def _listed(names: Sequence[str]) -> str:
     names = list(dict.fromkeys(names))
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _unit(name: str) -> str:
-    from fifthwheel.logs.names import si_unit
-
-    return si_unit(name) or ""

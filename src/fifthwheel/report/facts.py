@@ -52,18 +52,37 @@ def _drive(record: "Record", first: str | None, zero: float, min_speed: float) -
     if name in record.signals:
         lateral = speed * (record.signals[name] - zero)
         good = fast & np.isfinite(lateral)
-        if good.any():
-            width = min(max(int(record.rate / 2 * good.mean()), 1), int(good.sum()))
-            total = np.concatenate([[0.0], np.cumsum(lateral[good])])
-            peak = float(np.abs((total[width:] - total[:-width]) / width).max())
+        peak = _held(lateral[good], round(record.rate / 2 * good.mean()))
     return Drive(name=record.name, speed=(low, high), acceleration=peak)
 
 
+def _held(values: Array, width: int) -> float:
+    """The greatest size of the mean of so many values in a row; NaN of none."""
+    if not values.size:
+        return float("nan")
+    width = min(max(width, 1), values.size)
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return float(np.abs((total[width:] - total[:-width]) / width).max())
+
+
 def driven(identification: "Identification", records: "Sequence[Record]") -> list[Drive]:
-    """How each log was driven, the sensors' zeros taken out as found."""
+    """How each log was driven, the sensors' zeros taken out as found.
+
+    Of a log without its record there is only its greatest speed beside the yaw rate, and so an upper bound.
+    """
     first = identification.vehicle.units[0].name
     zeros = {e.log: e.value for e in identification.sensors if e.log and e.name == f"yaw_rate.{first}.offset"}
-    return drives(records, first, zeros, identification.settings.min_speed)
+    found = drives(records, first, zeros, identification.settings.min_speed)
+    there = {drive.name for drive in found}
+    for log in identification.logs:
+        if log.name in there:
+            continue
+        own = [fit for fit in identification.fits if fit.log == log.name and fit.signal == f"yaw_rate.{first}"]
+        rate = own[0].measured - zeros.get(log.name, 0.0) if own else np.zeros(0)
+        step = float(np.median(np.diff(own[0].time))) if own else 1.0
+        peak = log.speed[1] * _held(rate[np.isfinite(rate)], round(0.5 / step))
+        found.append(Drive(name=log.name, speed=log.speed, acceleration=peak))
+    return found
 
 
 def white_noise(values: Array) -> float:
@@ -104,7 +123,7 @@ def normalised(states: "States", name: str) -> Array:
 
 def rejected(states: "States", name: str) -> NDArray[np.bool_]:
     """Samples of a channel that were measured and not used, (N,)."""
-    return np.isfinite(states.innovation[name]) & ~np.asarray(states.accepted[name], dtype=bool)
+    return np.asarray(np.isfinite(states.innovation[name]) & ~states.accepted[name], dtype=np.bool_)
 
 
 def reference_rms(states: "States", record: "Record | None", name: str) -> float | None:
@@ -126,6 +145,13 @@ def on_time(record: "Record", values: Array, time: Array) -> Array:
 def record_of(states: "States", records: "Sequence[Record]") -> "Record | None":
     """The record that the states are of, by name."""
     return next((record for record in records if record.name == states.name), None)
+
+
+def unit_of(signal: str) -> str:
+    """SI unit of a signal."""
+    from fifthwheel.logs.names import si_unit
+
+    return si_unit(signal) or ""
 
 
 def status_shares(states: "States") -> dict[str, float]:

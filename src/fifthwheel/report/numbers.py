@@ -74,6 +74,20 @@ def with_sigma(value: float, sigma: float | None, si_unit: str) -> str:
     return f"{text} {unit.name}".rstrip()
 
 
+def about(value: float, si_unit: str) -> str:
+    """A size with its unit, two significant digits: a noise, a residual."""
+    unit = shown(si_unit)
+    return f"{digits(value * unit.factor, 2)} {unit.name}".rstrip()
+
+
+def relative(value: float, sigma: float | None) -> str:
+    """Sigma as a percentage of the value; of more than 100 % only that."""
+    if sigma is None or not value or not math.isfinite(sigma):
+        return "–"
+    part = sigma / abs(value)
+    return percent(part) if part <= 1 else "> 100 %"
+
+
 def percent(part: float, *, of_whole: bool = False) -> str:
     """A part as a percentage: 0.0043 -> "0.43 %"; `of_whole` keeps 99.97 % from becoming 100 %."""
     if not math.isfinite(part):

@@ -52,6 +52,18 @@ def rows(time: Array, values: Array, limit: int = LIMIT) -> list[Index]:
     return [part[keep(values[part], max(int(limit * len(part) / total), 4))] for part in parts]
 
 
+def envelope(time: Array, lower: Array, upper: Array, count: int) -> tuple[Array, Array, Array]:
+    """A band (N,), all finite, in `count` stretches at most, and never narrower than it was."""
+    length = -(-len(time) // count)
+    if length <= 1:
+        return time, lower, upper
+    starts = np.arange(0, len(time), length)
+    middle = (starts + np.minimum(starts + length, len(time)) - 1) // 2
+    at = time[middle]
+    at[0], at[-1] = time[0], time[-1]
+    return at, np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
+
+
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last row of every stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fifthwheel.report import advice, facts
-from fifthwheel.report.numbers import percent, with_sigma
+from fifthwheel.report.numbers import about, percent, relative, with_sigma
 
 if TYPE_CHECKING:
     from fifthwheel.identify import Estimate, Identification
@@ -25,6 +25,18 @@ MARKS = {
     "held": ("=", "held"),
 }
 """Verdict -> mark and word."""
+
+
+def mark(estimate: "Estimate") -> tuple[str, str]:
+    """Mark and word for an estimate's verdict."""
+    return ("≈", "known roughly") if roughly(estimate) else MARKS[estimate.verdict]
+
+
+def roughly(estimate: "Estimate") -> bool:
+    """Whether a known parameter has a wide sigma."""
+    if estimate.verdict != "converged" or estimate.sigma is None:
+        return False
+    return estimate.sigma > ROUGH * abs(estimate.value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +70,7 @@ def conclude(identification: "Identification", records: "Sequence[Record]" = ())
     ]
     return Conclusion(
         good=len(known) == len(sought),
-        headline=_headline(identification, len(known), len(sought)),
+        headline=_headline(identification, known, sought),
         found=(*[_found(identification, e) for e in known], *_found_derived(identification)),
         unknown=tuple(_unknown(identification, e) for e in identification.parameters if e.verdict != "converged"),
         cautions=tuple(cautions),
@@ -67,25 +79,26 @@ def conclude(identification: "Identification", records: "Sequence[Record]" = ())
     )
 
 
-def _headline(identification: "Identification", known: int, sought: int) -> str:
+def _headline(identification: "Identification", known: "Sequence[Estimate]", sought: "Sequence[Estimate]") -> str:
     used = len(identification.logs)
     logs = "1 log" if used == 1 else f"{used} logs"
     if not sought:
         return "Every parameter was held; nothing was identified."
-    if known == sought:
-        return f"All {sought} parameters are known from {logs}." if sought > 1 else f"The parameter is known from {logs}."
-    if known:
-        return f"{known} of {sought} parameters are known from {logs}, {sought - known} not."
-    if all(e.verdict == "not_excited" for e in identification.parameters if e.verdict != "held"):
-        return f"Nothing is known from {logs}: the drive does not show it."
-    return f"No parameter is known from {logs}."
+    if not known:
+        if all(e.verdict == "not_excited" for e in sought):
+            return f"Nothing is known from {logs}: the drive does not show it."
+        return f"No parameter is known from {logs}."
+    rough = sum(roughly(e) for e in known)
+    coarse = f", {rough} of them roughly" if rough else ""
+    if len(known) == len(sought):
+        return f"All {len(sought)} parameters are known from {logs}{coarse}."
+    return f"{len(known)} of {len(sought)} parameters are known from {logs}{coarse}; {len(sought) - len(known)} not."
 
 
 def _found(identification: "Identification", estimate: "Estimate") -> str:
     text = f"{spoken(estimate.name)}: {with_sigma(estimate.value, estimate.sigma, estimate.unit)}"
-    relative = estimate.sigma / abs(estimate.value) if estimate.sigma is not None and estimate.value else None
-    if relative is not None:
-        text += f" (±{percent(relative)}{', roughly' if relative > ROUGH else ''})"
+    if estimate.sigma is not None and estimate.value:
+        text += f" (±{relative(estimate.value, estimate.sigma)}{', roughly' if roughly(estimate) else ''})"
     before = identification.initial_vehicle.parameters().get(estimate.name)
     if before:
         change = estimate.value / before - 1
@@ -113,9 +126,11 @@ def _unknown(identification: "Identification", estimate: "Estimate") -> str:
         return _sentence(f"{name}: {text} is provisional, it was still moving at the end")
     if estimate.sigma is None:
         unit = estimate.name.split(".")[0]
-        return _sentence(f"{name}: not sought, no roll rate of the {unit} was logged; {_stands(identification, estimate)}")
-    prior, relative = advice.prior_sigma(identification.settings, estimate)
-    if relative:
+        return _sentence(
+            f"{name}: not sought, no roll rate of the {unit} was logged; {_stands(identification, estimate)}"
+        )
+    prior, of_value = advice.prior_sigma(identification.settings, estimate)
+    if of_value:
         after, before = f"±{percent(estimate.sigma / estimate.initial)}", f"±{percent(prior / estimate.initial)}"
         needed = f"±{percent(identification.settings.excited * prior / estimate.initial)}"
     else:
@@ -142,9 +157,10 @@ def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> 
         rest = "; ".join(f"{percent(part)} {word}" for word, part in shares.items() if word != facts.WORDS["OK"])
         found.append(f"{one.name}: reliable in {percent(good)} of the samples{f' ({rest})' if rest else ''}.")
         differences = [
-            (name, facts.reference_rms(one, facts.record_of(one, records), name), _unit(name)) for name in one.values
+            (name, facts.reference_rms(one, facts.record_of(one, records), name), facts.unit_of(name))
+            for name in one.values
         ]
-        told = [f"{spoken(n)} {with_sigma(rms, None, unit)}" for n, rms, unit in differences if rms is not None]
+        told = [f"{spoken(n)} {about(rms, unit)}" for n, rms, unit in differences if rms is not None]
         if told:
             found.append(f"{one.name}: rms difference from the reference: {', '.join(told)}.")
         warned = list(_innovation_cautions(one))
@@ -189,14 +205,5 @@ def innovation_size(states: "States", name: str) -> tuple[float, float]:
     return size, float(out.sum() / max(seen.sum(), 1))
 
 
-def _unit(name: str) -> str:
-    from fifthwheel.logs.names import si_unit
-
-    return si_unit(name) or ""
-
-
 def _sentence(text: str) -> str:
     return text[0].upper() + text[1:] + "."
-
-
-

@@ -1,0 +1,71 @@
+"""The frame of a report: one HTML file with its style, its plots and plotly.js inside, so that it opens anywhere."""
+
+import json
+import os
+from collections.abc import Sequence
+from functools import cache
+from html import escape
+from importlib import resources
+from pathlib import Path
+
+from fifthwheel.report.figures import Plot
+
+POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
+"""What the page may load: nothing from elsewhere."""
+
+
+def write(path: Path, *, title: str, body: str, plots: Sequence[Plot]) -> None:
+    """Write the page, whole or not at all."""
+    figures = [{"group": plot.group, **plot.figure} for plot in plots]
+    parts = [
+        _head(title).encode(),
+        body.encode(),
+        b"\n<noscript><p>The plots need JavaScript; the tables do not.</p></noscript>\n",
+        b'<script type="application/json" id="figures">',
+        script_json(figures).encode(),
+        b"</script>\n",
+    ]
+    if plots:
+        parts += [b"<script>", plotly_js(), b"</script>\n<script>", _asset("page.js"), b"</script>\n"]
+    parts.append(b"</body>\n</html>\n")
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        temporary.write_bytes(b"".join(parts))
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def script_json(value: object) -> str:
+    """JSON that can stand inside a <script>: no "<" that could end it; a number that is not finite is an error."""
+    text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+@cache
+def plotly_js() -> bytes:
+    """The plotly.js that the installed plotly brings, without importing its figures."""
+    found = (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    return found.replace(b"</script", b"<\\/script")
+
+
+@cache
+def _asset(name: str) -> bytes:
+    return (resources.files("fifthwheel.report") / name).read_bytes()
+
+
+def _head(title: str) -> str:
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{escape(POLICY)}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title>
+<style>
+{_asset("page.css").decode()}</style>
+</head>
+<body>
+"""

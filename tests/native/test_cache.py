@@ -1,0 +1,368 @@
+"""Machine code on disk: what is read back, and what never is."""
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.native import Scan, cache, scan
+
+from .conftest import times
+
+KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
+CODE = b"machine code " * 20
+posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions are POSIX's")
+
+
+def entry(folder: Path, key: bytes = KEY) -> Path:
+    return folder / f"{key.hex()}.o"
+
+
+def result(factor: float = 2.0, name: str = "times") -> float:
+    """What a new Scan makes of 1 + 2 + 3: six times the factor."""
+    return Scan(times(factor, name))(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item()
+
+
+@pytest.fixture
+def loaded(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """All object code that is handed to an engine from here on."""
+    seen: list[bytes] = []
+    real = scan.llvm.ObjectFileRef.from_data
+    monkeypatch.setattr(
+        scan.llvm.ObjectFileRef, "from_data", staticmethod(lambda code: (seen.append(code), real(code))[1])
+    )
+    return seen
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """All sources that go to the compiler from here on."""
+    seen: list[str] = []
+    real = scan._compile
+    monkeypatch.setattr(scan, "_compile", lambda source: (seen.append(source), real(source))[1])
+    return seen
+
+
+def test_entry_is_read_back(cache_folder: Path) -> None:
+    assert cache.read(KEY) is None
+    cache.write(KEY, CODE)
+    assert cache.read(KEY) == CODE
+    assert cache.read(OTHER) is None
+    assert os.listdir(cache_folder) == [entry(cache_folder).name]
+    cache.write(KEY, b"")
+    assert cache.read(KEY) == b""
+
+
+@posix
+def test_folder_and_entry_are_their_users_alone(cache_folder: Path) -> None:
+    before = os.umask(0)
+    try:
+        cache.write(KEY, CODE)
+    finally:
+        os.umask(before)
+    assert cache_folder.stat().st_mode & 0o777 == 0o700
+    assert entry(cache_folder).stat().st_mode & 0o777 == 0o600
+
+
+def test_second_scan_compiles_nothing(cache_folder: Path, compiled: list[str], loaded: list[bytes]) -> None:
+    assert result() == 12
+    assert (len(compiled), len(list(cache_folder.iterdir()))) == (1, 1)
+    assert result() == 12
+    assert len(compiled) == 1
+    assert loaded[0] == loaded[1]
+    assert result(3.0) == 18
+    assert (len(compiled), len(list(cache_folder.iterdir()))) == (2, 2)
+
+
+def test_lanes_and_sizes_have_entries_of_their_own(cache_folder: Path) -> None:
+    step = times(2.0)
+    for lanes in (1, 4, 8):
+        Scan(step, lanes).batch(np.zeros((3, 1)), np.ones((2, 1)), np.ones((3, 1)))
+    assert len(list(cache_folder.iterdir())) == 3
+    assert result(name="another_name") == 12  # the key is of what is computed
+    assert len(list(cache_folder.iterdir())) == 3
+
+
+def test_another_compiler_or_processor_has_other_entries(
+    compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result()
+    *machine, identity = scan._platform()
+    monkeypatch.setattr(scan, "_platform", lambda: (*machine, identity + b"another"))
+    assert result() == 12
+    assert len(compiled) == 2
+
+
+def test_second_process_compiles_nothing(cache_folder: Path) -> None:
+    assert result() == 12
+    program = """
+import sys
+import casadi as ca, numpy as np
+from fifthwheel.native import Scan, scan
+def never(source):
+    raise AssertionError("compiled")
+scan._compile = never
+carry, sample, constant = (ca.SX.sym(word) for word in ("carry", "sample", "constant"))
+step = ca.Function("times", [carry, sample, constant], [carry + 2.0 * constant * sample, carry])
+print(Scan(step)(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "12.0\n", "")
+    assert len(list(cache_folder.iterdir())) == 1
+
+
+def test_every_flipped_byte_is_noticed(cache_folder: Path) -> None:
+    cache.write(KEY, CODE)
+    path = entry(cache_folder)
+    good = path.read_bytes()
+    for i in range(len(good)):
+        path.write_bytes(good[:i] + bytes([good[i] ^ 1]) + good[i + 1 :])
+        assert cache.read(KEY) is None, i
+    for length in (0, 1, 31, 32, 63, 64, 65, len(good) - 1):
+        path.write_bytes(good[:length])
+        assert cache.read(KEY) is None, length
+    path.write_bytes(good + b"\0")
+    assert cache.read(KEY) is None
+    path.write_bytes(good)
+    assert cache.read(KEY) == CODE
+
+
+def test_flipped_byte_is_compiled_anew_and_mended(
+    cache_folder: Path, compiled: list[str], loaded: list[bytes]
+) -> None:
+    result()
+    (path,) = cache_folder.iterdir()
+    good = path.read_bytes()
+    places = [0, 31, 32, 63, 64, 65, *range(66, len(good), len(good) // 5), len(good) - 1]
+    for i in places:
+        path.write_bytes(good[:i] + bytes([good[i] ^ 0x80]) + good[i + 1 :])
+        assert result() == 12
+        assert path.read_bytes() == good
+    assert len(compiled) == 1 + len(places)
+    assert set(loaded) == {good[64:]}
+
+
+def with_header(key: bytes, code: bytes) -> bytes:
+    return key + cache.DIGEST(key + code).digest() + code
+
+
+@pytest.fixture
+def foreign(cache_folder: Path) -> tuple[Path, bytes, bytes]:
+    """The place of this step's entry, empty; its key; and another step's object code, which would give 6 n, not 12."""
+    result(999.0)
+    (path,) = cache_folder.iterdir()
+    code = path.read_bytes()[64:]
+    path.unlink()
+    result()
+    (path,) = cache_folder.iterdir()
+    key = bytes.fromhex(path.stem)
+    path.unlink()
+    return path, key, code
+
+
+def test_forged_entry_would_be_run_if_it_were_private(foreign: tuple[Path, bytes, bytes]) -> None:
+    """The tests below mean something: only the check that each is about stands between this code and the processor."""
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    assert result() == 999 * 6
+
+
+@pytest.mark.parametrize("kind", ["bare code", "another step's entry", "digest of the code alone", "garbage", "empty"])
+def test_foreign_file_is_ignored_and_rewritten(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], kind: str
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(
+        {
+            "bare code": code,
+            "another step's entry": with_header(OTHER, code),
+            "digest of the code alone": key + cache.DIGEST(code).digest() + code,
+            "garbage": b"\x7fELF" + bytes(1000),
+            "empty": b"",
+        }[kind]
+    )
+    assert result() == 12
+    assert code not in loaded
+    assert path.read_bytes() == with_header(key, loaded[0])
+    assert result() == 12
+
+
+def test_entry_under_another_keys_name_is_ignored(cache_folder: Path, loaded: list[bytes]) -> None:
+    result()
+    (mine,) = cache_folder.iterdir()
+    good = mine.read_bytes()
+    result(3.0)
+    (other,) = set(cache_folder.iterdir()) - {mine}
+    shutil.copy(other, mine)
+    loaded.clear()
+    assert result() == 12
+    assert loaded == [good[64:]]
+    assert mine.read_bytes() == good
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666, 0o777])
+def test_entry_that_others_may_write_is_not_run(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    path.chmod(mode)
+    assert cache.read(key) is None
+    assert result() == 12
+    assert code not in loaded
+    assert path.stat().st_mode & 0o777 == 0o600  # written anew, not into the old file
+    assert cache.read(key) == loaded[0]
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o720, 0o702, 0o777, 0o1777])
+def test_folder_that_others_may_write_is_not_used(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    path.parent.chmod(mode)
+    assert cache.folder() is None
+    assert result() == 12
+    assert code not in loaded
+    cache.write(OTHER, CODE)
+    assert os.listdir(path.parent) == [path.name]
+    path.parent.chmod(0o700)
+    assert path.read_bytes() == with_header(key, code)
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o755, 0o750, 0o700])
+def test_folder_that_others_may_only_read_is_used(cache_folder: Path, mode: int) -> None:
+    cache_folder.mkdir()
+    cache_folder.chmod(mode)
+    cache.write(KEY, CODE)
+    assert cache.read(KEY) == CODE
+
+
+@posix
+def test_symlinked_folder_is_not_used(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    link = tmp_path / "link"
+    link.symlink_to(path.parent, target_is_directory=True)
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(link))
+    assert cache.folder() is None
+    assert result() == 12
+    assert code not in loaded
+    assert path.read_bytes() == with_header(key, code)
+
+
+@posix
+def test_symlinked_entry_is_not_run_and_replaced(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], tmp_path: Path
+) -> None:
+    path, key, code = foreign
+    target = tmp_path / "target"
+    target.write_bytes(with_header(key, code))
+    path.symlink_to(target)
+    assert result() == 12
+    assert code not in loaded
+    assert not path.is_symlink()
+    assert target.read_bytes() == with_header(key, code)
+
+
+@posix
+def test_entry_of_another_user_is_not_run(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    owner = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    assert cache.folder() is None
+    assert result() == 12
+    assert code not in loaded
+    if owner == 0:
+        monkeypatch.undo()
+        monkeypatch.setenv("FIFTHWHEEL_CACHE", str(path.parent))
+        os.chown(path, 65534, 65534)
+        assert cache.folder() == path.parent
+        assert cache.read(key) is None
+
+
+@pytest.mark.parametrize("step", ["first", "second"])
+def test_empty_name_switches_the_cache_off(
+    cache_folder: Path, monkeypatch: pytest.MonkeyPatch, compiled: list[str], step: str
+) -> None:
+    if step == "second":
+        result()
+    before = sorted(cache_folder.rglob("*"))
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", "")
+    monkeypatch.chdir(cache_folder.parent)
+    compiled.clear()
+    assert cache.folder() is None
+    assert result() == 12
+    assert len(compiled) == 1
+    assert sorted(cache_folder.rglob("*")) == before
+    assert {p.name for p in cache_folder.parent.iterdir()} <= {"cache"}
+
+
+def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("FIFTHWHEEL_CACHE")
+    monkeypatch.setattr(cache, "user_cache_path", lambda *names: tmp_path.joinpath("home", *names[:1]))
+    assert cache.folder() == tmp_path / "home" / "fifthwheel" / "native"
+    assert result() == 12
+    assert len(list((tmp_path / "home" / "fifthwheel" / "native").iterdir())) == 1
+
+
+@pytest.mark.parametrize("obstacle", ["a file", "under a file", "nowhere"])
+def test_folder_that_cannot_be_made_is_no_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, obstacle: str
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("in the way")
+    place = {"a file": file, "under a file": file / "cache", "nowhere": Path("/dev/null/cache")}[obstacle]
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(place))
+    assert cache.folder() is None
+    assert cache.read(KEY) is None
+    cache.write(KEY, CODE)
+    assert result() == 12
+    assert file.read_text() == "in the way"
+
+
+@posix
+def test_folder_without_permission_is_no_error(cache_folder: Path) -> None:
+    cache_folder.mkdir(mode=0o500)
+    try:
+        assert result() == 12
+        assert result() == 12
+        if os.getuid():  # root writes everywhere
+            assert not list(cache_folder.iterdir())
+    finally:
+        cache_folder.chmod(0o700)
+
+
+@pytest.mark.parametrize("call", ["mkstemp", "fdopen", "replace"])
+def test_full_disk_is_no_error(cache_folder: Path, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left")
+
+    assert cache.folder() == cache_folder
+    with monkeypatch.context() as patch:
+        patch.setattr(cache.tempfile if call == "mkstemp" else cache.os, call, full)
+        assert result() == 12
+    assert not list(cache_folder.iterdir())
+    assert result() == 12
+    assert len(list(cache_folder.iterdir())) == 1
+
+
+@posix
+def test_entry_that_cannot_be_read_or_replaced_is_no_error(foreign: tuple[Path, bytes, bytes]) -> None:
+    path, *_ = foreign
+    path.mkdir()
+    assert result() == 12
+    assert list(path.parent.iterdir()) == [path]
