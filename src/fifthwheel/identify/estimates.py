@@ -51,13 +51,14 @@ def of_parameters(
             verdict = Verdict.HELD if held else Verdict.NOT_EXCITED
             found.append(Estimate(value=given[name], sigma=None, initial=given[name], verdict=verdict, **common))
             continue
-        unknown = unknowns[name]
-        slope = float(np.abs(scaling([unknown]).slope(np.array([values[name]])))[0])
-        verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, values[name], settled.get(name, False))
+        unknown, value = unknowns[name], values[name]
+        slope = float(np.abs(scaling([unknown]).slope(np.array([value])))[0])
+        sigma = slope * (1.0 if name in idle else sigma_z[name])
+        verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, value, sigma, settled.get(name, False))
         found.append(
             Estimate(
-                value=values[name],
-                sigma=sigma_z[name] * slope,
+                value=value,
+                sigma=sigma,
                 initial=unknown.centre,
                 verdict=verdict,
                 settled=_settled_at(traces, name, settings),
@@ -67,9 +68,9 @@ def of_parameters(
     return found
 
 
-def _verdict(unknown: Unknown, value: float, settled: bool) -> Verdict:
-    reach = 1e-6 * (unknown.upper - unknown.lower)
-    if not unknown.lower + reach < value < unknown.upper - reach:
+def _verdict(unknown: Unknown, value: float, sigma: float, settled: bool) -> Verdict:
+    """At a bound means closer to it than a tenth of sigma: the prior keeps an estimate from lying on it exactly."""
+    if min(value - unknown.lower, unknown.upper - value) < 0.1 * sigma:
         return Verdict.AT_BOUND
     return Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED
 

@@ -13,7 +13,7 @@ from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.settings import Settings
-from fifthwheel.identify.stage import Log, channel_noise, shift_delays
+from fifthwheel.identify.stage import Log, channel_noise, long_run, shift_delays
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
 from fifthwheel.observe.prepare import prepare
@@ -50,7 +50,7 @@ class Information:
         if name not in self.names:
             return True
         i = self.names.index(name)
-        return bool(np.sqrt(self.covariance[i, i]) < limit)
+        return bool(self.covariance[i, i] < limit**2)
 
     @property
     def sigma(self) -> Array:
@@ -66,8 +66,12 @@ def evaluate(
     *,
     values: Mapping[str, float],
     settings: Settings,
+    gated: bool = True,
 ) -> Information:
     """Information of all logs at the estimate, all unknowns free together.
+
+    Without `gated` every measurement counts, also those that are far from what the model predicts: before a fit, most
+    may be.
 
     The filter runs once more with its parameters frozen; each channel leaves an innovation e, its variance s and its
     gradient g to z. Information is the sum of g g'/s plus the prior. The sandwich puts the scores' own long-run
@@ -83,7 +87,7 @@ def evaluate(
         places = [full.index(f"{name}@{i}" if flag else name) for name, flag in zip(names, own, strict=True)]
         for section in log.sections:
             frozen = _Frozen(model, vehicle, unknowns, values, log, settings)
-            scores, gram = frozen.scores(section)
+            scores, gram = frozen.scores(section, gated=gated)
             lags = max(int(settings.correlation_time * section.rate), 1)
             information[np.ix_(places, places)] += gram
             middle[np.ix_(places, places)] += long_run(scores, lags)
@@ -96,17 +100,6 @@ def evaluate(
         robust=covariance @ middle @ covariance,
         bias=covariance @ push,
     )
-
-
-def long_run(scores: Array, lags: int) -> Array:
-    """Covariance of the sum of scores (N, n) that hang together up to `lags` samples, (n, n), never indefinite.
-
-    Newey and West's estimate with Bartlett weights, written as the sums over all windows of `lags` samples.
-    """
-    edge = np.zeros((lags, scores.shape[1]))
-    total = np.cumsum(np.vstack([edge, scores, edge]), axis=0)
-    windows = total[lags:] - total[:-lags]
-    return np.asarray(windows.T @ windows / lags)
 
 
 class _Frozen:
@@ -150,14 +143,15 @@ class _Frozen:
         )
         return found.innovation, found.accepted / found.innovation_variance, found.sensitivity
 
-    def scores(self, section: Record) -> tuple[Array, Array]:
+    def scores(self, section: Record, *, gated: bool) -> tuple[Array, Array]:
         """Scores (N, n) of the samples and their information (n, n).
 
         The gradients are those of a vehicle that only its inputs move. Along the filtered states they would hold the
         sensors' noise, which looks like excitation: on a straight road it is all there is.
         """
         innovation, weight, _ = self.run(section)
-        _, _, gradient = self.run(self.by_inputs(section, roll=self.model.roll))
+        _, ungated, gradient = self.run(self.by_inputs(section, roll=self.model.roll))
+        weight = weight if gated else ungated
         scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
         rows = (np.sqrt(weight)[..., None] * gradient).reshape(-1, gradient.shape[-1])
         gram = rows.T @ rows

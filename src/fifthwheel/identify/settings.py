@@ -24,7 +24,7 @@ class Settings:
     """The same for a payload height, m."""
     logarithmic: bool = True
     """Seek stiffness and inertia by their logarithm, so that they stay positive."""
-    passes: int = 8
+    passes: int = 20
     """At most so many times through the logs in each stage."""
     rounds: int = 10
     """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
@@ -48,8 +48,8 @@ class Settings:
     """Estimate steer zero, steer gain and delay, and the sensors' zeros beside the parameters."""
     steer_offset_prior: float = 0.01
     """Prior standard deviation of a steer zero, rad; one for each log."""
-    steer_gain_prior: float = 0.05
-    """Prior standard deviation of a steer gain; one for the truck."""
+    steer_gain_prior: float = 0.15
+    """Prior standard deviation of a steer gain, one for the truck: a fixed steering ratio may be off by as much."""
     steer_delay_prior: float = 0.1
     """Prior standard deviation of a steer delay, s; one for the truck."""
     rate_offset_prior: float = 0.004
@@ -68,8 +68,9 @@ class Settings:
     """Below this the linear tyre model does not hold, m/s; such stretches are left out."""
     correlation_time: float = 3.0
     """How long residuals may hang together, s, when sigma is reckoned."""
-    excited: float = 0.5
-    """A parameter counts as excited when the logs bring its sigma below this part of its prior's."""
+    excited: float = 0.5**0.5
+    """A parameter counts as excited when the logs bring its sigma below this part of its prior's: by default, when they
+    tell more of it than the prior does."""
     check: bool = True
     """Refuse logs whose signals cannot be what they are called."""
 

@@ -29,6 +29,7 @@ class Log:
     sections: list[Record]
     errors: dict[str, float] = field(default_factory=dict)  # this log's own nuisances by name
     noise: dict[str, float] = field(default_factory=dict)  # variance of each channel
+    colour: dict[str, float] = field(default_factory=dict)  # how many of its samples are worth one, see `colour`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +107,31 @@ def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Setti
         log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
     return Noise(
         process=variances.process(model.states, variances.PROCESS, settings.process_noise),
-        measurement=np.array([log.noise[name] for name in model.outputs]),
+        measurement=np.array([log.noise[name] * log.colour.get(name, 1.0) for name in model.outputs]),
         gate=settings.gate,
     )
+
+
+def colour(innovation: Array, lags: int) -> float:
+    """How many innovations (N,) are worth one of white noise: their long-run variance over their variance, at least 1.
+
+    Residuals of a model that leaves something out hang together; a filter that takes each for news believes them too
+    much and its priors too little. Of N samples no more than a twentieth are looked at as one.
+    """
+    own = float(np.mean(innovation**2))
+    together = long_run(innovation[:, None], max(min(lags, len(innovation) // 20), 1))[0, 0] / len(innovation)
+    return max(1.0, float(together) / own)
+
+
+def long_run(scores: Array, lags: int) -> Array:
+    """Covariance of the sum of scores (N, n) that hang together up to `lags` samples, (n, n), never indefinite.
+
+    Newey and West's (1987) estimate with Bartlett weights, written as the sums over all windows of `lags` samples.
+    """
+    edge = np.zeros((lags, scores.shape[1]))
+    total = np.cumsum(np.vstack([edge, scores, edge]), axis=0)
+    windows = total[lags:] - total[:-lags]
+    return np.asarray(windows.T @ windows / lags)
 
 
 def moved(change: ArrayLike, value: ArrayLike, sigma: ArrayLike, settings: Settings) -> bool:
@@ -215,10 +238,13 @@ class _Working:
         self.accepted.append(accepted)
         self._store(self.own & self.active, log.errors)
         if self.settings.adapt_noise:
+            rate = 1 / np.median(np.diff(log.sections[0].time))
             for i, name in enumerate(self.model.outputs):
                 seen = innovation[accepted[:, i] > 0, i]
                 if len(seen) > 20:
-                    log.noise[name] *= float(np.clip(np.mean(seen**2), 1e-2, 1e2))
+                    used = log.noise[name] * log.colour.get(name, 1.0)
+                    log.noise[name] = used * float(np.clip(np.mean(seen**2), 1e-3, 1e3))
+                    log.colour[name] = colour(seen, int(self.settings.correlation_time * rate))
 
     def _store(self, which: NDArray[np.bool_], into: dict[str, float]) -> None:
         """Write z's parameters, inside their bounds, where they belong; z follows."""

@@ -8,6 +8,7 @@ The article stops there. Its stage 1 knows no roll, which on its own truck moves
 both stages therefore come round again, now with the yaw-roll model and the height just found, until nothing moves.
 """
 
+import itertools
 from collections.abc import Sequence
 
 import fifthwheel
@@ -108,16 +109,22 @@ class _TwoStage:
             model = stage.build(self.vehicle, (*self.yaw, *self.roll), unknowns, roll=True)
         for m, u in ((yaw_model, yaw_unknowns), (model, unknowns)):
             compile_soon(dual.step(m, parameters.scaling(u).logarithmic))
-        self.idle: set[str] = set()
-        known = self._information(yaw_model, yaw_unknowns)  # the yaw model will do to begin with
-        while True:
-            idle = {u.name for u in unknowns if not u.nuisance and not known.excited(u.name, self.settings.excited)}
-            if self.traces and idle <= self.idle:
-                return self._result(model, unknowns, known)
-            self.idle |= idle
+        known = self._information(yaw_model, yaw_unknowns, gated=False)  # to begin with the yaw model will do
+        self.idle = self._not_excited(known, unknowns)
+        for attempt in itertools.count():
             self._begin()
             self._stages(yaw_model, yaw_unknowns, model, unknowns)
             known = self._information(model, unknowns)
+            idle = self._not_excited(known, unknowns)
+            if attempt:  # what the guess said may be taken back once; after that the set only grows
+                idle |= self.idle
+            if idle == self.idle:
+                break
+            self.idle = idle
+        return self._result(model, unknowns, known)
+
+    def _not_excited(self, known: Information, unknowns: list[Unknown]) -> set[str]:
+        return {u.name for u in unknowns if not u.nuisance and not known.excited(u.name, self.settings.excited)}
 
     def _unknowns(self, outputs: Sequence[str]) -> list[Unknown]:
         heights = self.stage_2 if any(name.startswith("roll_rate.") for name in outputs) else []
@@ -131,6 +138,7 @@ class _TwoStage:
         for log in self.logs:
             log.errors.clear()
             log.noise.clear()
+            log.colour.clear()
 
     def _stages(
         self, yaw_model: ChainModel, yaw_unknowns: list[Unknown], model: ChainModel, unknowns: list[Unknown]
@@ -198,9 +206,9 @@ class _TwoStage:
             late = since > (1 - SETTLED_PART) * len(outcome.trace.values)
             self.settled[name] = outcome.settled if self.settings.restart else not late
 
-    def _information(self, model: ChainModel, unknowns: list[Unknown]) -> Information:
+    def _information(self, model: ChainModel, unknowns: list[Unknown], *, gated: bool = True) -> Information:
         return information.evaluate(
-            model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings
+            model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings, gated=gated
         )
 
     def _result(self, model: ChainModel, unknowns: list[Unknown], known: Information) -> Identification:

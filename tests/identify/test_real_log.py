@@ -1,0 +1,82 @@
+"""Stage 1 on logs of a real truck, where they are at hand; they are not part of the project."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel import vehicle
+from fifthwheel.identify import Identification, identify
+from fifthwheel.logs import Record, SignalMap, read
+from fifthwheel.observe import Observer, Status
+
+DATA = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")) / "real_truck"
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the real logs are not here")
+
+MAP = """
+[time]
+column = "t"
+[signals]
+speed = "vx"
+"steer.tractor.front" = "steer_ang"
+"yaw_rate.tractor" = "yaw_rate"
+"articulation.semitrailer" = "hitch"
+[signals."yaw_rate.semitrailer"]
+sum = ["yaw_rate", "hitch_rate"]
+[reference]
+"lateral_velocity.tractor" = "vy"
+"""
+CHANNELS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
+
+
+@pytest.fixture(scope="module")
+def bend() -> Record:
+    return read(DATA / "run01_s_bend.csv", SignalMap.parse(MAP), name="bend")
+
+
+@pytest.fixture(scope="module")
+def ramp() -> Record:
+    return read(DATA / "run02_exit_ramp.csv", SignalMap.parse(MAP), name="ramp")
+
+
+def explained(found: Identification, log: str) -> list[float]:
+    """Per cent of the variance of the three channels."""
+    return [100 * next(f.explained for f in found.fits if f.log == log and f.signal == name) for name in CHANNELS]
+
+
+def test_both_logs_together_are_no_worse_than_a_plain_fit(bend: Record, ramp: Record) -> None:
+    found = identify([bend, ramp], vehicle.get("auburn_6x4"))
+    assert np.all(np.array(explained(found, "bend")) >= [99.0, 99.5, 99.5])
+    assert np.all(np.round(explained(found, "ramp")) >= [82, 94, 74])
+    assert all(f.rms < 0.0075 for f in found.fits if f.signal == "yaw_rate.tractor")
+    zeros = {e.log: e.value for e in found.sensors if e.name == "steer.tractor.front.offset"}
+    assert set(zeros) == {"bend", "ramp"}
+    assert found.traces.keys() == {"stage 1"}
+
+
+def test_the_bend_alone_explains_itself(bend: Record, ramp: Record) -> None:
+    found = identify([bend], vehicle.get("auburn_6x4"), validate=[ramp])
+    assert np.all(np.array(explained(found, "bend")) >= [99.0, 99.7, 99.7])
+    assert not any(f.identified_on for f in found.fits if f.log == "ramp")
+
+
+def test_the_ramp_alone_predicts_the_bend(bend: Record, ramp: Record) -> None:
+    found = identify([ramp], vehicle.get("auburn_6x4"), validate=[bend])
+    assert np.all(np.array(explained(found, "bend")) >= [98, 98, 98])
+
+
+def test_lateral_velocity_against_the_ins(bend: Record, ramp: Record) -> None:
+    found = identify([bend, ramp], vehicle.get("auburn_6x4"))
+    observer = Observer(found.vehicle, bend.signals, found.observer_settings("bend"))
+    states = observer.batch(bend)
+    assert (states.status == Status.OK).all()
+    speed, yaw_rate = bend.signals["speed"], states.values["yaw_rate.tractor"]
+    lateral = states.values["sideslip.tractor"] * speed
+    # where the INS sits on the tractor is not known: its place and zero are fitted, two numbers for 250 samples
+    measured = bend.reference["lateral_velocity.tractor"]
+    place = np.column_stack([yaw_rate, np.ones_like(speed)])
+    solution, *_ = np.linalg.lstsq(place, measured - lateral, rcond=None)
+    rest = measured - lateral - place @ solution
+    assert measured.std() > 0.19
+    assert rest.std() < 0.03
