@@ -116,9 +116,24 @@ def test_a_parameter_that_cannot_be_held_is_named(truck: Vehicle) -> None:
 
 
 def test_at_bound(truck: Vehicle) -> None:
-    far = guesses(truck, (1.0, 1.0, 0.06, 1.0))  # bounds are an eighth and eight times the start
-    found = identify([simulate(truck, count=3, seed=6)], far)
-    assert found["semitrailer.cornering_stiffness"].verdict is Verdict.AT_BOUND
+    stiff = {
+        "semitrailer.roll_stiffness": 2.5,
+        "semitrailer.tyre_roll_stiffness": 2.5,
+        "fifth_wheel.roll_stiffness": 2.5,
+    }
+    values = truck.parameters()
+    other = truck.replace({name: values[name] * factor for name, factor in stiff.items()})
+    found = identify([simulate(other, count=3, seed=6)], truck)  # rolls less than any payload would let it
+    assert found[HEIGHT].verdict is Verdict.AT_BOUND
+    assert found["semitrailer.cog_height"].verdict is Verdict.AT_BOUND
+
+
+@pytest.mark.parametrize("factors", [(1.0, 1.0, 0.04, 1.0), (9.0, 1.0, 1.0, 1.0)])
+def test_a_hopeless_start_is_not_called_converged(truck: Vehicle, factors: tuple[float, ...]) -> None:
+    found = identify([simulate(truck, count=3, seed=6)], guesses(truck, factors))
+    assert Verdict.CONVERGED not in {e.verdict for e in found.parameters}
+    assert all(e.sigma is not None and math.isfinite(e.sigma) and math.isfinite(e.value) for e in found.parameters)
+    assert any("cannot be trusted" in note for note in found.notes)
 
 
 def test_not_converged_when_stopped_early(truck: Vehicle) -> None:

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from fifthwheel.identify.information import Verdict
 from fifthwheel.identify.parameters import Unknown, scaling, stage_1_names, stage_2_names
-from fifthwheel.identify.result import Estimate, LogSummary, SensorError
+from fifthwheel.identify.result import Estimate, Fit, LogSummary, SensorError
 from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Log, Trace
 from fifthwheel.logs import Record
+from fifthwheel.observe import noise as variances
 from fifthwheel.vehicle import Vehicle, unit_of
 
 Array = NDArray[np.float64]
@@ -66,6 +67,12 @@ def of_parameters(
             )
         )
     return found
+
+
+def unexplained(fit: Fit, vehicle: Vehicle, settings: Settings) -> bool:
+    """Whether a channel that is well above its sensor's noise is explained by less than half."""
+    noise = variances.sensor(vehicle, fit.signal, settings.noise)
+    return not fit.explained > 0.5 and float(np.nanvar(fit.measured)) > 20 * noise
 
 
 def _verdict(unknown: Unknown, value: float, sigma: float, settled: bool) -> Verdict:

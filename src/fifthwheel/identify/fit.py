@@ -83,7 +83,7 @@ def _free_run(
     def run(x0: Array | None, steer: Mapping[str, Array]) -> Array:
         return response(model, p, section.time, inputs | dict(steer), x0)[1]
 
-    x0, P0 = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, roll=model.roll)
+    x0, P0 = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, values, roll=model.roll)
     base = run(x0, {})
     still = {name: np.zeros_like(section.time) for name in model.inputs[1:]}
     quiet = run(None, still)

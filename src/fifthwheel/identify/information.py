@@ -41,13 +41,14 @@ class Information:
     covariance: Array  # inverse of information plus prior
     robust: Array  # the same by scores that may hang together (sandwich)
     bias: Array  # what leaving out roll moves each unknown by, zero where the model has roll
+    runaway: bool  # the vehicle is unstable at these values; all else here is then the prior
 
     def excited(self, name: str, limit: float) -> bool:
         """Whether the logs bring an unknown's sigma below `limit` times its prior's, were the model right.
 
-        True of an unknown that this information is not about.
+        True of an unknown that this information is not about, and of all where the vehicle runs away.
         """
-        if name not in self.names:
+        if self.runaway or name not in self.names:
             return True
         i = self.names.index(name)
         return bool(self.covariance[i, i] < limit**2)
@@ -93,12 +94,16 @@ def evaluate(
             middle[np.ix_(places, places)] += long_run(scores, lags)
             if not model.roll:
                 push[places] += frozen.roll_left_out(section)
+    runaway = not np.linalg.cond(information) < 1e14  # an unstable vehicle: its numbers tell nothing
+    if runaway:
+        information, middle, push = np.eye(size), np.eye(size), np.zeros(size)
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     return Information(
         names=tuple(full),
         covariance=covariance,
         robust=covariance @ middle @ covariance,
         bias=covariance @ push,
+        runaway=runaway,
     )
 
 
@@ -117,15 +122,14 @@ class _Frozen:
         self.model, self.vehicle, self.settings, self.log = model, vehicle, settings, log
         self.values = {u.name: u.centre for u in unknowns} | dict(values) | log.errors
         self.names = [u.name for u in unknowns]
-        self.late = {n.removesuffix(".delay"): self.values[n] for n in self.names if n.endswith(".delay")}
         own = scaling(unknowns)
         self.z = own.to_z(np.array([self.values[name] for name in self.names]))
-        self.scaling = shift_delays(own, self.names, self.late)
+        self.scaling = shift_delays(own, self.names, self.values)
 
     def run(self, section: Record) -> tuple[Array, Array, Array]:
         """Innovations, weights 1/variance (zero where not used) and gradients: (M, m), (M, m), (M, m, n)."""
         n, k = len(self.model.states), len(self.names)
-        rows = prepare(self.model, self.vehicle, section, delays=self.late)
+        rows = prepare(self.model, self.vehicle, section, errors=self.values)
         start = DualState(
             x=rows.x0,
             P=rows.P0,
@@ -174,9 +178,10 @@ class _Frozen:
         vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in own})
         model = dynamics.model(vehicle, self.model.outputs, roll=roll)
         inputs = {name: section.input(name) for name in model.inputs}
-        x0, _ = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, roll=roll)
+        x0, _ = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, self.values, roll=roll)
         values = dynamics.all_parameters(vehicle, model.outputs) | self.values
-        moved = {n: np.interp(section.time + self.late.get(n, 0.0), section.time, v) for n, v in inputs.items()}
+        late = {name: self.values.get(f"{name}.delay", 0.0) for name in inputs}
+        moved = {n: np.interp(section.time + late[n], section.time, v) for n, v in inputs.items()}
         values |= {name: 0.0 for name in values if name.endswith(".delay")}
         _, shown = response(model, values, section.time, moved, x0)
         seen = {

@@ -92,12 +92,12 @@ def run(
     return working.outcome()
 
 
-def shift_delays(scaling: Scaling, names: Sequence[str], late: Mapping[str, float]) -> Scaling:
-    """The scaling for rows whose inputs were already moved by `late` seconds: only the rest is left to the model."""
+def shift_delays(scaling: Scaling, names: Sequence[str], errors: Mapping[str, float]) -> Scaling:
+    """The scaling for rows that `prepare` moved by the delays in `errors`: only the rest is left to the model."""
     centre = scaling.centre.copy()
     for i, name in enumerate(names):
         if name.endswith(".delay"):
-            centre[i] -= late[name.removesuffix(".delay")]
+            centre[i] -= errors.get(name, 0.0)
     return replace(scaling, centre=centre)
 
 
@@ -189,8 +189,8 @@ class _Working:
             self.Pz = self._prior()
         self.innovation: list[Array] = []
         self.accepted: list[Array] = []
-        late = {n.removesuffix(".delay"): self.values.get(n, 0.0) for n in self.names if n.endswith(".delay")}
-        shifted = shift_delays(self.scaling, self.names, late)
+        shared = dict(self.values)
+        shifted = shift_delays(self.scaling, self.names, shared)
         for log in self.logs:
             own = self.own & self.active
             self.Pz[own, :] = self.Pz[:, own] = 0.0
@@ -199,7 +199,7 @@ class _Working:
             begun = np.where(own, self.z, 0.0)
             self.residual: list[tuple[Array, Array]] = []
             for section in log.sections:
-                self._section(log, prepare(self.model, self.vehicle, section, delays=late), shifted)
+                self._section(log, prepare(self.model, self.vehicle, section, errors=shared | log.errors), shifted)
             self.z = self.z - self.Pz @ begun
             self._leave(log)
         if self.settings.restart:

@@ -216,18 +216,25 @@ class _TwoStage:
         if not model.roll and known.bias.any():
             self.notes.append("No roll rates: stage 1 leaves out roll; each sigma holds what that may move.")
         sought = [*self.stage_1, *self.stage_2]
-        told = estimates.of_parameters(
-            self.original, sought, self.values, sigma, self.settled, self.idle, self.traces, self.settings
-        )
-        vehicle = self.vehicle.replace({e.name: e.value for e in told})
+        vehicle = self.vehicle.replace({u.name: self.values[u.name] for u in sought})
         plain = dynamics.model(self.vehicle, model.outputs, roll=model.roll)
         shared = {u.name: self.values.get(u.name, u.centre) for u in unknowns if u.nuisance and not u.each_log}
         found: list[Fit] = []
         for log in self.logs:
             found += fits(plain, vehicle, log, unknowns, values=shared, identified_on=True)
+        for fit in found:
+            if estimates.unexplained(fit, self.vehicle, self.settings):
+                self.settled.clear()
+                self.notes.append(
+                    f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of it in {fit.log}; the estimates "
+                    "cannot be trusted. Check the signal, the vehicle file and the values to start from."
+                )
         for record in self.validate:
             log = Log(name=record.name, sections=fast_enough(record, self.settings.min_speed), noise=self.logs[0].noise)
             found += fits(plain, vehicle, log, unknowns, values=shared, identified_on=False)
+        told = estimates.of_parameters(
+            self.original, sought, self.values, sigma, self.settled, self.idle, self.traces, self.settings
+        )
         return Identification(
             method="two-stage",
             vehicle=self.original.replace({e.name: e.value for e in told}),

@@ -56,13 +56,24 @@ def process(states: Sequence[str], table: Mapping[str, float], factor: float = 1
     return np.diag([factor * table[name.split(".")[0]] for name in states])
 
 
-def initial(vehicle: Vehicle, inputs: Mapping[str, float], *, roll: bool) -> tuple[Array, Array]:
+def initial(
+    vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool
+) -> tuple[Array, Array]:
     """State (n,) at the start of a record, and its covariance (n, n).
 
     A record starts somewhere near the steady state that its first steer angles lead to at its first speed.
+
+    Args:
+        inputs: the first speed and steer angles by name, as shown.
+        errors: zeros and gains of the steer sensors as far as they are known, such as "steer.tractor.front.offset".
     """
     m = dynamics.matrices(vehicle, inputs["speed"], roll=roll)
-    steer = np.array([inputs[name] for name in vehicle.steer_signals()])
+    steer = np.array(
+        [
+            errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0))
+            for name in vehicle.steer_signals()
+        ]
+    )
     stable = np.linalg.eigvals(m.A).real.max() < 0
     x0 = -np.linalg.solve(m.A, m.B @ steer) if stable else np.zeros(len(m.A))
     deviation = np.array([INITIAL[name.split(".")[0]] for name in m.states]) + UNSTEADY * np.abs(x0)

@@ -220,9 +220,13 @@ class Observer:
         return (Status.TOO_SLOW if slow else Status.OK), list(self._inputs)
 
     def _start(self, inputs: list[float]) -> None:
-        x0, P0 = variances.initial(self.vehicle, dict(zip(self.inputs, inputs, strict=True)), roll=self.roll)
+        x0, P0 = self._initial(inputs)
         self._carry[:] = np.concatenate([x0, pack_array(P0)])
         self._running = True
+
+    def _initial(self, inputs: list[float]) -> tuple[Array, Array]:
+        first = dict(zip(self.inputs, inputs, strict=True))
+        return variances.initial(self.vehicle, first, self.settings.zeros, roll=self.roll)
 
     def _between(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:
         """Steps without measurements up to the last one, which is left in the sample."""
@@ -293,8 +297,7 @@ class Observer:
         dt, d = steps.step_inputs(fine, columns)
         y = np.full((len(fine), measured.shape[1]), np.nan)
         y[places] = measured
-        start = dict(zip(self.inputs, inputs[0].tolist(), strict=True))
-        x0, P0 = variances.initial(self.vehicle, start, roll=self.roll)
+        x0, P0 = self._initial(inputs[0].tolist())
         rows = sample_rows(dt, d, y)
         _, output = self.scan(np.concatenate([x0, pack_array(P0)]), rows, self._constant)
         return output[places]

@@ -70,21 +70,21 @@ def fast_enough(record: Record, min_speed: float) -> list[Record]:
     return [section for piece in pieces for section in piece.sections()]
 
 
-def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, delays: Mapping[str, float] | None = None) -> Rows:
+def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapping[str, float] | None = None) -> Rows:
     """Rows of a record for a model.
 
     Args:
         vehicle: whose numbers say how long a step may be.
-        delays: s by which an input's channel is late.
+        errors: of the steer sensors as far as they are known: a delay moves the channel, zero and gain tell the start.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
     """
-    delays = delays or {}
+    errors = errors or {}
     inputs = {}
     for name in model.inputs:
         values = record.input(name)
-        late = delays.get(name, 0.0)
+        late = errors.get(f"{name}.delay", 0.0)
         inputs[name] = np.interp(record.time + late, record.time, values) if late else values
     columns = steps.stacked(inputs, model.inputs)
     limit = steps.longest(vehicle, columns[:, 0], roll=model.roll)
@@ -94,5 +94,6 @@ def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, delays: Mapp
     for i, name in enumerate(model.outputs):
         if name in record.signals:
             measured[places, i] = record.signals[name]
-    x0, P0 = initial(vehicle, {name: float(values[0]) for name, values in inputs.items()}, roll=model.roll)
+    first = {name: float(values[0]) for name, values in inputs.items()}
+    x0, P0 = initial(vehicle, first, errors, roll=model.roll)
     return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, x0=x0, P0=P0)

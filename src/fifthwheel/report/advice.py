@@ -6,14 +6,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fifthwheel.report import facts
-from fifthwheel.report.numbers import about, percent, with_sigma
+from fifthwheel.report.numbers import about, digits, percent, with_sigma
 
 if TYPE_CHECKING:
     from fifthwheel.identify import Estimate, Identification, SensorError, Settings
     from fifthwheel.report.facts import Drive
 
+ROUGH = 0.15
+"""A parameter with a greater relative sigma is known roughly only."""
 UNUSUAL = 2.5
 """A sensor's error beyond so many standard deviations of its prior is worth a look."""
+UNUSUAL_GAIN = 0.1
+"""A gain that is so far from 1, and by twice its sigma, is one too: the ratio can be measured."""
 POOR = 0.9
 """A channel of which less is explained, though its noise would allow more, is predicted poorly."""
 HARDLY = 0.5
@@ -31,6 +35,13 @@ def prior_sigma(settings: "Settings", estimate: "Estimate") -> tuple[float, bool
     return settings.prior * abs(estimate.initial), True
 
 
+def roughly(estimate: "Estimate") -> bool:
+    """Whether a known parameter has a wide sigma."""
+    if estimate.verdict != "converged" or estimate.sigma is None:
+        return False
+    return estimate.sigma > ROUGH * abs(estimate.value)
+
+
 def sensor_prior(settings: "Settings", name: str) -> tuple[float, float]:
     """Mean and standard deviation that a sensor's error was given beforehand."""
     signal, _, word = name.rpartition(".")
@@ -44,8 +55,10 @@ def sensor_prior(settings: "Settings", name: str) -> tuple[float, float]:
 
 
 def unusual(settings: "Settings", error: "SensorError") -> bool:
-    """Whether a sensor's error is far from what was expected."""
+    """Whether a sensor's error is far from what was expected, for a gain from 1."""
     mean, sigma = sensor_prior(settings, error.name)
+    if error.name.endswith(".gain"):
+        return abs(error.value - mean) > max(UNUSUAL_GAIN, 2 * error.sigma)
     return abs(error.value - mean) > UNUSUAL * sigma
 
 
@@ -68,6 +81,30 @@ def sensor_cautions(identification: "Identification") -> Iterator[str]:
             yield f"{signal} has a zero of {value}{where}, more than such a sensor usually has."
 
 
+def vehicle_cautions(identification: "Identification") -> Iterator[str]:
+    """Parameters that nothing was learnt of, though the identified vehicle has another value than before."""
+    before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
+    for estimate in identification.parameters:
+        name = estimate.name
+        if estimate.verdict == "not_excited" and not np.isclose(before[name], after[name], rtol=1e-6):
+            now, then = (with_sigma(value, None, estimate.unit) for value in (after[name], before[name]))
+            yield f"The identified vehicle has {now} for {name}, which no log supports; put {then} back first."
+
+
+def value_cautions(identification: "Identification") -> Iterator[str]:
+    """Stiffnesses and inertias that are much further from the vehicle file than was assumed."""
+    prior = identification.settings.prior
+    for estimate in identification.parameters:
+        if estimate.verdict != "converged" or estimate.name.endswith(".payload.height"):
+            continue
+        times = estimate.value / estimate.initial
+        if times > 0 and abs(np.log(times)) > UNUSUAL * prior:
+            yield (
+                f"{estimate.name} is {digits(times, 2)} times the vehicle file's, ±{percent(prior)} was assumed: check "
+                "masses, axle positions and the steer angle, and believe it only when another log agrees."
+            )
+
+
 def fit_cautions(identification: "Identification") -> Iterator[str]:
     """Channels that the identified truck predicts poorly, and channels with many outliers."""
     for fit in identification.fits:
@@ -77,8 +114,8 @@ def fit_cautions(identification: "Identification") -> Iterator[str]:
         kind = "" if fit.identified_on else " (predicted only)"
         limit = f", sensor noise about {about(share.noise, facts.unit_of(fit.signal))}"
         yield (
-            f"Of {fit.signal} in {fit.log}{kind} only {percent(max(fit.explained, 0.0))} is explained; residual "
-            f"{about(fit.rms, facts.unit_of(fit.signal))} rms{limit if np.isfinite(share.noise) else ''}."
+            f"Of {fit.signal} in {fit.log}{kind} only {percent(max(fit.explained, 0.0), of_whole=True)} is explained; "
+            f"residual {about(fit.rms, facts.unit_of(fit.signal))} rms{limit if np.isfinite(share.noise) else ''}."
         )
     for log in identification.logs:
         for name, part in log.rejected.items():
@@ -108,7 +145,13 @@ def drive_cautions(identification: "Identification", drives: "Sequence[Drive]") 
 
 def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> list[str]:
     """What to do, the most useful first."""
-    steps = [*_for_excitation(identification, drives), *_for_roll(identification)]
+    poor = [
+        f.log for f in identification.fits if not f.identified_on and f.explained < POOR and not facts.share(f).by_noise
+    ]
+    steps = []
+    if poor:
+        steps.append(f"Identify on {_listed(poor)} too: what was found does not carry over to it well.")
+    steps += [*_for_excitation(identification, drives), *_for_roll(identification)]
     if any(e.verdict == "at_bound" for e in identification.parameters):
         steps.append(
             "A parameter at its bound mostly means a wrong vehicle file or log: check masses, axle positions and the "
@@ -127,11 +170,6 @@ def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> l
                 f"Measure the ratio from the logged {signal} to the angle of the road wheels and correct it where "
                 "columns are mapped to signals."
             )
-    poor = [
-        f.log for f in identification.fits if not f.identified_on and f.explained < POOR and not facts.share(f).by_noise
-    ]
-    if poor:
-        steps.append(f"Identify on {_listed(poor)} too: what was found does not carry over to it well.")
     if all(fit.identified_on for fit in identification.fits) and any(
         e.verdict == "converged" for e in identification.parameters
     ):
@@ -140,7 +178,9 @@ def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> l
 
 
 def _for_excitation(identification: "Identification", drives: "Sequence[Drive]") -> Iterator[str]:
-    missing = [e for e in identification.parameters if e.verdict == "not_excited" and e.sigma is not None]
+    missing = [
+        e for e in identification.parameters if roughly(e) or (e.verdict == "not_excited" and e.sigma is not None)
+    ]
     if not missing:
         return
     used = {log.name for log in identification.logs}

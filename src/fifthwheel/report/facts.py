@@ -142,6 +142,13 @@ def on_time(record: "Record", values: Array, time: Array) -> Array:
     return np.interp(time, record.time, values, left=np.nan, right=np.nan)
 
 
+def median_band(states: "States", name: str) -> float | None:
+    """Half the width of a state's usual band of two sigma; None when the state is never known."""
+    sigma = states.sigma[name]
+    seen = sigma[np.isfinite(sigma)]
+    return float(2 * np.median(seen)) if seen.size else None
+
+
 def record_of(states: "States", records: "Sequence[Record]") -> "Record | None":
     """The record that the states are of, by name."""
     return next((record for record in records if record.name == states.name), None)

@@ -59,7 +59,11 @@ def history(trace: "Trace", estimate: "Estimate", group: str) -> Plot:
         _line(trace.time, values, rows, "estimate", BLUE),
     ]
     passes = [_vertical(float(trace.time[start])) for start in trace.starts[1:] if start < len(trace.time)]
-    return Plot(group=group, figure={"data": data, "layout": _layout("driving time, s", unit.name, passes)})
+    layout = _layout("driving time, s", unit.name, passes)
+    spread = (estimate.sigma or 0.0) * unit.factor
+    marks = np.array([estimate.initial * unit.factor, estimate.value * unit.factor])
+    layout["yaxis"]["range"] = _range([marks, marks[1] - spread, marks[1] + spread, _middle(values, 0.002)])
+    return Plot(group=group, figure={"data": data, "layout": layout})
 
 
 def fit(found: "Fit", group: str, unit: str) -> Plot:
@@ -70,7 +74,8 @@ def fit(found: "Fit", group: str, unit: str) -> Plot:
     lines = [
         _line(found.time, measured, thin.rows(found.time, measured), "measured", GREY, width=1.2),
         _line(found.time, predicted, thin.rows(found.time, predicted), "predicted", BLUE),
-        _line(found.time, residual, thin.rows(found.time, residual), "residual", DARK, width=0.8) | {"yaxis": "y2"},
+        _line(found.time, residual, thin.rows(found.time, residual), "residual", DARK, width=0.8)
+        | {"yaxis": "y2", "showlegend": False},
     ]
     layout = _layout("time, s", name, [])
     layout["xaxis"]["anchor"] = "y2"
@@ -84,17 +89,21 @@ def state(states: "States", record: "Record | None", name: str, group: str, si_u
     unit = shown(si_unit)
     values, sigma = states.values[name] * unit.factor, states.sigma[name] * unit.factor
     rows = thin.rows(states.time, values)
-    data = []
+    data, seen = [], [values, _middle(values - 2 * sigma, 0.05), _middle(values + 2 * sigma, 0.05)]
     if record is not None and name in record.signals:
         measured = record.signals[name] * unit.factor
         data.append(_line(record.time, measured, thin.rows(record.time, measured), "measured", "#b8b8b8", width=1))
+        seen.append(_middle(measured, 0.01))
     data.append(_band(states.time, values - 2 * sigma, values + 2 * sigma, "± 2 sigma"))
     data.append(_line(states.time, values, rows, "estimate", BLUE))
     if record is not None and name in record.reference:
         reference = record.reference[name] * unit.factor
         kept = thin.rows(record.time, reference)
         data.append(_line(record.time, reference, kept, "reference", VERMILLION, dash="dash"))
-    return Plot(group=group, figure={"data": data, "layout": _layout("time, s", unit.name, _status_shapes(states))})
+        seen.append(reference)
+    layout = _layout("time, s", unit.name, _status_shapes(states))
+    layout["yaxis"]["range"] = _range(seen)
+    return Plot(group=group, figure={"data": data, "layout": layout})
 
 
 def innovation(states: "States", name: str, group: str) -> Plot:
@@ -102,7 +111,7 @@ def innovation(states: "States", name: str, group: str) -> Plot:
     values, out = facts.normalised(states, name), facts.rejected(states, name)
     used = np.where(out, np.nan, values)
     reach = max(4.0, 1.05 * float(np.nanmax(np.abs(used), initial=0.0)))
-    points = _line(states.time, used, thin.rows(states.time, used), "innovation / sigma", BLUE, width=0.8)
+    points = _line(states.time, used, thin.rows(states.time, used), "innovation", "#56A0D3", width=0.8)
     data = [points]
     rows = np.flatnonzero(out)
     if rows.size:
@@ -122,6 +131,23 @@ def innovation(states: "States", name: str, group: str) -> Plot:
     layout = _layout("time, s", "sigma", shapes)
     layout["yaxis"]["range"] = [-1.05 * reach, 1.05 * reach]
     return Plot(group=group, figure={"data": data, "layout": layout})
+
+
+def _middle(values: Array, part: float) -> Array:
+    """The values without so great a part of them at either end."""
+    finite = values[np.isfinite(values)]
+    return np.quantile(finite, [part, 1 - part]) if finite.size else finite
+
+
+def _range(seen: Sequence[Array]) -> list[float]:
+    """Axis that shows all of these; what is beyond, such as a wide band at the start, is found by zooming out."""
+    everything = np.concatenate([np.atleast_1d(values) for values in seen])
+    finite = everything[np.isfinite(everything)]
+    if not finite.size:
+        return [-1.0, 1.0]
+    low, high = float(finite.min()), float(finite.max())
+    margin = 0.06 * (high - low) or 1.0
+    return [low - margin, high + margin]
 
 
 def _line(
@@ -204,7 +230,7 @@ def _vertical(at: float) -> Figure:
 
 
 def _horizontal(at: float) -> Figure:
-    line = {"color": VERMILLION, "width": 1, "dash": "dash"}
+    line = {"color": "#111111", "width": 1.5, "dash": "dash"}
     return {"type": "line", "xref": "paper", "yref": "y", "x0": 0, "x1": 1, "y0": at, "y1": at, "line": line}
 
 
@@ -265,9 +291,9 @@ def _layout(x: str, y: str, shapes: Sequence[Mapping[str, Any]]) -> Figure:
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "x",
-        "showlegend": True,
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"},
-        "xaxis": _axis(x),
+        "separators": ".\u202f",
+        "showlegend": False,  # the page makes one that wraps
+        "xaxis": _axis(x) | {"automargin": False, "tickangle": 0},
         "yaxis": _axis(y),
         "shapes": list(shapes),
     }

@@ -9,10 +9,10 @@ import fifthwheel
 from fifthwheel.report import facts, figures, page, tables
 from fifthwheel.report.figures import Plot
 from fifthwheel.report.numbers import about, percent, with_sigma
-from fifthwheel.report.words import Conclusion, conclude, conclude_states, innovation_size, spoken
+from fifthwheel.report.words import Conclusion, conclude, conclude_states, innovation_size
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import Estimate, Fit, Identification
+    from fifthwheel.identify import Fit, Identification
     from fifthwheel.logs import Record
     from fifthwheel.observe import States
 
@@ -70,7 +70,7 @@ class _Report:
         links = [("parameters", "Parameters"), ("histories", "Histories"), ("fits", "Measured and predicted")]
         links = links if identified else []
         links += [("states", "States"), ("innovations", "Innovations")] if states else []
-        links.append(("logs", "Logs and settings"))
+        links.append(("logs", "Logs and settings" if identified else "Logs"))
         self.body.append("<nav>" + "".join(f'<a href="#{key}">{text}</a>' for key, text in links) + "</nav>")
         self.body.append(tables.conclusion(told))
 
@@ -79,8 +79,8 @@ class _Report:
         self._say(
             "hint",
             "Sigma is one standard deviation, from the logs and what was assumed beforehand. Values in grey are no "
-            "findings: the vehicle file's, or those where the search began. Settled after: driving time from which the "
-            f"value stayed within {percent(found.settings.tolerance)}.",
+            "findings: the vehicle file's, or those where the search began. Settled after: driving time, in the last "
+            f"pass, from which the value stayed within {percent(found.settings.tolerance)} of its average (–: never).",
         )
         self.body.append(tables.estimates(found.parameters))
         if found.derived:
@@ -102,7 +102,8 @@ class _Report:
         self._say(
             "hint",
             "Each parameter while the filter drives through the logs, again and again; grey vertical lines separate "
-            f"the passes.{later if found.rounds > 1 else ''}",
+            f"the passes. The band is one sigma as the filter has it; that of the table also counts residuals that "
+            f"hang together, and is wider.{later if found.rounds > 1 else ''}",
         )
         for title, trace in found.traces.items():
             sought = [e for e in found.parameters if e.name in trace.names]
@@ -114,7 +115,7 @@ class _Report:
                 continue
             self._plots(
                 (
-                    path(e),
+                    tables.path(e.name),
                     f"final {escape(with_sigma(e.value, e.sigma, e.unit))}",
                     figures.history(trace, e, f"history {title}"),
                 )
@@ -140,7 +141,11 @@ class _Report:
 
     def _states(self, states: "Sequence[States]", records: "Sequence[Record]") -> None:
         self._heading("states", "States")
-        self._say("hint", "Estimated from the sensors, with a band of two sigma (95 %). Shaded: not to be believed.")
+        self._say(
+            "hint",
+            "Estimated from the sensors, with a band of two sigma (95 %) that takes the vehicle and the sensors' zeros "
+            "for exact. Measured values are as logged, zeros included. Shaded: not reliable.",
+        )
         for one in states:
             record = facts.record_of(one, records)
             self.body.append(f"<h3>{escape(one.name)}</h3>")
@@ -149,7 +154,9 @@ class _Report:
             for name in one.values:
                 unit = facts.unit_of(name)
                 rms = facts.reference_rms(one, record, name)
-                note = "no reference" if rms is None else f"rms difference from the reference {about(rms, unit)}"
+                band = facts.median_band(one, name)
+                note = "never reliable" if band is None else f"± {about(band, unit)} (2 sigma, median)"
+                note += "" if rms is None else f"; rms difference from the reference {about(rms, unit)}"
                 rows.append(
                     (tables.path(name), escape(note), figures.state(one, record, name, f"log {one.name}", unit))
                 )
@@ -172,11 +179,11 @@ class _Report:
             self._plots(iter(rows))
 
     def _end(self, found: "Identification | None", records: "Sequence[Record]") -> None:
-        self._heading("logs", "Logs and settings")
+        self._heading("logs", "Logs" if found is None else "Logs and settings")
+        self._say("hint", "Sideways: speed times yaw rate, held for half a second, at its greatest.")
         if found is None:
             self.body.append(tables.plain_logs(records, facts.drives(records, None, {}, 5.0)))
             return
-        self._say("hint", "Sideways: speed times yaw rate, held for half a second, at its greatest.")
         self.body.append(tables.logs(found, records, facts.driven(found, records)))
         self.body.append("<details><summary>Settings and version</summary>")
         self._say("hint", f"fifthwheel {found.version}, {_method(found)}; {found.rounds} rounds.")
@@ -197,11 +204,6 @@ class _Report:
 
     def _say(self, kind: str, text: str) -> None:
         self.body.append(f'<p class="{kind}">{escape(text)}</p>')
-
-
-def path(estimate: "Estimate") -> str:
-    """Name of a parameter for a caption."""
-    return f"{escape(spoken(estimate.name).capitalize())}"
 
 
 def _fit_plots(own: "Sequence[Fit]") -> Iterator[tuple[str, str, Plot]]:

@@ -22,6 +22,7 @@ SHOWN = {
     "rad/s": Unit("deg/s", 180 / math.pi),
     "rad/s^2": Unit("deg/s²", 180 / math.pi),
     "m/s^2": Unit("m/s²", 1.0),
+    "s": Unit("ms", 1e3),
     "1": Unit("", 1.0),
 }
 """SI unit -> unit in a report; what is not here is shown in SI."""
@@ -29,6 +30,10 @@ SHOWN = {
 TYPOGRAPHY = str.maketrans(
     {"±": "+-", "²": "^2", "≥": ">=", "×": "x", "–": "-", "−": "-", "\u202f": "", "\u00a0": " ", "…": "..."}
 )
+
+
+SIGNS = str.maketrans({",": "\u202f", "-": "−"})
+"""What Python prints -> what a reader expects: a thin space between thousands, a minus that is as wide as a plus."""
 
 
 def shown(si_unit: str) -> Unit:
@@ -46,22 +51,23 @@ def fixed(value: float, decimals: int) -> str:
     if not math.isfinite(value):
         return "–"
     rounded = round(value, decimals) + 0.0  # no "-0"
-    return f"{rounded:,.{max(decimals, 0)}f}".replace(",", "\u202f")
+    return f"{rounded:,.{max(decimals, 0)}f}".translate(SIGNS)
 
 
-def digits(value: float, count: int = 4) -> str:
-    """A value with `count` significant digits, never with an exponent between 1e-6 and 1e9."""
+def digits(value: float, count: int = 4, *, exact: bool = False) -> str:
+    """A value with `count` significant digits, without an exponent between 1e-6 and 1e9; `exact` drops final zeros."""
     if not math.isfinite(value):
         return "–"
     if value != 0 and not 1e-6 <= abs(value) < 1e9:
         return f"{value:.{count - 1}e}"
-    return fixed(value, _decimals(value, count))
+    text = fixed(value, _decimals(value, count))
+    return text.rstrip("0").rstrip(".") if exact and "." in text else text
 
 
 def pair(value: float, sigma: float | None) -> tuple[str, str | None]:
     """Value and sigma, both rounded to the sigma's two significant digits: 475.31, 4.34 -> "475.3", "4.3"."""
     if sigma is None or not math.isfinite(sigma) or sigma <= 0 or not 1e-6 <= max(abs(value), sigma) < 1e9:
-        return digits(value), None
+        return digits(value, exact=True), None
     decimals = _decimals(sigma, 2)
     return fixed(value, decimals), fixed(sigma, decimals)
 
@@ -97,7 +103,7 @@ def percent(part: float, *, of_whole: bool = False) -> str:
         return f"{math.floor(10 * value + 1e-9) / 10:.1f} %"
     if abs(value) >= 9.95 or value == 0:
         return f"{fixed(value, 0)} %"
-    return f"{digits(value, 2)} %"
+    return f"{digits(value, 2, exact=True)} %"
 
 
 def seconds(value: float | None) -> str:

@@ -5,7 +5,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from fifthwheel.report import advice, facts
-from fifthwheel.report.numbers import digits, pair, percent, relative, seconds, shown, with_sigma
+from fifthwheel.report.numbers import digits, fixed, pair, percent, relative, seconds, shown, with_sigma
 from fifthwheel.report.words import Conclusion, mark
 
 if TYPE_CHECKING:
@@ -16,26 +16,29 @@ if TYPE_CHECKING:
 
 def path(name: str) -> str:
     """The path of a parameter or signal; it may break behind a dot."""
-    return f"<code>{escape(name).replace('.', '.<wbr>').replace('_', '_<wbr>')}</code>"
+    return f"<code>{escape(name).replace('.', '.<wbr>')}</code>"
 
 
 def conclusion(told: Conclusion) -> str:
     """The verdict box."""
-    parts = [
-        f'<section class="verdict{" good" if told.good else ""}" id="verdict">',
-        f'<p class="headline">{escape(told.headline)}</p>',
-    ]
+    kind = "verdict good" if told.good else "verdict"
+    parts = [f'<section class="{kind}" id="verdict"><p class="headline">{escape(told.headline)}</p><div class="lists">']
     for title, lines, tag in (
         ("Found", told.found, "ul"),
         ("Not known", told.unknown, "ul"),
-        ("Beware", told.cautions, "ul"),
         ("What to do next", told.next_steps, "ol"),
+        ("Beware", told.cautions, "ul"),
         ("Notes", told.notes, "ul"),
     ):
         if lines:
-            items = "".join(f"<li>{escape(line)}</li>" for line in lines)
-            parts.append(f"<h3>{title}</h3><{tag}>{items}</{tag}>")
-    return "\n".join([*parts, "</section>"])
+            items = "".join(f"<li>{_unbroken(escape(line))}</li>" for line in lines)
+            parts.append(f"<div><h3>{title}</h3><{tag}>{items}</{tag}></div>")
+    return "\n".join([*parts, "</div></section>"])
+
+
+def _unbroken(text: str) -> str:
+    """No line ends between a number and its sigma or percent sign."""
+    return text.replace(" ± ", "\u00a0±\u00a0").replace(" %", "\u00a0%")
 
 
 def estimates(found: "Sequence[Estimate]", *, history: bool = True) -> str:
@@ -53,7 +56,7 @@ def estimates(found: "Sequence[Estimate]", *, history: bool = True) -> str:
             f"{sigma or '–'}:n",
             f"{escape(relative(e.value, e.sigma).removesuffix(' %'))}:n",
             f"{escape(unit.name)}:w",
-            f"{digits(e.initial * unit.factor)}:n",
+            f"{digits(e.initial * unit.factor, exact=True)}:n",
         ]
         if history:
             cells.append(f"{seconds(e.settled)}:n")
@@ -91,7 +94,7 @@ def logs(identification: "Identification", records: "Sequence[Record]", drives: 
             escape(log.name),
             "identified on",
             f"{log.span[0]:.1f} to {log.span[1]:.1f}:n",
-            f"{log.samples}:n",
+            f"{fixed(log.samples, 0)}:n",
             f"{seconds(log.used)}:n",
             f"{advice.kmh(log.speed)}:n",
             f"{_acceleration(drive)}:n",
@@ -116,7 +119,16 @@ def _plain_log(record: "Record", drive: "Drive | None", use: str) -> list[str]:
     speed = "–" if drive is None else advice.kmh(drive.speed)
     first, last = record.span
     span = f"{first:.1f} to {last:.1f}:n"
-    return [escape(record.name), use, span, f"{len(record)}:n", "–:n", f"{speed}:n", f"{_acceleration(drive)}:n", "–"]
+    return [
+        escape(record.name),
+        use,
+        span,
+        f"{fixed(len(record), 0)}:n",
+        "–:n",
+        f"{speed}:n",
+        f"{_acceleration(drive)}:n",
+        "–",
+    ]
 
 
 def _acceleration(drive: "Drive | None") -> str:

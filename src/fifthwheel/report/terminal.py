@@ -59,7 +59,7 @@ def show_states(states: "Sequence[States]", records: "Sequence[Record]", console
         table = page.table(one.name, "2 sigma, median:>", "rms from reference:>")
         for name in one.values:
             unit, rms = facts.unit_of(name), facts.reference_rms(one, record, name)
-            band = _median(2 * one.sigma[name])
+            band = facts.median_band(one, name)
             difference = "–" if rms is None else about(rms, unit)
             page.row(table, name, "–" if band is None else about(band, unit), difference)
         page.show(table)
@@ -136,10 +136,3 @@ class _Page:
 def _estimate(estimate: "Estimate") -> tuple[str, ...]:
     value = with_sigma(estimate.value, estimate.sigma, estimate.unit)
     return estimate.name, value, relative(estimate.value, estimate.sigma), mark(estimate)[1]
-
-
-def _median(values: "facts.Array") -> float | None:
-    import numpy as np
-
-    seen = values[np.isfinite(values)]
-    return float(np.median(seen)) if seen.size else None

@@ -71,7 +71,7 @@ def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def numbers(values: Array, digits: int = 5) -> list[float | None]:
-    """For JSON: so many digits of the span, None where not finite."""
+    """For JSON: about so many digits of the span (to a part of 5e-5 with five), None where not finite."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return [None] * len(values)

@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from fifthwheel.logs import Record
     from fifthwheel.observe import States
 
-ROUGH = 0.15
-"""A parameter with a greater relative sigma is known roughly only."""
-
 MARKS = {
     "converged": ("✓", "known"),
     "not_converged": ("…", "not settled"),
@@ -29,14 +26,7 @@ MARKS = {
 
 def mark(estimate: "Estimate") -> tuple[str, str]:
     """Mark and word for an estimate's verdict."""
-    return ("≈", "known roughly") if roughly(estimate) else MARKS[estimate.verdict]
-
-
-def roughly(estimate: "Estimate") -> bool:
-    """Whether a known parameter has a wide sigma."""
-    if estimate.verdict != "converged" or estimate.sigma is None:
-        return False
-    return estimate.sigma > ROUGH * abs(estimate.value)
+    return ("≈", "known roughly") if advice.roughly(estimate) else MARKS[estimate.verdict]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +54,8 @@ def conclude(identification: "Identification", records: "Sequence[Record]" = ())
     known = [e for e in sought if e.verdict == "converged"]
     drives = facts.driven(identification, records)
     cautions = [
+        *advice.vehicle_cautions(identification),
+        *advice.value_cautions(identification),
         *advice.sensor_cautions(identification),
         *advice.fit_cautions(identification),
         *advice.drive_cautions(identification, drives),
@@ -71,8 +63,8 @@ def conclude(identification: "Identification", records: "Sequence[Record]" = ())
     return Conclusion(
         good=len(known) == len(sought),
         headline=_headline(identification, known, sought),
-        found=(*[_found(identification, e) for e in known], *_found_derived(identification)),
-        unknown=tuple(_unknown(identification, e) for e in identification.parameters if e.verdict != "converged"),
+        found=(*[_found(identification, e) for e in known], *_found_derived(identification), *_proof(identification)),
+        unknown=tuple(_together(identification)),
         cautions=tuple(cautions),
         next_steps=tuple(advice.next_steps(identification, drives)),
         notes=identification.notes,
@@ -86,9 +78,9 @@ def _headline(identification: "Identification", known: "Sequence[Estimate]", sou
         return "Every parameter was held; nothing was identified."
     if not known:
         if all(e.verdict == "not_excited" for e in sought):
-            return f"Nothing is known from {logs}: the drive does not show it."
+            return f"No parameter is known from {logs}: the truck was not moved enough."
         return f"No parameter is known from {logs}."
-    rough = sum(roughly(e) for e in known)
+    rough = sum(advice.roughly(e) for e in known)
     coarse = f", {rough} of them roughly" if rough else ""
     if len(known) == len(sought):
         return f"All {len(sought)} parameters are known from {logs}{coarse}."
@@ -98,7 +90,7 @@ def _headline(identification: "Identification", known: "Sequence[Estimate]", sou
 def _found(identification: "Identification", estimate: "Estimate") -> str:
     text = f"{spoken(estimate.name)}: {with_sigma(estimate.value, estimate.sigma, estimate.unit)}"
     if estimate.sigma is not None and estimate.value:
-        text += f" (±{relative(estimate.value, estimate.sigma)}{', roughly' if roughly(estimate) else ''})"
+        text += f" (±{relative(estimate.value, estimate.sigma)}{', roughly' if advice.roughly(estimate) else ''})"
     before = identification.initial_vehicle.parameters().get(estimate.name)
     if before:
         change = estimate.value / before - 1
@@ -109,43 +101,67 @@ def _found(identification: "Identification", estimate: "Estimate") -> str:
 
 def _found_derived(identification: "Identification") -> list[str]:
     return [
-        _sentence(f"with it, {spoken(e.name)}: {with_sigma(e.value, e.sigma, e.unit)}")
+        _sentence(f"from it, {spoken(e.name)}: {with_sigma(e.value, e.sigma, e.unit)}")
         for e in identification.derived
         if e.verdict == "converged"
     ]
 
 
-def _unknown(identification: "Identification", estimate: "Estimate") -> str:
+def _proof(identification: "Identification") -> list[str]:
+    """Logs that were only predicted, and well."""
+    told = []
+    for log in dict.fromkeys(fit.log for fit in identification.fits if not fit.identified_on):
+        own = [fit for fit in identification.fits if fit.log == log]
+        if all(facts.share(fit).by_noise for fit in own):
+            told.append(f"{log}, which was only predicted, is matched as well as its sensors' noise allows.")
+        elif all(fit.explained >= advice.POOR or facts.share(fit).by_noise for fit in own):
+            worst = min(fit.explained for fit in own if not facts.share(fit).by_noise)
+            told.append(f"{log}, which was only predicted, is explained to {percent(worst, of_whole=True)} or more.")
+    return told
+
+
+def _unknown(estimate: "Estimate") -> str:
     name, held = spoken(estimate.name), with_sigma(estimate.value, None, estimate.unit)
     if estimate.verdict == "held":
         return _sentence(f"{name}: held at {held}, as asked for")
     if estimate.verdict == "at_bound":
         return _sentence(f"{name}: ran into the edge of what is allowed, {held}; that is no finding")
-    if estimate.verdict == "not_converged":
-        text = with_sigma(estimate.value, estimate.sigma, estimate.unit)
-        return _sentence(f"{name}: {text} is provisional, it was still moving at the end")
+    text = with_sigma(estimate.value, estimate.sigma, estimate.unit)
+    return _sentence(f"{name}: {text} is provisional, it was still moving at the end")
+
+
+def _not_excited(identification: "Identification", estimate: "Estimate") -> str:
+    stands = _stands(identification, estimate)
     if estimate.sigma is None:
-        unit = estimate.name.split(".")[0]
-        return _sentence(
-            f"{name}: not sought, no roll rate of the {unit} was logged; {_stands(identification, estimate)}"
-        )
+        return f"not sought, no roll rate of the {estimate.name.split('.')[0]} was logged; {stands}"
     prior, of_value = advice.prior_sigma(identification.settings, estimate)
-    if of_value:
-        after, before = f"±{percent(estimate.sigma / estimate.initial)}", f"±{percent(prior / estimate.initial)}"
-        needed = f"±{percent(identification.settings.excited * prior / estimate.initial)}"
-    else:
-        after, before = f"±{estimate.sigma:.2g} m", f"±{prior:.2g} m"
-        needed = f"±{identification.settings.excited * prior:.2g} m"
-    learnt = f"the logs leave {after} of {before}, under {needed} counts as known"
-    return _sentence(f"{name}: not excited, {learnt}; {_stands(identification, estimate)}")
+    needed = identification.settings.excited * prior
+
+    def size(sigma: float) -> str:
+        return f"±{percent(sigma / abs(estimate.initial))}" if of_value else f"±{about(sigma, estimate.unit)}"
+
+    return (
+        f"not excited, the logs do not bring it from the {size(prior)} assumed beforehand under the {size(needed)} "
+        f"that count as known; {stands}"
+    )
 
 
 def _stands(identification: "Identification", estimate: "Estimate") -> str:
-    value = with_sigma(estimate.value, None, estimate.unit)
     given = identification.initial_vehicle.parameters().get(estimate.name)
     if given is not None and not np.isclose(given, estimate.value, rtol=1e-6):
-        return f"{value} is where the search began, the vehicle file has {with_sigma(given, None, estimate.unit)}"
-    return f"{value} is the vehicle file's value, not a finding"
+        began, file = (with_sigma(value, None, estimate.unit) for value in (estimate.value, given))
+        return f"the value shown, {began}, is where the search began, the vehicle file has {file}"
+    return "the value shown is the vehicle file's"
+
+
+def _together(identification: "Identification") -> list[str]:
+    """What is not known, those together of which the same is to be said."""
+    told: dict[str, list[str]] = {}
+    for estimate in identification.parameters:
+        if estimate.verdict == "not_excited":
+            told.setdefault(_not_excited(identification, estimate), []).append(spoken(estimate.name))
+    sentences = [_unknown(e) for e in identification.parameters if e.verdict not in ("converged", "not_excited")]
+    return [*sentences, *[_sentence(f"{', '.join(names)}: {text}") for text, names in told.items()]]
 
 
 def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> Conclusion:
@@ -155,12 +171,12 @@ def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> 
         shares = facts.status_shares(one)
         good = shares.get(facts.WORDS["OK"], 0.0)
         rest = "; ".join(f"{percent(part)} {word}" for word, part in shares.items() if word != facts.WORDS["OK"])
-        found.append(f"{one.name}: reliable in {percent(good)} of the samples{f' ({rest})' if rest else ''}.")
+        found.append(f"{one.name}: reliable in {_of_samples(good)}{f' ({rest})' if rest else ''}.")
         differences = [
             (name, facts.reference_rms(one, facts.record_of(one, records), name), facts.unit_of(name))
             for name in one.values
         ]
-        told = [f"{spoken(n)} {about(rms, unit)}" for n, rms, unit in differences if rms is not None]
+        told = [f"{n} {about(rms, unit)}" for n, rms, unit in differences if rms is not None]
         if told:
             found.append(f"{one.name}: rms difference from the reference: {', '.join(told)}.")
         warned = list(_innovation_cautions(one))
@@ -172,7 +188,7 @@ def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> 
     whole = float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
     return Conclusion(
         good=whole > 0.95 and not cautions,
-        headline=f"States are reliable in {percent(whole)} of the samples of "
+        headline=f"States are reliable in {_of_samples(whole)} of "
         f"{'1 log' if len(states) == 1 else f'{len(states)} logs'}.",
         found=tuple(found),
         cautions=tuple(cautions),
@@ -203,6 +219,10 @@ def innovation_size(states: "States", name: str) -> tuple[float, float]:
     used = seen & ~out
     size = float(np.sqrt(np.mean(values[used] ** 2))) if used.any() else float("nan")
     return size, float(out.sum() / max(seen.sum(), 1))
+
+
+def _of_samples(part: float) -> str:
+    return "all samples" if part == 1 else f"{percent(part, of_whole=True)} of the samples"
 
 
 def _sentence(text: str) -> str:

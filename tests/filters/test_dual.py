@@ -1,0 +1,706 @@
+"""The dual filter: equal to the joint filter where it should be, equal to Wan and Nelson's where it is asked to be."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fifthwheel import dynamics
+from fifthwheel.filters import Model, Noise, dual, kalman, sample_rows
+from fifthwheel.filters.dual import Coupling, DualFiltered, DualState, Scaling
+
+from .examples import Array, Article, Example, Numbers, apart, example, linear, without
+
+NOTHING = np.empty(0)
+WIDE = 1e9
+
+
+def plain(centre: Array, scale: Array) -> Scaling:
+    """p = centre + scale z, practically without bounds."""
+    n = len(centre)
+    return Scaling(
+        logarithmic=(False,) * n, centre=centre, scale=scale, lower=np.full(n, -WIDE), upper=np.full(n, WIDE)
+    )
+
+
+def one_by_one(
+    model: Model, rows: Array, start: DualState, **arguments: object
+) -> tuple[list[DualState], list[DualFiltered]]:
+    """Both filters after every row: a run a row, each from where the last one ended."""
+    states, results = [], []
+    for k in range(len(rows)):
+        results.append(dual.run(model, rows[k : k + 1], start=start, **arguments))
+        start = results[-1].end
+        states.append(start)
+    return states, results
+
+
+# A model that is linear in state and parameters together: biases in the transition and in what the sensors show.
+
+BIASED = example(
+    lambda x, dt, d, p, c: ca.vertcat(
+        x[0] + dt * (x[1] + p[0]), x[1] + dt * (d[0] - 2 * x[0] - c[0] * x[1]), x[2] * ca.exp(-dt) + dt * d[0] * p[1]
+    ),
+    lambda x, d, p, c: ca.vertcat(x[0] + p[1], x[1] - x[2] + d[0] * p[0], x[2] + c[1]),
+    x=3,
+    d=1,
+    p=2,
+    c=2,
+)
+C = np.array([0.4, 0.7])
+R = np.array([0.2, 0.1, 0.3])
+Q = np.array([[0.3, 0.1, 0.0], [0.1, 0.2, 0.0], [0.0, 0.0, 0.1]])
+CENTRE, SCALE = np.array([0.5, -0.3]), np.array([0.8, 0.4])
+START = DualState(
+    x=np.array([1.0, -0.5, 0.2]),
+    P=np.array([[0.5, 0.1, 0.0], [0.1, 0.4, -0.1], [0.0, -0.1, 0.3]]),
+    z=np.array([0.3, -0.2]),
+    Pz=np.array([[1.0, 0.2], [0.2, 0.7]]),
+    sensitivity=np.array([[0.1, -0.3], [0.2, 0.0], [0.5, 0.4]]),
+)
+
+
+def biased_rows(N: int = 80, seed: int = 0, *, gaps: bool = True) -> Array:
+    rng = np.random.default_rng(seed)
+    measured = rng.normal(size=(N, 3))
+    if gaps:
+        measured[rng.random((N, 3)) < 0.25] = np.nan
+        measured[20:24] = np.nan
+    return sample_rows(rng.uniform(0.01, 0.3, N), rng.normal(size=(N, 1)), measured)
+
+
+def augmented() -> Example:
+    """State and z in one state of five; p = centre + scale z."""
+
+    def p(x: ca.SX) -> ca.SX:
+        return CENTRE + SCALE * x[3:]
+
+    return example(
+        lambda x, dt, d, _, c: ca.vertcat(BIASED.transition(x[:3], dt, d, p(x), c), x[3:]),
+        lambda x, d, _, c: BIASED.observation(x[:3], d, p(x), c),
+        x=5,
+        d=1,
+        c=2,
+    )
+
+
+def joint_covariance(state: DualState) -> Array:
+    """Of (x, z): the state's own, and what it owes to z along the sensitivity."""
+    V, Pz = state.sensitivity, state.Pz
+    return np.block([[state.P + V @ Pz @ V.T, V @ Pz], [Pz @ V.T, Pz]])
+
+
+@pytest.mark.parametrize("gate", [np.inf, 1.5], ids=["open", "gated"])
+def test_joint_filter(gate: float) -> None:
+    """Friedland: consistent and coupled it is the Kalman filter of state and parameters together, to rounding:
+    x, z, every covariance, innovations and what the gate does."""
+    rows = biased_rows()
+    noise = Noise(process=Q, measurement=R, gate=gate)
+    states, results = one_by_one(BIASED, rows, START, c=C, noise=noise, scaling=plain(CENTRE, SCALE))
+    process = np.zeros((5, 5))
+    process[:3, :3] = Q
+    expected = kalman.run(
+        augmented(),
+        rows,
+        p=NOTHING,
+        c=C,
+        noise=Noise(process=process, measurement=R, gate=gate),
+        x0=np.concatenate([START.x, START.z]),
+        P0=joint_covariance(START),
+    )
+    assert np.array([np.concatenate([s.x, s.z]) for s in states]) == pytest.approx(expected.state, abs=1e-11)
+    assert apart(np.array([joint_covariance(s) for s in states]), expected.covariance) <= 1e-11
+    assert np.vstack([r.innovation for r in results]) == pytest.approx(expected.innovation, abs=1e-11)
+    variances = np.vstack([r.innovation_variance for r in results])
+    assert variances == pytest.approx(expected.innovation_variance, rel=1e-11)
+    assert np.array_equal(np.vstack([r.accepted for r in results]), expected.accepted)
+    rejected = ((expected.accepted == 0) & (rows[:, 5:] > 0)).mean()
+    assert rejected == 0 if gate == np.inf else 0.02 < rejected < 0.3, rejected
+
+
+def test_joint_filter_in_numpy() -> None:
+    """The same with a joint filter that owes nothing to the library: all channels at once, matrices by hand."""
+    rows = biased_rows(60, 1, gaps=False)
+    noise = Noise(process=Q, measurement=R)
+    found = dual.run(BIASED, rows, c=C, noise=noise, scaling=plain(CENTRE, SCALE), start=START)
+    x, P = np.concatenate([START.x, START.z]), joint_covariance(START)
+    for k, row in enumerate(rows):
+        dt, d = row[:2]
+        F, H, g = np.eye(5), np.zeros((3, 5)), np.zeros(5)
+        F[0, 1], F[1, 0], F[1, 1], F[2, 2] = dt, -2 * dt, 1 - dt * C[0], np.exp(-dt)
+        F[0, 3], F[2, 4] = dt * SCALE[0], dt * d * SCALE[1]
+        g[:3] = dt * CENTRE[0], dt * d, dt * d * CENTRE[1]
+        H[0, 0], H[1, 1], H[1, 2], H[2, 2] = 1, 1, -1, 1
+        H[0, 4], H[1, 3] = SCALE[1], d * SCALE[0]
+        b = np.array([CENTRE[1], d * CENTRE[0], C[1]])
+        x, P = F @ x + g, F @ P @ F.T
+        P[:3, :3] += Q * dt
+        S = H @ P @ H.T + np.diag(R)
+        K = P @ H.T @ np.linalg.inv(S)
+        x, P = x + K @ (row[2:5] - H @ x - b), P - K @ S @ K.T
+        assert found.z[k] == pytest.approx(x[3:], abs=1e-11)
+        assert found.z_variance[k] == pytest.approx(np.diag(P)[3:], abs=1e-11)
+    assert found.end.x == pytest.approx(x[:3], abs=1e-11)
+    assert joint_covariance(found.end) == pytest.approx(P, abs=1e-11)
+
+
+def test_record_in_two_parts() -> None:
+    rows = biased_rows()
+    arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE),
+                 "coupling": Coupling(random_walk=0.1, forgetting=0.3)}  # fmt: skip
+    whole = dual.run(BIASED, rows, start=START, **arguments)
+    first = dual.run(BIASED, rows[:33], start=START, **arguments)
+    second = dual.run(BIASED, rows[33:], start=first.end, **arguments)
+    assert np.array_equal(np.vstack([first.z, second.z]), whole.z)
+    assert np.array_equal(second.end.vector(), whole.end.vector())
+
+
+def test_state_as_a_vector() -> None:
+    again = DualState.from_vector(replace(START, walk=0.25).vector(), 3, 2)
+    for name in ("x", "P", "z", "Pz", "sensitivity"):
+        assert np.array_equal(getattr(again, name), getattr(START, name)), name
+    assert again.walk == 0.25
+
+
+# Wan and Nelson's dual filter, written down once more.
+
+
+def by_hand(
+    model: Model,
+    rows: Array,
+    *,
+    c: Array,
+    Q: Array,
+    R: Array,
+    scaling: Scaling,
+    start: DualState,
+    consistent: bool = False,
+    coupled: bool = False,
+) -> tuple[Array, DualState]:
+    """z after every row and both filters after the last: a filter for x, one for z, and dx/dz carried along with the
+    gain held (Wan and Nelson 2001, table 5.2 and their recurrent derivative), channel after channel."""
+    numbers, m, n_d = Numbers(model), len(R), model.transition.numel_in(2)
+    x, P, z, Pz, V = start.x, start.P, start.z, start.Pz, start.sensitivity
+    path = []
+    for row in rows:
+        d, y = row[1 : 1 + n_d], row[1 + n_d : 1 + n_d + m]
+        x, F, by_p = numbers.transition(x, row[0], d, scaling.to_p(z), c)
+        slope = scaling.slope(scaling.to_p(z))
+        P, V = F @ P @ F.T + Q * row[0], F @ V + by_p * slope
+        predicted, H, by_p = numbers.observation(x, d, scaling.to_p(z), c)
+        direct, before, z_before = by_p * slope, x, z
+        for i in np.flatnonzero(row[1 + n_d + m :]):
+            h = H[i]
+            innovation = y[i] - predicted[i] - h @ (x - before) - coupled * direct[i] @ (z - z_before)
+            psi = h @ V + direct[i]
+            own = h @ P @ h + R[i]
+            K = P @ h / own
+            Kz = Pz @ psi / (psi @ Pz @ psi + (own if consistent else R[i]))
+            V = V - np.outer(K, psi)
+            P = P - np.outer(K, h @ P)
+            Pz = Pz - np.outer(Kz, psi @ Pz)
+            x, z = x + K * innovation + coupled * V @ (Kz * innovation), z + Kz * innovation
+        path.append(z)
+    return np.array(path), DualState(x=x, P=P, z=z, Pz=Pz, sensitivity=V)
+
+
+SPRING = example(
+    lambda x, dt, d, p, c: ca.vertcat(x[0] + dt * x[1], x[1] + dt * (d[0] - p[0] * ca.sin(x[0]) - p[1] * x[1])),
+    lambda x, d, p, c: ca.vertcat(x[0] + c[0], x[1] * (1 + 0.1 * x[0]) + c[1] * p[0] * x[0]),
+    x=2,
+    d=1,
+    p=2,
+    c=2,
+)
+SPRING_R, SPRING_Q = np.array([0.02, 0.05]), np.diag([0.01, 0.2])
+SPRING_SCALING = Scaling(
+    logarithmic=(True, False),
+    centre=np.array([3.0, 0.4]),
+    scale=np.array([0.4, 0.3]),
+    lower=np.array([0.1, -5.0]),
+    upper=np.array([90.0, 5.0]),
+)
+SPRING_START = DualState(
+    x=np.array([0.4, 0.1]),
+    P=np.array([[0.2, 0.05], [0.05, 0.3]]),
+    z=np.array([0.5, -0.4]),
+    Pz=np.array([[1.0, 0.1], [0.1, 0.8]]),
+    sensitivity=np.array([[0.0, 0.1], [-0.2, 0.0]]),
+)
+COUPLINGS = {
+    "Wan and Nelson": Coupling(consistent=False, coupled=False),
+    "consistent": Coupling(consistent=True, coupled=False),
+    "coupled": Coupling(consistent=False, coupled=True),
+    "Friedland": Coupling(),
+}
+
+
+def spring_rows(N: int = 150, seed: int = 5) -> Array:
+    """A spring of p = (2.2, 0.6), swinging."""
+    rng = np.random.default_rng(seed)
+    x, measured = np.array([0.3, 0.0]), []
+    dt, d = rng.uniform(0.02, 0.1, N), 2 * np.sin(np.arange(N) / 6)
+    for k in range(N):
+        x = np.array([x[0] + dt[k] * x[1], x[1] + dt[k] * (d[k] - 2.2 * np.sin(x[0]) - 0.6 * x[1])])
+        measured.append([x[0] + 0.1, x[1] * (1 + 0.1 * x[0])] + rng.normal(size=2) * np.sqrt(SPRING_R))
+    seen = np.where(rng.random((N, 2)) < 0.15, np.nan, np.array(measured))
+    return sample_rows(dt, d[:, None], seen)
+
+
+@pytest.mark.parametrize("direct", [0.0, 0.2], ids=["indirect", "direct"])
+@pytest.mark.parametrize("name", COUPLINGS)
+def test_written_down_once_more(name: str, direct: float) -> None:
+    """Parameters in the transition and, if direct, in what a sensor shows; nonlinear; two channels, some missing."""
+    coupling, c = COUPLINGS[name], np.array([0.1, direct])
+    noise = Noise(process=SPRING_Q, measurement=SPRING_R)
+    given = {"c": c, "scaling": SPRING_SCALING, "start": SPRING_START}
+    found = dual.run(SPRING, spring_rows(), noise=noise, coupling=coupling, **given)
+    switches = {"consistent": coupling.consistent, "coupled": coupling.coupled}
+    path, end = by_hand(SPRING, spring_rows(), Q=SPRING_Q, R=SPRING_R, **given, **switches)
+    assert found.z == pytest.approx(path, abs=1e-10)
+    for part in ("x", "P", "z", "Pz", "sensitivity"):
+        assert getattr(found.end, part) == pytest.approx(getattr(end, part), abs=1e-10), part
+
+
+def test_one_channel_is_the_textbooks() -> None:
+    """Wan and Nelson with matrices as they print them; one channel, so that nothing is done in turn."""
+    model = example(
+        lambda x, dt, d, p, c: SPRING.transition(x, dt, d, p, ca.SX.zeros(2)),
+        lambda x, d, p, c: ca.sin(x[0]) + 0.1 * p[1] * x[1],
+        x=2,
+        d=1,
+        p=2,
+    )
+    rows = spring_rows()
+    rows = sample_rows(rows[:, 0], rows[:, 1:2], rows[:, 2:3])
+    r = np.array([0.03])
+    found = dual.run(
+        model,
+        rows,
+        c=NOTHING,
+        noise=Noise(process=SPRING_Q, measurement=r),
+        scaling=SPRING_SCALING,
+        start=SPRING_START,
+        coupling=COUPLINGS["Wan and Nelson"],
+    )
+    s, numbers = SPRING_START, Numbers(model)
+    x, P, w, Pw, V = s.x[:, None], s.P, s.z[:, None], s.Pz, s.sensitivity
+    for k, row in enumerate(rows):
+        p = SPRING_SCALING.to_p(w[:, 0])
+        slope = np.diag(SPRING_SCALING.slope(p))
+        forward, A, by_p = numbers.transition(x[:, 0], row[0], row[1:2], p, NOTHING)
+        x, P, V = forward[:, None], A @ P @ A.T + SPRING_Q * row[0], A @ V + by_p @ slope
+        seen, H, by_p = numbers.observation(x[:, 0], row[1:2], p, NOTHING)
+        error, by_w = row[2:3, None] - seen[:, None], H @ V + by_p @ slope
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + r)
+        Kw = Pw @ by_w.T @ np.linalg.inv(by_w @ Pw @ by_w.T + r)
+        x, P, V = x + K @ error, (np.eye(2) - K @ H) @ P, V - K @ by_w
+        w, Pw = w + Kw @ error, (np.eye(2) - Kw @ by_w) @ Pw
+        assert found.z[k] == pytest.approx(w[:, 0], abs=1e-10)
+        assert found.z_variance[k] == pytest.approx(np.diag(Pw), abs=1e-10)
+    assert found.end.x == pytest.approx(x[:, 0], abs=1e-10)
+    assert pytest.approx(P, abs=1e-10) == found.end.P
+    assert found.end.sensitivity == pytest.approx(V, abs=1e-10)
+
+
+# Sensitivities.
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+def test_sensitivities_of_a_filter_whose_gain_does_not_depend_on_p(name: str) -> None:
+    """Against differences of whole runs with z frozen a little to either side; p enters the drive, nonlinearly."""
+    model = example(
+        lambda x, dt, d, p, c: ca.vertcat(x[0] + dt * x[1], 0.9 * x[1] - dt * (x[0] - ca.exp(p[0]) * d - p[1] ** 3)),
+        lambda x, d, p, c: ca.vertcat(x[0], x[1] + ca.sin(p[1]) * d),
+        x=2,
+        d=1,
+        p=2,
+    )
+    rows, z = spring_rows(60), np.array([0.2, -0.6])
+    scaling = plain(np.array([0.3, 0.5]), np.array([0.7, 0.2]))
+    start = replace(SPRING_START, Pz=np.zeros((2, 2)), sensitivity=np.zeros((2, 2)))
+    noise = Noise(process=SPRING_Q, measurement=SPRING_R)
+
+    def run(z: Array) -> DualFiltered:
+        at = replace(start, z=z)
+        return dual.run(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=at, coupling=COUPLINGS[name])
+
+    found, h = run(z), 1e-4
+    assert np.array_equal(found.z, np.tile(z, (60, 1)))  # frozen
+    assert not found.z_variance.any()
+    for j in range(2):
+        plus, minus = run(z + h * np.eye(2)[j]), run(z - h * np.eye(2)[j])
+        assert found.end.sensitivity[:, j] == pytest.approx((plus.end.x - minus.end.x) / (2 * h), abs=1e-8)
+        shown = -(plus.innovation - minus.innovation) / (2 * h)
+        assert found.sensitivity[:, :, j][rows[:, 4:] > 0] == pytest.approx(shown[rows[:, 4:] > 0], abs=1e-8)
+
+
+FREE = (
+    "tractor.drive.cornering_stiffness",
+    "semitrailer.cornering_stiffness",
+    "semitrailer.payload.height",
+    "steer.tractor.front.offset",
+    "yaw_rate.tractor.offset",
+)
+LOGARITHMIC = (True, True, False, False, False)
+
+
+def free_article(article: Article) -> tuple[dynamics.ChainModel, Array, Scaling]:
+    """The article's vehicle with five parameters free, its other parameters, and priors and bounds as wide as ours."""
+    model = dynamics.model(article.vehicle, article.model.outputs, roll=True, free=FREE)
+    values = dict(zip(article.model.known, article.c, strict=True))
+    nominal = model.free_values(values)
+    centre = np.concatenate([nominal[:3], np.zeros(2)])
+    scaling = Scaling(
+        logarithmic=LOGARITHMIC,
+        centre=centre,
+        scale=np.array([0.3, 0.3, 1.0, 0.01, 0.004]),
+        lower=np.array([centre[0] / 8, centre[1] / 8, 0.0, -0.08, -0.032]),
+        upper=np.array([centre[0] * 8, centre[1] * 8, 3.5, 0.08, 0.032]),
+    )
+    return model, model.known_values(values), scaling
+
+
+def test_sensitivities_of_the_article(article: Article) -> None:
+    """Against differences of the filter with the gains held, stiffnesses, payload height and offsets, 150 samples."""
+    model, c, scaling = free_article(article)
+    rows = without(article.rows[:150], np.random.default_rng(0).random((150, 4)) < 0.2, 4)
+    z = np.array([0.3, -0.5, 0.2, -0.1, 0.5])
+    start = DualState(
+        x=article.x0, P=article.P0, z=z, Pz=np.zeros((5, 5)), sensitivity=np.zeros((8, 5))
+    )
+    found = dual.run(model, rows, c=c, noise=article.noise, scaling=scaling, start=start)
+
+    def matrices(z: Array):
+        return linear(model, rows, scaling.to_p(z), c)
+
+    nominal, P, gains = matrices(z), article.P0, []
+    for k, row in enumerate(rows):
+        P = nominal.F[k] @ P @ nominal.F[k].T + article.noise.process * row[0]
+        there, K = row[9:] > 0, np.zeros((8, 4))
+        H = nominal.H[k][there]
+        K[:, there] = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(article.noise.measurement[there]))
+        P = P - K[:, there] @ H @ P
+        gains.append(K)
+
+    def end(z: Array) -> Array:
+        system, x = matrices(z), article.x0
+        for k, row in enumerate(rows):
+            x = system.F[k] @ x + system.g[k]
+            x = x + gains[k] @ (row[5:9] - system.b[k] - system.H[k] @ x)
+        return x
+
+    assert found.end.x == pytest.approx(end(z), abs=1e-11)
+    assert apart(found.end.P[None], P[None]) <= 1e-9
+    for j, h in enumerate(1e-3 * np.eye(5)):
+        expected = (8 * (end(z + h) - end(z - h)) - (end(z + 2 * h) - end(z - 2 * h))) / 12e-3
+        assert np.abs(found.end.sensitivity[:, j] - expected).max() <= 1e-7 * np.abs(expected).max(), FREE[j]
+
+
+# Bounds, signs, and numbers that stay numbers.
+
+
+def powers(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high).map(lambda exponent: 10.0**exponent)
+
+
+STARTS = {
+    "relative": st.tuples(*[st.floats(0.6, 1.4) | st.sampled_from([1 / 8, 8.0])] * 2),
+    "height": st.floats(0.1, 1.8) | st.sampled_from([0.0, 3.5]),
+    "R": powers(-8, 2),
+    "P0": powers(-12, 4),
+    "Q": st.just(0.0) | powers(-10, -2),
+    "prior": powers(-3, 1),
+    "size": st.sampled_from([0.0, 1e-3, 0.1, 10.0, 1e4]),
+    "gate": st.sampled_from([3.0, 6.0, np.inf]),
+    "seed": st.integers(0, 2**32 - 1),
+}
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+def test_whatever_the_start_and_the_noise(article: Article, name: str) -> None:
+    """Parameters stay inside their bounds, stiffnesses positive, covariances symmetric and positive, all finite."""
+    model, c, scaling = free_article(article)
+
+    @settings(max_examples=60, deadline=None)
+    @given(**STARTS)
+    def check(
+        relative: tuple[float, float],
+        height: float,
+        R: float,
+        P0: float,
+        Q: float,
+        prior: float,
+        size: float,
+        gate: float,
+        seed: int,
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        rows = article.rows.copy()
+        rows[:, 5:9] += size * rng.standard_t(2, size=(len(rows), 4))
+        rows = without(rows, rng.random((len(rows), 4)) < 0.2, 4)
+        z = scaling.to_z(np.array([*(scaling.centre[:2] * relative), height, 0.0, 0.0]))
+        start = DualState(x=article.x0, P=P0 * np.eye(8), z=z, Pz=prior * np.eye(5), sensitivity=np.zeros((8, 5)))
+        noise = Noise(process=Q * np.eye(8), measurement=np.full(4, R), gate=gate)
+        found = dual.run(model, rows, c=c, noise=noise, scaling=scaling, start=start, coupling=COUPLINGS[name])
+        for field in ("z", "z_variance", "innovation", "innovation_variance", "sensitivity"):
+            assert np.isfinite(getattr(found, field)).all(), field
+        assert np.isfinite(found.end.vector()).all()
+        p = scaling.to_p(found.z)
+        room = 1e-14 * (scaling.upper - scaling.lower)
+        assert (p >= scaling.lower - room).all()
+        assert (p <= scaling.upper + room).all()
+        assert (p[:, :2] > 0).all()
+        for covariance in (found.end.P, found.end.Pz):
+            assert np.array_equal(covariance, covariance.T)
+        if min(relative) < 0.6:  # an unstable vehicle
+            return
+        largest = max(P0, found.innovation_variance.max())  # on the way
+        for covariance, once in ((found.end.P, largest), (found.end.Pz, prior)):
+            values = np.linalg.eigvalsh(covariance)
+            assert values[0] >= -1e-12 * max(values[-1], once)
+        assert (found.z_variance >= -1e-12 * prior).all()
+
+    check()
+
+
+def test_bounds_hold_a_parameter_that_wants_out() -> None:
+    """A constant bias of five, bounded to two; the state is not dragged further than the parameter goes."""
+    model = example(lambda x, dt, d, p, c: x * ca.exp(-dt), lambda x, d, p, c: x + p, x=1, p=1)
+    rows = sample_rows(np.full(200, 0.1), np.empty((200, 0)), np.full((200, 1), 5.0))
+    scaling = Scaling(
+        logarithmic=(False,), centre=np.zeros(1), scale=np.ones(1), lower=np.array([-1.0]), upper=np.array([2.0])
+    )
+    start = DualState(
+        x=np.zeros(1), P=np.full((1, 1), 0.01), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.zeros((1, 1))
+    )
+    noise = Noise(process=np.zeros((1, 1)), measurement=np.ones(1))
+    found = dual.run(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=start)
+    assert found.z.max() == 2.0
+    assert found.z[-1] == 2.0
+    assert abs(found.end.x.item()) < 0.1
+    beyond = replace(start, z=np.array([9.0]))
+    outside = dual.run(model, rows[:1], c=NOTHING, noise=noise, scaling=scaling, start=beyond)
+    assert outside.z.item() == 2.0
+
+
+def test_scaling() -> None:
+    scaling = SPRING_SCALING
+    z = np.random.default_rng(0).normal(size=(20, 2))
+    p = scaling.to_p(z)
+    assert p[:, 0] == pytest.approx(3.0 * np.exp(0.4 * z[:, 0]))
+    assert p[:, 1] == pytest.approx(0.4 + 0.3 * z[:, 1])
+    assert scaling.to_z(p) == pytest.approx(z)
+    for j, h in enumerate(1e-6 * np.eye(2)):
+        expected = (scaling.to_p(z + h) - scaling.to_p(z - h))[:, j] / 2e-6
+        assert scaling.slope(p)[:, j] == pytest.approx(expected, rel=1e-8)
+    zero = replace(scaling, centre=np.array([3.0, 0.0]))  # no logarithm of a centre of zero
+    assert zero.to_z(zero.to_p(z)) == pytest.approx(z)
+
+
+# The random walk.
+
+
+def test_random_walk_and_forgetting() -> None:
+    """Nothing is measured: Pz gains walk * dt, times what forgetting leaves at each sample; a walk for each z."""
+    rows = without(biased_rows(40, gaps=False), np.ones((40, 3), dtype=bool), 1)
+    arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE), "start": START}
+    time = np.cumsum(rows[:, 0])
+    walk = np.array([0.3, 0.02])
+    for forgetting in (0.0, 0.4, 5.0):
+        coupling = Coupling(random_walk=walk, forgetting=forgetting)
+        found = dual.run(BIASED, rows, coupling=coupling, **arguments)
+        gained = np.cumsum(rows[:, 0] * np.exp(-forgetting * time))
+        assert found.z_variance == pytest.approx(np.diag(START.Pz) + gained[:, None] * walk, rel=1e-12)
+        assert found.end.Pz[0, 1] == START.Pz[0, 1]
+        assert found.end.walk == pytest.approx(np.exp(-forgetting * time[-1]), rel=1e-12)
+        assert np.array_equal(found.z, np.tile(START.z, (40, 1)))
+    same = dual.run(BIASED, rows, coupling=Coupling(random_walk=0.3), **arguments)
+    each = dual.run(BIASED, rows, coupling=Coupling(random_walk=np.full(2, 0.3)), **arguments)
+    assert np.array_equal(same.z_variance, each.z_variance)
+
+
+def test_random_walk_keeps_the_filter_awake() -> None:
+    """Without it the variance of z falls on and on; with it, it levels off; forgotten, it falls again."""
+    rows = biased_rows(1500, gaps=False)
+    arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE), "start": START}
+
+    def late(coupling: Coupling) -> tuple[float, float]:
+        found = dual.run(BIASED, rows, coupling=coupling, **arguments).z_variance[:, 0]
+        return found[700:750].mean(), found[-50:].mean()
+
+    still, awake = late(Coupling()), late(Coupling(random_walk=0.01))
+    asleep = late(Coupling(random_walk=0.01, forgetting=0.1))
+    assert still[1] < 0.6 * still[0]
+    assert awake[1] == pytest.approx(awake[0], rel=0.1)
+    assert still[1] < asleep[1] < 0.3 * awake[1]
+
+
+# Missing values, the gate, many vehicles.
+
+
+def same(found: DualFiltered, expected: DualFiltered, channels: list[int] | None = None) -> None:
+    channels = channels if channels is not None else list(range(found.innovation.shape[1]))
+    assert found.z == pytest.approx(expected.z, rel=1e-12, abs=1e-12)
+    assert found.z_variance == pytest.approx(expected.z_variance, rel=1e-12)
+    assert found.innovation[:, channels] == pytest.approx(expected.innovation, rel=1e-11, abs=1e-12)
+    assert found.end.vector() == pytest.approx(expected.end.vector(), rel=1e-11, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+@pytest.mark.parametrize("channel", range(3))
+def test_missing_channel_is_a_model_without_it(channel: int, name: str) -> None:
+    """At some samples: there one row of the smaller model, else one row of the whole."""
+    kept = [i for i in range(3) if i != channel]
+    fewer = example(
+        lambda *a: BIASED.transition(*a), lambda *a: BIASED.observation(*a)[kept], x=3, d=1, p=2, c=2
+    )
+    rows = biased_rows(60, channel)
+    gone = np.zeros((60, 3), dtype=bool)
+    gone[:, channel] = np.random.default_rng(channel).random(60) < 0.5
+    small = np.hstack([rows[:, :2], rows[:, 2:5][:, kept], rows[:, 5:][:, kept]])
+    arguments = {"c": C, "scaling": plain(CENTRE, SCALE), "coupling": COUPLINGS[name]}
+    noise, less = (Noise(process=Q, measurement=r) for r in (R, R[kept]))
+    found = dual.run(BIASED, without(rows, gone, 1), noise=noise, start=START, **arguments)
+    state = START
+    for k in range(60):
+        if gone[k, channel]:
+            one = dual.run(fewer, small[k : k + 1], noise=less, start=state, **arguments)
+        else:
+            one = dual.run(BIASED, rows[k : k + 1], noise=noise, start=state, **arguments)
+        state = one.end
+        assert found.z[k] == pytest.approx(state.z, rel=1e-12, abs=1e-12)
+        assert found.z_variance[k] == pytest.approx(np.diag(state.Pz), rel=1e-12)
+    assert found.end.vector() == pytest.approx(state.vector(), rel=1e-12, abs=1e-12)
+    assert not found.innovation[gone].any()
+    assert not found.accepted[gone].any()
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+def test_all_missing_is_prediction(name: str) -> None:
+    """The parameters stay, state, covariance and sensitivity go on with the model."""
+    rows = without(biased_rows(30), np.ones((30, 3), dtype=bool), 1)
+    scaling, noise = plain(CENTRE, SCALE), Noise(process=Q, measurement=R)
+    found = dual.run(BIASED, rows, c=C, noise=noise, scaling=scaling, start=START, coupling=COUPLINGS[name])
+    p = scaling.to_p(START.z)
+    x, P, V, numbers = START.x, START.P, START.sensitivity, Numbers(BIASED)
+    for row in rows:
+        x, F, by_p = numbers.transition(x, row[0], row[1:2], p, C)
+        P, V = F @ P @ F.T + Q * row[0], F @ V + by_p * SCALE
+    assert np.array_equal(found.z, np.tile(START.z, (30, 1)))
+    assert np.array_equal(found.end.Pz, START.Pz)
+    assert found.end.x == pytest.approx(x, abs=1e-13)
+    assert pytest.approx(P, abs=1e-13) == found.end.P
+    assert found.end.sensitivity == pytest.approx(V, abs=1e-13)
+    assert not found.innovation.any()
+
+
+def test_one_of_two_by_hand() -> None:
+    """y = [NaN, 1] of x + z and x - z, variances 1: P = 4 and Pz = 2, so S = 7."""
+    model = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: ca.vertcat(x + p, x - p), x=1, p=1)
+    rows = sample_rows(np.zeros(1), np.empty((1, 0)), np.array([[np.nan, 1.0]]))
+    found = dual.run(
+        model,
+        rows,
+        c=NOTHING,
+        noise=Noise(process=np.zeros((1, 1)), measurement=np.ones(2)),
+        scaling=plain(np.zeros(1), np.ones(1)),
+        start=DualState(
+            x=np.zeros(1), P=np.full((1, 1), 4.0), z=np.zeros(1), Pz=np.full((1, 1), 2.0), sensitivity=np.zeros((1, 1))
+        ),
+    )
+    assert found.z.item() == pytest.approx(-2 / 7, rel=1e-14)
+    assert found.z_variance.item() == pytest.approx(2 - 4 / 7, rel=1e-14)
+    assert found.end.x.item() == pytest.approx(4 / 7, rel=1e-14)
+    assert found.innovation.tolist() == [[0, 1]]
+    assert found.innovation_variance.tolist() == [[7, 7]]
+    assert found.accepted.tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+def test_gate_rejects_as_if_missing(name: str) -> None:
+    rows, rng = biased_rows(80), np.random.default_rng(1)
+    spikes = (rng.random((80, 3)) < 0.05) & (rows[:, 5:] > 0)
+    assert spikes.sum() > 5
+    spoiled = rows.copy()
+    spoiled[:, 2:5][spikes] += 1e3
+    given = {"c": C, "noise": Noise(process=Q, measurement=R, gate=30.0), "scaling": plain(CENTRE, SCALE)}
+    given |= {"start": START, "coupling": COUPLINGS[name]}
+    found = dual.run(BIASED, spoiled, **given)
+    expected = dual.run(BIASED, without(rows, spikes, 1), **given)
+    assert np.array_equal(found.accepted, expected.accepted)
+    assert np.array_equal(found.z, expected.z)
+    assert np.array_equal(found.z_variance, expected.z_variance)
+    assert np.array_equal(found.end.vector(), expected.end.vector())
+    assert (found.innovation[spikes] > 900).all()
+    assert np.array_equal(found.innovation[~spikes], expected.innovation[~spikes])
+
+
+def test_frozen_parameters_leave_the_kalman_filter(article: Article) -> None:
+    """Pz = 0: the state's filter alone, at these parameters."""
+    model, c, scaling = free_article(article)
+    z = np.array([0.2, 0.1, -0.3, 0.4, -0.5])
+    start = DualState(x=article.x0, P=article.P0, z=z, Pz=np.zeros((5, 5)), sensitivity=np.zeros((8, 5)))
+    found = dual.run(model, article.rows, c=c, noise=article.noise, scaling=scaling, start=start)
+    values: Mapping[str, float] = dict(zip(article.model.known, article.c, strict=True)) | dict(
+        zip(FREE, scaling.to_p(z), strict=True)
+    )
+    arguments = article.arguments() | {"c": article.model.known_values(values)}
+    expected = kalman.run(article.model, article.rows, **arguments)
+    assert found.end.x == pytest.approx(expected.state[-1], abs=1e-11)
+    assert apart(found.end.P[None], expected.covariance[-1:]) <= 1e-11
+    assert found.innovation == pytest.approx(expected.innovation, abs=1e-11)
+    assert found.innovation_variance == pytest.approx(expected.innovation_variance, rel=1e-11)
+
+
+def test_batch_is_a_loop() -> None:
+    """Vehicles with their own starts, constants and records; six in lanes of four."""
+    rng = np.random.default_rng(9)
+    step, vehicles = dual.step(SPRING, SPRING_SCALING.logarithmic), 6
+    start = replace(SPRING_START, walk=0.7).vector()
+    constant = np.concatenate(
+        [[0.1, 0.2], Noise(process=SPRING_Q, measurement=SPRING_R, gate=4.0).vector(), SPRING_SCALING.vector(),
+         [0.01, 0.02, 0.3, 1.0, 1.0]]
+    )  # fmt: skip
+    starts, constants = start * rng.uniform(0.9, 1.1, (vehicles, 1)), np.tile(constant, (vehicles, 1))
+    constants[:, :2] *= rng.uniform(0.8, 1.2, (vehicles, 2))
+    rows = np.array([spring_rows(seed=seed) for seed in range(vehicles)])
+    after, out = step.batch(starts, rows, constants)
+    for i in range(vehicles):
+        one_after, one = step(starts[i], rows[i], constants[i])
+        assert out[i] == pytest.approx(one, rel=1e-12, abs=1e-12)
+        assert after[i] == pytest.approx(one_after, rel=1e-12, abs=1e-12)
+
+
+def test_parameters_are_found() -> None:
+    """Five hundred seconds of a spring: the estimates end within three of their own sigmas of the truth."""
+    rows = spring_rows(8000, 3)
+    found = dual.run(
+        SPRING,
+        rows,
+        c=np.array([0.1, 0.0]),
+        noise=Noise(process=SPRING_Q * 0.01, measurement=SPRING_R),
+        scaling=SPRING_SCALING,
+        start=replace(SPRING_START, z=np.zeros(2), Pz=np.eye(2), sensitivity=np.zeros((2, 2))),
+    )
+    sigma = np.sqrt(found.z_variance[-1])
+    assert (np.abs(found.z[-1] - SPRING_SCALING.to_z(np.array([2.2, 0.6]))) < 3 * sigma).all()
+    assert (sigma < 0.1).all()
+
+
+@pytest.mark.xfail(strict=True, reason="a channel that only a parameter moves leaves a sparse output")
+def test_channel_that_only_a_parameter_moves() -> None:
+    model = example(lambda x, dt, d, p, c: x * ca.exp(-dt) + p[0], lambda x, d, p, c: ca.vertcat(p[1], x), x=1, p=2)
+    rows = sample_rows(np.full(20, 0.1), np.empty((20, 0)), np.random.default_rng(0).normal(size=(20, 2)))
+    given = {"c": NOTHING, "scaling": plain(np.zeros(2), np.ones(2))}
+    start = DualState(x=np.zeros(1), P=np.eye(1), z=np.zeros(2), Pz=np.eye(2), sensitivity=np.zeros((1, 2)))
+    noise = Noise(process=np.eye(1), measurement=np.ones(2))
+    found = dual.run(model, rows, noise=noise, start=start, **given)
+    path, _ = by_hand(model, rows, Q=np.eye(1), R=np.ones(2), start=start, consistent=True, coupled=True, **given)
+    assert found.z == pytest.approx(path, abs=1e-12)
+    assert found.sensitivity[:, 0] == pytest.approx(np.tile([0.0, 1.0], (20, 1)))
+    assert np.isfinite(found.sensitivity).all()

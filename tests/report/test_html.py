@@ -1,0 +1,198 @@
+"""The page: whole, on its own, and with everything on it."""
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.report.conftest import NASTY, Page
+
+from fifthwheel.identify import Verdict
+from fifthwheel.observe import Status
+from fifthwheel.report import figures, page, write_report
+from fifthwheel.report.numbers import with_sigma
+from fifthwheel.report.words import MARKS
+
+
+@pytest.fixture(scope="module")
+def text(found, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, found.identification, found.records, found.states, title="my <truck> & co")
+    assert [p.name for p in path.parent.iterdir()] == ["report.html"]
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def parsed(text) -> Page:
+    return Page(text)
+
+
+@pytest.fixture(scope="module")
+def plots(parsed) -> list:
+    return json.loads(parsed.scripts["figures"], parse_constant=pytest.fail)
+
+
+def test_every_value_is_there(found, parsed):
+    for estimate in (*found.identification.parameters, *found.identification.derived):
+        assert estimate.name in parsed.text
+        assert with_sigma(estimate.value, estimate.sigma, estimate.unit) in parsed.text
+    for error in found.identification.sensors:
+        assert with_sigma(error.value, error.sigma, error.unit) in parsed.text
+    assert found.identification.version in parsed.text
+    assert "correlation_time" in parsed.text
+
+
+def test_names_are_escaped(text, parsed):
+    assert NASTY in parsed.text
+    assert "my <truck> & co" in parsed.text
+    assert "<truck>" not in text
+    assert "bend <b>" not in text.replace(parsed.scripts["figures"], "")
+
+
+def test_opens_without_a_network(text, parsed):
+    assert {link for _, link in parsed.links if not link.startswith("#")} == set()
+    own = text
+    for script in parsed.scripts.values():
+        own = own.replace(script, "")
+    assert not re.search(r"https?://|url\(|@import", own)
+    assert "default-src &#x27;none&#x27;" in text
+    assert any("Plotly.newPlot" in script for script in parsed.scripts.values())
+
+
+def test_links_lead_somewhere(parsed):
+    assert len(parsed.ids) == len(set(parsed.ids))
+    assert {link[1:] for _, link in parsed.links} <= set(parsed.ids)
+
+
+def test_every_plot_has_its_place(parsed, plots):
+    assert [f"plot{k}" for k in range(len(plots))] == [i for i in parsed.ids if i.startswith("plot")]
+
+
+def test_all_that_was_asked_for_is_plotted(found, plots):
+    identification, groups = found.identification, [plot["group"] for plot in plots]
+    histories = sum(len(trace.names) for trace in identification.traces.values())
+    assert sum(group.startswith("history") for group in groups) == histories == 5
+    per_log = {f"log {r.name}": 0 for r in found.records}
+    for fit in identification.fits:
+        per_log[f"log {fit.log}"] += 1
+    for states in found.states:
+        per_log[f"log {states.name}"] += len(states.values) + len(states.innovation)
+    assert {group: groups.count(group) for group in per_log} == per_log
+
+
+def test_lines_are_short_and_as_long_as_their_time(plots):
+    for plot in plots:
+        for trace in plot["data"]:
+            assert len(trace["x"]) == len(trace["y"]) <= figures.thin.LIMIT + figures.thin.MOST_GAPS + 2
+
+
+def test_histories_have_band_levels_and_passes(found, plots):
+    trace = found.identification.traces["stage 1"]
+    names = [line["name"] for line in plots[0]["data"]]
+    assert names == ["± 1 sigma", "initial", "final", "estimate"]
+    assert len(plots[0]["layout"]["shapes"]) == trace.passes - 1
+    estimate = found.identification[trace.names[0]]
+    assert plots[0]["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)
+    assert plots[0]["layout"]["yaxis"]["title"]["text"] == "kN/rad"
+
+
+def test_angles_are_in_degrees(found):
+    states, record = found.states[0], found.records[0]
+    plot = figures.state(states, record, "sideslip.tractor", "log", "rad")
+    lines = {line["name"]: line for line in plot.figure["data"]}
+    assert set(lines) == {"± 2 sigma", "estimate", "reference"}
+    assert max(lines["reference"]["y"]) == pytest.approx(
+        np.degrees(record.reference["sideslip.tractor"].max()), rel=1e-3
+    )
+    assert plot.figure["layout"]["yaxis"]["title"]["text"] == "deg"
+
+
+def test_status_is_shaded_and_rejected_samples_are_marked(found):
+    states = found.states[1]
+    assert (states.status == Status.TOO_SLOW).any()
+    plot = figures.innovation(states, "yaw_rate.tractor", "log")
+    colours = [shape.get("fillcolor") for shape in plot.figure["layout"]["shapes"]]
+    assert figures.STATUS_COLOURS["TOO_SLOW"] in colours
+    assert figures.STATUS_COLOURS["COASTING"] in colours
+    marks = plot.figure["data"][1]
+    assert marks["name"] == "not used"
+    assert 8.0 in marks["x"]
+
+
+def test_gaps_are_null(found):
+    plot = figures.state(found.states[1], found.records[1], "yaw_rate.tractor", "log", "rad/s")
+    estimate = next(line for line in plot.figure["data"] if line["name"] == "estimate")
+    assert None in estimate["y"]
+    assert not any(line["y"].count(None) > 5 for line in plot.figure["data"])
+
+
+def test_predicted_logs_are_marked(text):
+    section = text[text.index('id="fits"') : text.index('id="states"')]
+    assert section.count("predicted only</span>") == 1
+    assert section.index("lane changes") < section.index("predicted only</span>")
+
+
+def test_states_alone(found, tmp_path):
+    path = tmp_path / "report.html"
+    write_report(path, None, found.records, found.states, title="truck")
+    parsed = Page(path.read_text(encoding="utf-8"))
+    assert "States are reliable in" in parsed.text
+    assert "too slow for the model" in parsed.text
+    assert "rms difference from the reference" in parsed.text
+    assert "parameters" not in parsed.ids
+    assert len(json.loads(parsed.scripts["figures"])) == sum(len(s.values) + len(s.innovation) for s in found.states)
+
+
+def test_a_channel_that_was_never_seen(found, tmp_path):
+    states, nothing = found.states[0], np.full(len(found.states[0].time), np.nan)
+    silent = replace(
+        states,
+        values=dict.fromkeys(states.values, nothing),
+        sigma=dict.fromkeys(states.sigma, nothing),
+        innovation=dict.fromkeys(states.innovation, nothing),
+        innovation_sigma=dict.fromkeys(states.innovation, nothing),
+        accepted={name: np.zeros(len(nothing), dtype=bool) for name in states.innovation},
+        status=np.full(len(nothing), Status.INPUT_MISSING, dtype=np.int8),
+    )
+    write_report(tmp_path / "report.html", None, found.records, [silent], title="truck")
+    parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "never reliable" in parsed.text
+    assert "never used" in parsed.text
+    json.loads(parsed.scripts["figures"], parse_constant=pytest.fail)
+
+
+def test_every_verdict_has_its_mark(every_verdict, found, tmp_path):
+    path = tmp_path / "report.html"
+    write_report(path, every_verdict, found.records, [], title="truck")
+    text = path.read_text(encoding="utf-8")
+    assert set(MARKS) == set(Verdict)
+    for verdict, (mark, word) in MARKS.items():
+        assert f'<span class="{verdict}"><span class="mark">{mark}</span>{word}</span>' in text
+
+
+def test_a_page_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    path.write_text("old")
+    monkeypatch.setattr(page.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
+    with pytest.raises(OSError, match="full"):
+        page.write(path, title="t", body="", plots=[])
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_json_cannot_leave_its_script():
+    text = page.script_json({"name": "</script><!--\u2028&"})
+    assert not set(text) & set("<>&\u2028")
+    assert json.loads(text) == {"name": "</script><!--\u2028&"}
+    with pytest.raises(ValueError, match="JSON"):
+        page.script_json([float("nan")])
+
+
+def test_import_is_cheap():
+    heavy = ("rich", "plotly", "casadi", "pyarrow", "pandas")
+    code = f"import sys, fifthwheel.report; print([m for m in {heavy} if m in sys.modules])"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == "[]"

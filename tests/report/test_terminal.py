@@ -1,0 +1,83 @@
+"""Tables that fit a terminal of 80 columns."""
+
+import io
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+from tests.report.conftest import NASTY
+
+from fifthwheel.report import show_identification, show_states
+from fifthwheel.report.numbers import plain_ascii, with_sigma
+from fifthwheel.report.terminal import COLOURS
+from fifthwheel.report.words import MARKS
+
+
+def printed(show, *args, terminal: bool = False) -> str:
+    file = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+    show(*args, Console(file=file, width=80, force_terminal=terminal, color_system="standard" if terminal else None))
+    file.flush()
+    return file.buffer.getvalue().decode()
+
+
+@pytest.fixture(scope="module")
+def text(every_verdict) -> str:
+    return printed(show_identification, every_verdict)
+
+
+def test_every_verdict_is_there(text):
+    assert set(COLOURS) == set(MARKS)
+    for _, word in MARKS.values():
+        assert word in text
+
+
+def test_80_columns_of_ascii(text):
+    assert max(len(line) for line in text.splitlines()) <= 80
+    body = text.replace(NASTY, "")
+    assert body.isascii()
+
+
+def test_each_parameter_is_one_line(text, every_verdict):
+    lines = text.splitlines()
+    for estimate in (*every_verdict.parameters, *every_verdict.derived):
+        value = plain_ascii(with_sigma(estimate.value, estimate.sigma, estimate.unit))
+        assert any(line.startswith(estimate.name) and value in line for line in lines)
+
+
+def test_fit_and_next_steps(text, every_verdict):
+    assert "(predicted only)" in text
+    assert "yaw_rate.semitrailer" in text
+    assert "Next" in text
+    assert "NaN" not in text
+    assert "nan" not in text
+
+
+def test_a_real_terminal_gets_colour_and_signs(every_verdict):
+    text = printed(show_identification, every_verdict, terminal=True)
+    assert "\x1b[" in text
+    assert "±" in text
+
+
+def test_long_names_fold_within_80_columns(every_verdict):
+    long = replace(every_verdict.parameters[0], name="second_semitrailer.rear_bogie.cornering_stiffness")
+    text = printed(show_identification, replace(every_verdict, parameters=(long,)))
+    assert max(len(line) for line in text.splitlines()) <= 80
+    assert "known" in text
+
+
+def test_markup_in_names_is_text(found):
+    states = replace(found.states[0], name="[red]log[/]")
+    assert "[red]log[/]" in printed(show_states, [states], found.records)
+
+
+def test_states(found):
+    text = printed(show_states, found.states, found.records)
+    assert max(len(line) for line in text.splitlines()) <= 80
+    assert "sideslip.semitrailer" in text
+    assert "too slow for the model" in " ".join(text.split())
+    assert "yaw_rate.tractor" in text
+
+
+def test_without_a_console(found, capsys):
+    show_identification(found.identification)
+    assert "All 5 parameters are known" in capsys.readouterr().out

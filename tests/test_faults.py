@@ -1,0 +1,368 @@
+"""Every fault that a log can have, through identification, the observer and the command line.
+
+None may end in a silent wrong answer: either there is an error that names the signal, or the faulty signal is named
+beside the result, or the result is right.
+"""
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from fifthwheel import cli
+from fifthwheel.errors import SignalError
+from fifthwheel.identify import Identification, Settings, identify
+from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.logs import Fault, Record, check, read, write
+from fifthwheel.observe import Observer, Status
+from fifthwheel.report import advice
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get, save
+
+TRUCK = get("cheng_cebon_2011")
+TRUTH = TRUCK.parameters() | TRUCK.derived()
+# what its owner believes: every parameter that is sought is a fifth off
+GUESS = TRUCK.replace(
+    {n: TRUTH[n] * k for n, k in zip(stage_1_names(TRUCK), [0.8, 1.2, 0.8, 1.2], strict=True)}
+    | {"semitrailer.payload.height": 1.0}
+)
+BASE = simulate(TRUCK, count=3)
+STEER, SPEED = "steer.tractor.front", "speed"
+YAW, YAW2 = "yaw_rate.tractor", "yaw_rate.semitrailer"
+ROLL, ROLL2 = "roll_rate.tractor", "roll_rate.semitrailer"
+MEASURED = (YAW, YAW2, ROLL, ROLL2)
+DEGREES = 180 / np.pi
+
+Inject = Callable[[Record], Record]
+
+
+def scaled(name: str, factor: float, offset: float = 0.0) -> Inject:
+    return lambda record: record.with_signals({name: factor * record.signals[name] + offset})
+
+
+def during(name: str, start: float, stop: float, value: float | None) -> Inject:
+    """A signal at a value within start to stop, s; at the one that it has there first when the value is None."""
+
+    def inject(record: Record) -> Record:
+        values, inside = record.signals[name].copy(), (record.time >= start) & (record.time < stop)
+        values[inside] = values[inside][0] if value is None else value
+        return record.with_signals({name: values})
+
+    return inject
+
+
+def thinned(name: str, share: float) -> Inject:
+    def inject(record: Record) -> Record:
+        lost = np.random.default_rng(1).random(len(record)) < share
+        return record.with_signals({name: np.where(lost, np.nan, record.signals[name])})
+
+    return inject
+
+
+def spiked(name: str, size: float) -> Inject:
+    def inject(record: Record) -> Record:
+        values = record.signals[name].copy()
+        values[[150, 380, 900, 1340, 1700, 2200]] += size * np.array([1, -1, 1, 1, -1, 1])
+        return record.with_signals({name: values})
+
+    return inject
+
+
+def noise(name: str, sigma: float) -> Inject:
+    return lambda record: record.with_signals({name: np.random.default_rng(5).normal(0, sigma, len(record))})
+
+
+def swapped(one: str, other: str) -> Inject:
+    return lambda record: record.with_signals({one: record.signals[other], other: record.signals[one]})
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault, the signal that it is in, and what has to come of it."""
+
+    fault: Fault
+    signal: str
+    inject: Inject
+    refused: bool
+    what: str = ""
+    among: tuple[str, ...] = ()
+    """Signals that may be named in the place of the faulty one."""
+
+    def __str__(self) -> str:
+        return " ".join(filter(None, [self.fault.value, self.signal, self.what]))
+
+
+CASES = [
+    *(Case(Fault.DROPOUT, n, during(n, 0, 99, np.nan), True, "all") for n in (SPEED, STEER, YAW2, ROLL2)),
+    *(Case(Fault.DROPOUT, n, during(n, 9, 11, np.nan), True, "2 s") for n in (SPEED, STEER)),
+    Case(Fault.DROPOUT, STEER, during(STEER, 9, 9.4, np.nan), False, "0.4 s"),
+    *(Case(Fault.DROPOUT, n, during(n, 9, 11, np.nan), False, "2 s") for n in (YAW, ROLL2)),
+    *(Case(Fault.DROPOUT, n, thinned(n, 0.3), False, "30 %") for n in (SPEED, STEER, YAW2)),
+    *(Case(Fault.DROPOUT, n, thinned(n, 0.6), True, "60 %") for n in (YAW, ROLL2)),
+    *(
+        Case(Fault.SPIKE, n, spiked(n, size), False)
+        for n, size in ((SPEED, 10.0), (STEER, 0.3), (YAW, 0.6), (ROLL2, 1.0))
+    ),
+    *(Case(Fault.STUCK, n, during(n, 8, 99, None), True, "16 s") for n in (STEER, *MEASURED)),
+    *(Case(Fault.STUCK, n, during(n, 9, 11, None), False, "2 s") for n in (STEER, YAW2)),
+    Case(Fault.ZERO_SPEED, SPEED, scaled(SPEED, 0.0), True),
+    Case(Fault.ZERO_SPEED, SPEED, scaled(SPEED, 0.1), True, "crawling"),
+    Case(Fault.ZERO_SPEED, SPEED, during(SPEED, 15, 17, 0.0), False, "2 s"),
+    Case(Fault.OUT_OF_RANGE, SPEED, scaled(SPEED, 1000.0), True),
+    Case(Fault.OUT_OF_RANGE, ROLL2, scaled(ROLL2, 1e5), True),
+    Case(Fault.UNIT, SPEED, scaled(SPEED, 3.6), True, "km/h"),
+    *(Case(Fault.DEGREES, n, scaled(n, DEGREES), True) for n in (STEER, *MEASURED)),
+    Case(Fault.STEERING_WHEEL, STEER, scaled(STEER, 18.0), True),
+    Case(Fault.STEERING_WHEEL, STEER, scaled(STEER, 18.0 * DEGREES), True, "in degrees"),
+    *(Case(Fault.SWAPPED_SIGN, n, scaled(n, -1.0), True) for n in (SPEED, STEER, YAW, YAW2)),
+    *(Case(Fault.SWAPPED_SIGN, n, scaled(n, -1.0), False) for n in (ROLL, ROLL2)),
+    Case(Fault.WRONG_COLUMN, STEER, noise(STEER, 0.015), True, "noise"),
+    Case(Fault.WRONG_COLUMN, YAW, noise(YAW, 0.03), True, "noise"),
+    Case(Fault.WRONG_COLUMN, YAW2, noise(YAW2, 0.03), False, "noise"),
+    Case(Fault.WRONG_COLUMN, ROLL2, noise(ROLL2, 0.02), False, "noise"),
+    Case(Fault.WRONG_COLUMN, STEER, swapped(STEER, ROLL), False, "with a noisy gyro", among=MEASURED),
+    Case(Fault.WRONG_COLUMN, STEER, swapped(STEER, YAW), False, "with the yaw rate", among=MEASURED),
+    Case(Fault.WRONG_COLUMN, YAW, swapped(YAW, YAW2), False, "with the other yaw rate", among=MEASURED),
+    *(
+        Case(Fault.OFFSET, n, scaled(n, 1.0, 0.04), False, among=(f"{n}.offset", YAW2, STEER))
+        for n in (STEER, YAW, ROLL2)
+    ),
+]
+cases = pytest.mark.parametrize("case", CASES, ids=str)
+
+
+def estimates(found: Identification) -> list[tuple[str, float, float]]:
+    """Name, value and sigma of all that was found; numbers all of them."""
+    told = [(e.name, e.value, e.sigma) for e in (*found.parameters, *found.derived)]
+    told += [(e.name, e.value, e.sigma) for e in found.sensors]
+    for name, value, sigma in told:
+        assert np.isfinite(value), name
+        assert np.isfinite(sigma), name
+        assert sigma >= 0, name
+    assert all(np.isfinite(t.values).all() and np.isfinite(t.sigma).all() for t in found.traces.values())
+    assert all(np.isfinite([f.explained, f.rms]).all() for f in found.fits)
+    return told
+
+
+def wrong(found: Identification) -> list[str]:
+    """Parameters that are neither right nor said to be uncertain: off by more than 5 sigma and 5 %."""
+    return [
+        f"{e.name}: {e.value:.4g} +- {e.sigma:.2g}, {TRUTH[e.name]:.4g} is true"
+        for e in (*found.parameters, *found.derived)
+        if e.verdict == "converged" and abs(e.value - TRUTH[e.name]) > 5 * e.sigma + 0.05 * abs(TRUTH[e.name])
+    ]
+
+
+def remarks(found: Identification) -> str:
+    """All that is said beside the numbers."""
+    return "\n".join([*found.notes, *advice.fit_cautions(found), *advice.sensor_cautions(found)])
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    """Exit code, output and errors of the command line."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["fifthwheel", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+    return code, *capsys.readouterr()
+
+
+def test_every_fault_is_here():
+    assert {case.fault for case in CASES} == set(Fault)
+
+
+def test_without_a_fault():
+    found = identify([BASE], GUESS)
+    estimates(found)
+    assert not wrong(found)
+    assert all(e.verdict == "converged" for e in found.parameters)
+    assert not [line for line in remarks(found).splitlines() if any(n in line for n in (SPEED, *MEASURED))]
+    assert (Observer(TRUCK, BASE.signals).batch(BASE).status == Status.OK).all()
+
+
+@cases
+def test_identification(case):
+    record = case.inject(BASE)
+    if case.refused:
+        with pytest.raises(SignalError) as error:
+            identify([record], GUESS)
+        assert any(line.startswith(f"{case.signal}: ") for line in str(error.value).splitlines())
+        return
+    found = identify([record], GUESS)
+    estimates(found)
+    named = [name for name in (case.signal, *case.among) if f"{name}" in remarks(found)]
+    if case.fault is Fault.OFFSET:  # it is estimated
+        named += [e.name for e in found.sensors if e.name == f"{case.signal}.offset" and e.value > 5 * e.sigma]
+    unsure = [e.name for e in found.parameters if e.verdict != "converged"]
+    assert named or unsure, f"silent: {[str(e) for e in found.parameters]}"
+    if case.fault is not Fault.WRONG_COLUMN and case.fault is not Fault.SWAPPED_SIGN:
+        assert named
+        assert not wrong(found)
+    elif not named:
+        assert not wrong(found)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.refused and case.fault is not Fault.DROPOUT], ids=str)
+def test_identification_unchecked_still_gives_numbers_or_an_error(case):
+    try:
+        found = identify([case.inject(BASE)], GUESS, Settings(check=False, passes=2, rounds=1))
+    except SignalError as error:
+        assert str(error).partition(":")[0].split(".")[0] in {n.split(".")[0] for n in BASE.signals}  # noqa: PT017
+        return
+    estimates(found)
+
+
+@cases
+def test_observer(case):
+    """Unchecked: what may not be believed is NaN and has a status, all else is a number with a sigma."""
+    record = case.inject(BASE)
+    found = Observer(TRUCK, record.signals).batch(record)
+    good = np.isin(found.status, [Status.OK, Status.COASTING])
+    for name in found.values:
+        assert np.isfinite(found.values[name][good]).all(), name
+        assert (found.sigma[name][good] > 0).all(), name
+        assert np.isnan(found.values[name][~good]).all(), name
+    if case.fault is Fault.ZERO_SPEED:
+        assert (found.status[record.signals[SPEED] < 5] == Status.TOO_SLOW).all()
+    if case.fault is Fault.DROPOUT and case.what == "all":
+        lost = case.signal in (SPEED, STEER)
+        assert (found.status == (Status.INPUT_MISSING if lost else Status.OK)).all()
+    if case.fault is Fault.SPIKE and case.signal in MEASURED:
+        hit = record.signals[case.signal] != BASE.signals[case.signal]
+        assert not found.accepted[case.signal][hit].any()
+        clean = Observer(TRUCK, BASE.signals).batch(BASE)
+        for name in clean.values:
+            assert (np.abs(found.values[name] - clean.values[name]) < clean.sigma[name]).all(), name
+
+
+@cases
+def test_command_line(case, tmp_path, capsys):
+    """`states` refuses what `identify` refuses, in one line of errors a signal, without a traceback."""
+    log = tmp_path / "log.parquet"
+    write(case.inject(BASE), log)
+    code, out, err = run(capsys, "states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
+    findings = [f for f in check(case.inject(BASE), wheelbase=TRUCK.wheelbase) if f.severity == "error"]
+    assert "Traceback" not in err
+    if findings:
+        assert code == 2
+        assert out == ""
+        assert err.startswith("error: ")
+        assert any(line.removeprefix("error: ").startswith(f"{case.signal}: ") for line in err.splitlines())
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["log.parquet"]
+        return
+    assert code == 0, err
+    table = parquet.read_table(tmp_path / "states.parquet")
+    good = table["status"].to_numpy() <= Status.COASTING
+    assert good.mean() > 0.85
+    for name in set(table.column_names) - {"time", "log", "status"}:
+        assert np.isfinite(table[name].to_numpy()[good]).all(), name
+
+
+def lines_of(record: Record, tmp_path: Path) -> list[str]:
+    write(record, tmp_path / "good.csv")
+    return (tmp_path / "good.csv").read_text().splitlines(keepends=True)
+
+
+def backward(lines: list[str]) -> str:
+    return "".join([*lines[:800], *lines[600:]])
+
+
+def exchanged(lines: list[str]) -> str:
+    return "".join([*lines[:800], lines[801], lines[800], *lines[802:]])
+
+
+def duplicate(lines: list[str]) -> str:
+    return "".join([*lines[:800], lines[799], *lines[800:]])
+
+
+def headless(lines: list[str]) -> str:
+    return "".join(lines[1:])
+
+
+FILES: dict[str, tuple[Callable[[list[str]], str], str]] = {
+    "backward time": (backward, r"error: log\.csv: time: goes back from"),
+    "exchanged rows": (exchanged, r"error: log\.csv: time: goes back from"),
+    "duplicate time": (duplicate, r"error: log\.csv: time: 7\.98 s at row 800 is there twice"),
+    "empty": (lambda lines: "", r"error: log\.csv: empty"),
+    "header only": (lambda lines: lines[0], r"error: log\.csv: a header but no rows"),
+    "no header": (headless, r"error: log\.csv: begins with numbers"),
+    "one row": (lambda lines: "".join(lines[:2]), r"error: time: 1 samples"),
+    "another table": (lambda lines: "a,b\n1,2\n2,3\n", r"error: log\.csv: no column has the name of a signal"),
+    "no time": (lambda lines: "".join(line.partition(",")[2] for line in lines), r"error: log\.csv: no time"),
+    "text": (lambda lines: "".join(line.replace(".", "x") for line in lines[1:]), r"error: log\.csv: "),
+    "no speed": (
+        lambda lines: "".join(lines).replace("speed", "velocity", 1),
+        r"error: speed: not (in log|among the signals)",
+    ),
+    "no steer angle": (
+        lambda lines: "".join(lines).replace("steer.", "wheel.", 1),
+        r"error: steer\.tractor\.front: not in (log|the signals)",
+    ),
+    "no yaw rates": (
+        lambda lines: "".join(lines).replace("yaw_rate.", "rate.").replace("roll_rate.", "lean."),
+        r"error: yaw_rate\.tractor: ",
+    ),
+}
+
+
+@pytest.mark.parametrize("command", ["identify", "states"])
+@pytest.mark.parametrize("fault", FILES)
+def test_files_that_cannot_be_used(fault, command, tmp_path, capsys):
+    spoil, message = FILES[fault]
+    log = tmp_path / "log.csv"
+    log.write_text(spoil(lines_of(BASE, tmp_path)))
+    code, out, err = run(capsys, command, log, "-v", "cheng_cebon_2011", "-o", tmp_path / "out")
+    assert code == 2
+    assert out == ""
+    assert "Traceback" not in err
+    assert sum(line.startswith("error: ") for line in err.splitlines()) == 1
+    assert re.match(message, err), err
+
+
+@pytest.mark.parametrize("command", ["identify", "states"])
+def test_a_parquet_file_cut_short(command, tmp_path, capsys):
+    write(BASE, tmp_path / "log.parquet")
+    data = (tmp_path / "log.parquet").read_bytes()
+    (tmp_path / "log.parquet").write_bytes(data[: len(data) // 2])
+    code, out, err = run(capsys, command, tmp_path / "log.parquet", "-v", "cheng_cebon_2011", "-o", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err == "error: log.parquet: a Parquet file cut short or damaged; copy it again, or export it as CSV\n"
+
+
+def test_a_csv_file_cut_short(tmp_path, capsys):
+    """The rest of it is good: it is used, and said to be cut."""
+    lines = lines_of(BASE, tmp_path)
+    text = "".join(lines)
+    log = tmp_path / "log.csv"
+    log.write_text(text[: int(0.8 * len(text))])
+    save(GUESS, tmp_path / "guess.toml")
+    found = identify([read(log)], GUESS)
+    estimates(found)
+    assert not wrong(found)
+    assert "log: last line left out" in "\n".join(found.notes)
+    code, out, err = run(capsys, "identify", log, "-v", tmp_path / "guess.toml", "-o", tmp_path / "out")
+    assert (code, err) == (0, "")
+    assert "last line left out" in " ".join(out.split())
+
+
+def test_several_faults_are_all_named():
+    record = scaled(STEER, -1.0)(scaled(ROLL2, DEGREES)(BASE))
+    with pytest.raises(SignalError) as error:
+        identify([record], GUESS)
+    assert {line.partition(":")[0] for line in str(error.value).splitlines()} == {STEER, ROLL2}
+
+
+def test_a_faulty_log_beside_good_ones_is_refused():
+    bad = scaled(YAW, DEGREES)(BASE)
+    with pytest.raises(SignalError, match=rf"^{YAW}: "):
+        identify([BASE, bad], GUESS)
+    with pytest.raises(SignalError, match=rf"^{YAW}: "):
+        identify([BASE], GUESS, validate=[bad])
