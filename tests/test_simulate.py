@@ -43,7 +43,7 @@ def test_the_lane_change_is_that_of_the_standard(name, roll):
     assert np.abs(acceleration[first]).max() == pytest.approx(0.15 * G, rel=0.03)
     assert offset[np.searchsorted(record.time, end)] == pytest.approx(1.464, rel=0.02)
     assert offset[np.searchsorted(record.time, 8.5)] == pytest.approx(1.464, rel=0.02)
-    assert abs(offset[-1]) < 0.02 * 1.464 * 2
+    assert offset[-1] == pytest.approx(0, abs=0.1)
     outside = first & ((record.time < begin - 0.1) | (record.time > end + 0.1))
     assert np.abs(acceleration[outside]).max() < 0.02 * 0.15 * G
     assert offset[np.searchsorted(record.time, begin)] == pytest.approx(0, abs=0.01)

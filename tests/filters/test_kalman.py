@@ -279,9 +279,7 @@ def test_nonlinear_model_is_the_textbooks() -> None:
 
 def test_scalar_nonlinear_model_is_the_textbooks() -> None:
     """x' = -x^3 + d, y = x + x^2 / 5, one channel, some missing, steps from 1 ms to 0.3 s."""
-    model = example(
-        lambda x, dt, d, p, c: x + dt * (d - x**3), lambda x, d, p, c: x + x**2 / 5, x=1, d=1
-    )
+    model = example(lambda x, dt, d, p, c: x + dt * (d - x**3), lambda x, d, p, c: x + x**2 / 5, x=1, d=1)
     rng = np.random.default_rng(4)
     N, q, r = 400, 0.3, 0.05
     dt, d = rng.choice([0.001, 0.02, 0.05, 0.3], N), np.sin(np.arange(N) / 9)
@@ -322,14 +320,18 @@ def test_batch_is_a_loop(article: Article) -> None:
     """Vehicles with their own parameters, noise, start and measurements; five of them in lanes of four."""
     rng = np.random.default_rng(8)
     step, vehicles = kalman.step(article.model), 5
-    carry = np.array([
-        np.concatenate([rng.normal(size=8) * 0.01, kalman.pack_array(article.P0 * rng.uniform(0.5, 2))])
-        for _ in range(vehicles)
-    ])
-    constant = np.array([
-        np.concatenate([article.c * rng.uniform(0.98, 1.02, len(article.c)), article.noise.vector()])
-        for _ in range(vehicles)
-    ])
+    carry = np.array(
+        [
+            np.concatenate([rng.normal(size=8) * 0.01, kalman.pack_array(article.P0 * rng.uniform(0.5, 2))])
+            for _ in range(vehicles)
+        ]
+    )
+    constant = np.array(
+        [
+            np.concatenate([article.c * rng.uniform(0.98, 1.02, len(article.c)), article.noise.vector()])
+            for _ in range(vehicles)
+        ]
+    )
     rows = np.array([without(article.rows, some_missing(article.rows, seed), 4)[:200] for seed in range(vehicles)])
     after, out = step.batch(carry, rows, constant)
     for i in range(vehicles):

@@ -42,9 +42,7 @@ def test_sizes() -> None:
 
 
 def test_sample_rows() -> None:
-    rows = sample_rows(
-        np.array([0.0, 0.1]), np.array([[1.0], [2.0]]), np.array([[np.nan, 5.0], [np.inf, -np.inf]])
-    )
+    rows = sample_rows(np.array([0.0, 0.1]), np.array([[1.0], [2.0]]), np.array([[np.nan, 5.0], [np.inf, -np.inf]]))
     assert rows.tolist() == [[0.0, 1, 0, 5, 0, 1], [0.1, 2, 0, 0, 0, 0]]
 
 

@@ -88,9 +88,7 @@ def test_lanes_and_sizes_have_entries_of_their_own(cache_folder: Path) -> None:
     assert len(list(cache_folder.iterdir())) == 3
 
 
-def test_another_compiler_or_processor_has_other_entries(
-    compiled: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_compiler_or_processor_has_other_entries(compiled: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     result()
     *machine, identity = scan._platform()
     monkeypatch.setattr(scan, "_platform", lambda: (*machine, identity + b"another"))
@@ -132,9 +130,7 @@ def test_every_flipped_byte_is_noticed(cache_folder: Path) -> None:
     assert cache.read(KEY) == CODE
 
 
-def test_flipped_byte_is_compiled_anew_and_mended(
-    cache_folder: Path, compiled: list[str], loaded: list[bytes]
-) -> None:
+def test_flipped_byte_is_compiled_anew_and_mended(cache_folder: Path, compiled: list[str], loaded: list[bytes]) -> None:
     result()
     (path,) = cache_folder.iterdir()
     good = path.read_bytes()
@@ -320,9 +316,7 @@ def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("obstacle", ["a file", "under a file", "nowhere"])
-def test_folder_that_cannot_be_made_is_no_error(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, obstacle: str
-) -> None:
+def test_folder_that_cannot_be_made_is_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, obstacle: str) -> None:
     file = tmp_path / "file"
     file.write_text("in the way")
     place = {"a file": file, "under a file": file / "cache", "nowhere": Path("/dev/null/cache")}[obstacle]

@@ -4,6 +4,7 @@ import gc
 import threading
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -277,7 +278,7 @@ def test_compiled_code_dies_quietly() -> None:
     assert np.array_equal(kept(np.zeros(1), sample, np.ones(1))[1], expected)
 
 
-def test_unused_scan_compiles_nothing(cache_folder) -> None:
+def test_unused_scan_compiles_nothing(cache_folder: Path) -> None:
     Scan(STEP)
     assert not cache_folder.exists()
 

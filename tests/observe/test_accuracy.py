@@ -86,15 +86,17 @@ def test_sideslip_roll_and_articulation_of_the_linear_truck(truck, drive):
         assert rms(found.values[name] - truth) < 0.05 * DEGREE, name
 
 
-@pytest.mark.parametrize("start", np.arange(1.0, 4.5, 0.25))
-def test_a_start_within_a_lane_change_is_forgotten(truck, drive, start):
-    record = drive.cut(start)
-    found = Observer(truck, record.signals).batch(record)
-    for name, truth in record.reference.items():
-        error = found.values[name] - truth
-        assert np.abs(error / found.sigma[name]).max() < 6, name
-        assert np.abs(error / found.sigma[name])[200:].max() < 2, name
-        assert rms(error[200:]) < 0.05 * DEGREE, name
+def test_a_start_within_a_lane_change_is_soon_forgotten(truck, drive):
+    """Wherever a record begins, sigma says how far off it may be, and hardly a sample is taken for an outlier."""
+    for start in np.arange(1.0, 4.5, 0.05):
+        record = drive.cut(start)
+        found = Observer(truck, record.signals).batch(record)
+        for name, truth in record.reference.items():
+            error = found.values[name] - truth
+            assert np.abs(error / found.sigma[name]).max() < 4.5, (name, start)
+            assert rms(error[100:]) < 0.05 * DEGREE, (name, start)
+        for name, accepted in found.accepted.items():
+            assert accepted[:100].mean() > 0.95, (name, start)
 
 
 def noisy_truth(o: Observer, time: np.ndarray, steer: np.ndarray, speed: float) -> tuple[np.ndarray, ...]:
@@ -109,7 +111,7 @@ def noisy_truth(o: Observer, time: np.ndarray, steer: np.ndarray, speed: float) 
     eye, none = np.eye(len(m.A)), np.zeros_like(m.B)
     F, G, _, H, _ = cont2discrete((m.A, m.B, eye, none), step, method="foh")
     inputs = {"speed": speed} | {name: steer[0] for name in o.inputs[1:]}
-    x0, P0 = initial(o.vehicle, inputs, roll=o.roll)
+    x0, P0 = initial(o.vehicle, inputs, {}, roll=o.roll)
     Q = np.diag([OBSERVED[name.split(".")[0]] for name in m.states]) * o.settings.process_noise
     shown = o.model.states
     assert shown == m.states

@@ -36,9 +36,10 @@ def plots(parsed) -> list:
 
 
 def test_every_value_is_there(found, parsed):
+    text = parsed.text.replace("\u00a0", " ")
     for estimate in (*found.identification.parameters, *found.identification.derived):
         assert estimate.name in parsed.text
-        assert with_sigma(estimate.value, estimate.sigma, estimate.unit) in parsed.text
+        assert with_sigma(estimate.value, estimate.sigma, estimate.unit) in text
     for error in found.identification.sensors:
         assert with_sigma(error.value, error.sigma, error.unit) in parsed.text
     assert found.identification.version in parsed.text
@@ -196,3 +197,16 @@ def test_import_is_cheap():
     code = f"import sys, fifthwheel.report; print([m for m in {heavy} if m in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("wild", [np.inf, np.nan, 1e200])
+def test_a_prediction_that_runs_away(found, tmp_path, wild):
+    fit = found.identification.fits[0]
+    predicted = fit.predicted.copy()
+    predicted[100:] = wild
+    lost = replace(fit, predicted=predicted, explained=-np.inf if wild == np.inf else np.nan, rms=wild)
+    identification = replace(found.identification, fits=(lost, *found.identification.fits[1:]))
+    write_report(tmp_path / "report.html", identification, found.records, found.states, title="truck")
+    parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    json.loads(parsed.scripts["figures"], parse_constant=pytest.fail)
+    assert "explained" in parsed.text

@@ -4,6 +4,7 @@ Within a step the speed is its mean and the steer angles go linearly from the sa
 the Taylor series of the exact solution, with an error under 1e-6 as long as dt stays below `steps.longest`.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -36,6 +37,7 @@ class ChainModel:
     known: tuple[str, ...]  # names of c
     transition: ca.Function
     observation: ca.Function
+    state_jacobian: ca.Function  # (x, dt, d, p, c) -> dx+/dx, the state transition matrix
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name."""
@@ -118,6 +120,7 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     A, B = equations.state_space((d[0] + d[k]) / 2)
     advance = sensor["gain"] * late
     transition = taylor(A, B, x, before + advance, after + advance, dt, ORDER[roll])
+    matrix = transition_matrix(A, dt, ORDER[roll])
 
     speed = d[k]
     A, B = equations.state_space(speed)
@@ -145,6 +148,7 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
         known=known,
         transition=ca.Function("transition", [x, dt, d, p, c], [transition]),
         observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
+        state_jacobian=ca.Function("state_jacobian", [x, dt, d, p, c], [matrix]),
     )
 
 
@@ -157,3 +161,22 @@ def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX,
         term = dt * (A @ term + (change if k == 2 else 0)) / k
         total = total + term
     return ca.densify(total)
+
+
+def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
+    """The Taylor series of exp(A dt), of which `taylor` is the product with x, with half the products of matrices.
+
+    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + ...).
+    """
+    n = A.shape[0]
+    M = A * dt
+    powers = [ca.SX.eye(n), M, M @ M]
+    cube = powers[2] @ M
+
+    def part(first: int, last: int) -> ca.SX:
+        return sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
+
+    high = part(3, min(order, 5))
+    if order == 6:
+        high += cube / math.factorial(6)
+    return ca.densify(part(0, 2) + cube @ high)

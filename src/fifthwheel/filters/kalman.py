@@ -46,9 +46,13 @@ def predict(
     model: Model, x: ca.SX, covariance: ca.SX, dt: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX, q: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Time update: the state dt later, its covariance F P F' + Q dt, and F."""
-    symbol = ca.SX.sym("x", x.shape[0])
-    forward = model.transition(symbol, dt, d, p, c)
-    later, F = ca.substitute([forward, ca.jacobian(forward, symbol)], [symbol], [x])
+    later = model.transition(x, dt, d, p, c)
+    own: ca.Function | None = getattr(model, "state_jacobian", None)
+    if own is not None:
+        F = own(x, dt, d, p, c)
+    else:
+        symbol = ca.SX.sym("x", x.shape[0])
+        F = ca.substitute(ca.jacobian(model.transition(symbol, dt, d, p, c), symbol), symbol, x)
     return later, ca.mtimes([F, covariance, F.T]) + q * dt, F
 
 

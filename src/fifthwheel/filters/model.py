@@ -16,6 +16,9 @@ class Model(Hashable, Protocol):
 
     transition: (x, dt, d, p, c) -> x+, the state dt seconds later; observation: (x, d, p, c) -> y.
     x is the state, d what a sample brings besides measurements, p the parameters that may be estimated, c the others.
+
+    A model that knows a cheaper way to dx+/dx than to differentiate its transition offers `state_jacobian`, a function
+    of the transition's arguments.
     """
 
     @property

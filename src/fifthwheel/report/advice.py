@@ -160,8 +160,9 @@ def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> l
     moving = [e.name for e in identification.parameters if e.verdict == "not_converged"]
     if moving:
         steps.append(
-            "Parameters that had not settled may trade against each other: add another log of the same truck, allow "
-            f"more passes, or hold one whose value is known otherwise (such as {moving[0]})."
+            "Parameters that are provisional may trade against each other: add another log of the same truck, allow "
+            f"more passes, or hold one whose value is known otherwise (such as {moving[0]}). Where the log is not "
+            "explained either, check the signals' signs, units and places first."
         )
     for error in identification.sensors:
         if error.name.endswith(".gain") and unusual(identification.settings, error):

@@ -127,7 +127,7 @@ def _unknown(estimate: "Estimate") -> str:
     if estimate.verdict == "at_bound":
         return _sentence(f"{name}: ran into the edge of what is allowed, {held}; that is no finding")
     text = with_sigma(estimate.value, estimate.sigma, estimate.unit)
-    return _sentence(f"{name}: {text} is provisional, it was still moving at the end")
+    return _sentence(f"{name}: {text} is provisional, it was still moving at the end or does not explain the log")
 
 
 def _not_excited(identification: "Identification", estimate: "Estimate") -> str:
