@@ -43,11 +43,11 @@ class Linear(NamedTuple):
     G: Array
 
     @property
-    def A(self) -> Array:  # noqa: N802
+    def A(self) -> Array:
         return np.asarray(np.linalg.solve(self.E, self.F), dtype=np.float64)
 
     @property
-    def B(self) -> Array:  # noqa: N802
+    def B(self) -> Array:
         return np.asarray(np.linalg.solve(self.E, self.G), dtype=np.float64)
 
     def ordered(self, states: Sequence[str]) -> "Linear":

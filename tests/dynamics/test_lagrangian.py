@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lagrangian import Array, linear
 
 from fifthwheel.dynamics import matrices, modes
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle, get
+
+from .lagrangian import Array, linear
 
 ARTICLE = get("cheng_cebon_2011")
 KMH_88 = 88 / 3.6

@@ -5,13 +5,14 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 import pytest
-from lagrangian import GRAVITY, Array, linear
 from scipy.linalg import expm
-from test_lagrangian import ARTICLE, VEHICLES, b_double, changed
 
 from fifthwheel.dynamics import ChainModel, all_parameters, model, steps
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
+
+from .lagrangian import GRAVITY, Array, linear
+from .test_lagrangian import ARTICLE, VEHICLES, b_double, changed
 
 TYPICAL = {"lateral_velocity": 0.5, "yaw_rate": 0.1, "articulation": 0.05, "roll": 0.03, "roll_rate": 0.15}
 

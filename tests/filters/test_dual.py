@@ -484,6 +484,22 @@ def test_bounds_hold_a_parameter_that_wants_out() -> None:
     assert outside.z.item() == 2.0
 
 
+def test_state_follows_the_parameter_as_far_as_it_goes() -> None:
+    """By hand: P = 3, r = 1 and V = -1/2 give K = 3/4, psi = 1/2 and V+ = -7/8; z gets 1/10 and no more."""
+    model = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: x + p, x=1, p=1)
+    scaling = Scaling(
+        logarithmic=(False,), centre=np.zeros(1), scale=np.ones(1), lower=np.array([-0.1]), upper=np.array([0.1])
+    )
+    start = DualState(
+        x=np.zeros(1), P=np.full((1, 1), 3.0), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.full((1, 1), -0.5)
+    )
+    noise, row = Noise(process=np.zeros((1, 1)), measurement=np.ones(1)), np.array([[0.0, 2.0, 1.0]])
+    found = dual.run(model, row, c=NOTHING, noise=noise, scaling=scaling, start=start)
+    assert found.z.item() == 0.1
+    assert found.end.sensitivity.item() == pytest.approx(-7 / 8, rel=1e-14)
+    assert found.end.x.item() == pytest.approx(3 / 4 * 2.0 - 7 / 8 * 0.1, rel=1e-14)
+
+
 def test_scaling() -> None:
     scaling = SPRING_SCALING
     z = np.random.default_rng(0).normal(size=(20, 2))

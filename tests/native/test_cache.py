@@ -3,12 +3,16 @@
 import errno
 import os
 import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import llvmlite
 import numpy as np
 import pytest
+from llvmlite import binding
 
 from fifthwheel.native import Scan, cache, scan
 
@@ -94,6 +98,15 @@ def test_another_compiler_or_processor_has_other_entries(compiled: list[str], mo
     monkeypatch.setattr(scan, "_platform", lambda: (*machine, identity + b"another"))
     assert result() == 12
     assert len(compiled) == 2
+
+
+def test_key_names_compiler_and_processor() -> None:
+    identity = scan._platform()[-1].decode().split("\n")
+    assert llvmlite.__version__ in identity
+    assert ".".join(map(str, binding.llvm_version_info)) in identity
+    assert binding.get_process_triple() in identity
+    assert binding.get_host_cpu_name() in identity
+    assert binding.get_host_cpu_features().flatten() in identity
 
 
 def test_second_process_compiles_nothing(cache_folder: Path) -> None:
@@ -269,6 +282,17 @@ def test_symlinked_entry_is_not_run_and_replaced(
     assert code not in loaded
     assert not path.is_symlink()
     assert target.read_bytes() == with_header(key, code)
+
+
+@posix
+def test_link_is_refused_where_links_have_modes_of_their_own() -> None:
+    """On Linux every link is 0o777 and so refused twice; elsewhere it looks private."""
+
+    class Link:
+        def lstat(self) -> SimpleNamespace:
+            return SimpleNamespace(st_mode=stat.S_IFLNK | 0o700, st_uid=os.getuid())
+
+    assert not cache._private(Link())
 
 
 @posix

@@ -2,6 +2,7 @@
 
 import gc
 import threading
+import time
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.native import Scan, llvm_ir
+from fifthwheel.native import Scan, compile_soon, llvm_ir
 
 from .conftest import Array, far, interpreted, oscillator, times
 
@@ -299,3 +300,23 @@ def test_calls_from_several_threads() -> None:
         for found, wanted in zip(pool.map(run, range(8)), expected, strict=True):
             assert far(found[0], wanted[0]) <= 1e-13
             assert far(found[1], wanted[1]) <= 1e-13
+
+
+def test_compiled_in_the_background(cache_folder: Path) -> None:
+    """Without being called; a step that cannot be compiled says so where it is called."""
+    scans = [Scan(times(factor)) for factor in (1.0, 2.0, 3.0)]
+    compile_soon(*scans)
+    for i, scan in enumerate(scans):
+        assert scan(np.zeros(1), np.ones((4, 1)), np.ones(1))[0].item() == 4.0 * (i + 1)
+    another = Scan(times(4.0))
+    compile_soon(another)
+    limit = time.monotonic() + 10
+    while len(list(cache_folder.glob("*.o"))) < 4 and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert len(list(cache_folder.glob("*.o"))) == 4
+    carry = ca.SX.sym("carry")
+    refused = Scan(ca.Function("refused", [carry, ca.SX.sym("a"), ca.SX.sym("b")], [ca.tan(carry), carry]))
+    compile_soon(refused)
+    for _ in range(2):
+        with pytest.raises(NotImplementedError, match="refused"):
+            refused(np.zeros(1), np.zeros((1, 1)), np.zeros(1))

@@ -110,13 +110,13 @@ def noisy_truth(o: Observer, time: np.ndarray, steer: np.ndarray, speed: float) 
     step = time[1] - time[0]
     eye, none = np.eye(len(m.A)), np.zeros_like(m.B)
     F, G, _, H, _ = cont2discrete((m.A, m.B, eye, none), step, method="foh")
-    inputs = {"speed": speed} | {name: steer[0] for name in o.inputs[1:]}
+    inputs = {"speed": speed} | dict.fromkeys(o.inputs[1:], steer[0])
     x0, P0 = initial(o.vehicle, inputs, {}, roll=o.roll)
     Q = np.diag([OBSERVED[name.split(".")[0]] for name in m.states]) * o.settings.process_noise
     shown = o.model.states
     assert shown == m.states
     # scipy's hold keeps an inner state: x = inner + H d
-    x = x0 + random.normal(size=(SEEDS, len(x0))) * np.sqrt(np.diag(P0))
+    x = x0 + random.normal(size=(SEEDS, len(x0))) @ np.linalg.cholesky(P0).T
     inner = x - H @ steer[:1]
     states = np.empty((SEEDS, len(time), len(x0)))
     states[:, 0] = x

@@ -81,13 +81,3 @@ def test_a_hole_in_an_input(truck, drive):
     for name in (STEER, "speed"):
         with pytest.raises(SignalError, match=rf"^{name}: "):
             rows_of(truck, put(drive, name, 3, 4, np.nan))
-
-
-def test_the_start_is_told_from_the_steer_angle_without_its_errors(truck, drive):
-    turning = put(drive, STEER, 0, 99, 0.02)
-    shown = put(drive, STEER, 0, 99, 0.02 / 1.25 + 0.03)
-    one = rows_of(truck, turning)
-    other = rows_of(truck, shown, errors={f"{STEER}.offset": 0.03, f"{STEER}.gain": 1.25})
-    assert np.abs(one.x0).max() > 0.01
-    np.testing.assert_allclose(other.x0, one.x0, rtol=1e-9)
-    np.testing.assert_allclose(other.P0, one.P0, rtol=1e-9)

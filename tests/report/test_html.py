@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.report.conftest import NASTY, Page
 
 from fifthwheel.identify import Verdict
 from fifthwheel.observe import Status
 from fifthwheel.report import figures, page, write_report
 from fifthwheel.report.numbers import with_sigma
 from fifthwheel.report.words import MARKS
+
+from .conftest import NASTY, Page
 
 
 @pytest.fixture(scope="module")

@@ -52,15 +52,16 @@ def of_parameters(
             verdict = Verdict.HELD if held else Verdict.NOT_EXCITED
             found.append(Estimate(value=given[name], sigma=None, initial=given[name], verdict=verdict, **common))
             continue
-        unknown, value = unknowns[name], values[name]
-        slope = float(np.abs(scaling([unknown]).slope(np.array([value])))[0])
-        sigma = slope * (1.0 if name in idle else sigma_z[name])
+        unknown, value, spread = unknowns[name], values[name], sigma_z[name]
+        if name in idle:
+            value, spread = given[name], 1.0
+        sigma = spread * float(np.abs(scaling([unknown]).slope(np.array([value])))[0])
         verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, value, sigma, settled.get(name, False))
         found.append(
             Estimate(
                 value=value,
                 sigma=sigma,
-                initial=unknown.centre,
+                initial=given[name] if name in idle else unknown.centre,
                 verdict=verdict,
                 settled=_settled_at(traces, name, settings),
                 **common,

@@ -13,7 +13,7 @@ from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.settings import Settings
-from fifthwheel.identify.stage import Log, channel_noise, long_run, shift_delays
+from fifthwheel.identify.stage import Log, begin, channel_noise, long_run, shift_delays
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
 from fifthwheel.observe.prepare import prepare
@@ -122,21 +122,16 @@ class _Frozen:
         self.model, self.vehicle, self.settings, self.log = model, vehicle, settings, log
         self.values = {u.name: u.centre for u in unknowns} | dict(values) | log.errors
         self.names = [u.name for u in unknowns]
-        own = scaling(unknowns)
-        self.z = own.to_z(np.array([self.values[name] for name in self.names]))
-        self.scaling = shift_delays(own, self.names, self.values)
+        self.own = scaling(unknowns)
+        self.z = self.own.to_z(np.array([self.values[name] for name in self.names]))
+        self.scaling = shift_delays(self.own, self.names, self.values)
 
     def run(self, section: Record) -> tuple[Array, Array, Array]:
         """Innovations, weights 1/variance (zero where not used) and gradients: (M, m), (M, m), (M, m, n)."""
-        n, k = len(self.model.states), len(self.names)
+        k = len(self.names)
         rows = prepare(self.model, self.vehicle, section, errors=self.values)
-        start = DualState(
-            x=rows.x0,
-            P=rows.P0,
-            z=self.z,
-            Pz=np.zeros((k, k)),
-            sensitivity=np.zeros((n, k)),
-        )
+        x0, P0, sensitivity = begin(self.vehicle, self.names, self.own, self.z, rows.first, roll=self.model.roll)
+        start = DualState(x=x0, P=P0, z=self.z, Pz=np.zeros((k, k)), sensitivity=sensitivity)
         found = dual.run(
             self.model,
             rows.rows,

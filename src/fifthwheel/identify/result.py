@@ -82,7 +82,7 @@ class Identification:
     parameters: tuple[Estimate, ...]
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
-    traces: Mapping[str, Trace]  # "stage 1", "stage 2": the first round's
+    traces: Mapping[str, Trace]  # "stage 1", "stage 2": all rounds, one behind the other
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]
     settings: Settings

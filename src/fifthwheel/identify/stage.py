@@ -46,6 +46,16 @@ class Trace:
     def passes(self) -> int:
         return len(self.starts)
 
+    def then(self, later: "Trace") -> "Trace":
+        """This trace and a later one of the same parameters, as one."""
+        return Trace(
+            names=self.names,
+            time=np.concatenate([self.time, self.time[-1] + later.time]),
+            values=np.concatenate([self.values, later.values]),
+            sigma=np.concatenate([self.sigma, later.sigma]),
+            starts=(*self.starts, *[len(self.time) + start for start in later.starts]),
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
@@ -99,6 +109,26 @@ def shift_delays(scaling: Scaling, names: Sequence[str], errors: Mapping[str, fl
         if name.endswith(".delay"):
             centre[i] -= errors.get(name, 0.0)
     return replace(scaling, centre=centre)
+
+
+def begin(
+    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, inputs: Mapping[str, float], *, roll: bool
+) -> tuple[Array, Array, Array]:
+    """State (n,) at the start of a section, its covariance (n, n), and its derivative dx/dz (n, n_p).
+
+    The start is the steady state of the first inputs, and so depends on the parameters: without that derivative a
+    filter takes the way from a wrong start to the right one for news of the parameters.
+    """
+    own = set(vehicle.parameters())
+
+    def steady(z: Array) -> tuple[Array, Array]:
+        values = dict(zip(names, scaling.to_p(z).tolist(), strict=True))
+        there = vehicle.replace({name: value for name, value in values.items() if name in own})
+        return variances.initial(there, inputs, values, roll=roll)
+
+    x0, P0 = steady(z)
+    step = 1e-5
+    return x0, P0, np.column_stack([(steady(z + step * row)[0] - x0) / step for row in np.eye(len(z))])
 
 
 def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Settings) -> Noise:
@@ -166,6 +196,8 @@ class _Working:
         self.history: list[tuple[Array, Array, Array]] = []
         self.elapsed = 0.0
         self.before = self.z
+        self.step = np.zeros(len(self.z))  # where the last pass would have gone
+        self.part = 1.0  # and how much of it is gone
         self.starts: list[int] = []
 
     def _prior(self) -> Array:
@@ -204,18 +236,17 @@ class _Working:
             self._leave(log)
         if self.settings.restart:
             self.z = self.z - self.Pz @ np.where(self.active & ~self.own, self.before, 0.0)
+            step = np.where(self.own, 0.0, self.z - self.before)
+            if step @ self.step < 0:  # back where the last pass came from: go less far from now on
+                self.part /= 2
+            self.step = step
+            self.z = np.where(self.own, self.z, self.before + self.part * step)
         self._store(self.active & ~self.own, self.values)
+        self.history.append((np.array([self.elapsed]), self.z[None], np.diag(self.Pz)[None]))
 
     def _section(self, log: Log, rows: Rows, shifted: Scaling) -> None:
-        n = len(self.model.states)
-        start = DualState(
-            x=rows.x0,
-            P=rows.P0,
-            z=self.z,
-            Pz=self.Pz,
-            sensitivity=np.zeros((n, len(self.names))),
-            walk=self.walk,
-        )
+        x0, P0, sensitivity = begin(self.vehicle, self.names, self.scaling, self.z, rows.first, roll=self.model.roll)
+        start = DualState(x=x0, P=P0, z=self.z, Pz=self.Pz, sensitivity=sensitivity, walk=self.walk)
         found = dual.run(
             self.model,
             rows.rows,
@@ -269,7 +300,7 @@ class _Working:
             return False
         if not self.sought.any():
             return len(self.starts) > 1
-        p, p_before = self.scaling.to_p(self.z), self.scaling.to_p(self.before)
+        p, p_before = self.scaling.to_p(self.before + self.step), self.scaling.to_p(self.before)
         sigma = np.sqrt(np.diag(self.Pz)) * np.abs(self.scaling.slope(p))
         return not moved((p - p_before)[self.sought], p[self.sought], sigma[self.sought], self.settings)
 

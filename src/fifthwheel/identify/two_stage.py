@@ -11,6 +11,8 @@ both stages therefore come round again, now with the yaw-roll model and the heig
 import itertools
 from collections.abc import Sequence
 
+import numpy as np
+
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel
@@ -21,7 +23,7 @@ from fifthwheel.identify.estimates import SETTLED_PART, settled_since
 from fifthwheel.identify.fit import fits
 from fifthwheel.identify.information import Information
 from fifthwheel.identify.parameters import Unknown
-from fifthwheel.identify.result import Fit, Identification
+from fifthwheel.identify.result import Estimate, Fit, Identification
 from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Log, Progress, Trace, moved
 from fifthwheel.logs import Record, check, raise_errors
@@ -132,7 +134,9 @@ class _TwoStage:
 
     def _begin(self) -> None:
         """Forget what an earlier attempt found."""
-        self.values = {u.name: u.centre for u in (*self.stage_1, *self.stage_2)}
+        given = self.vehicle.parameters()
+        sought = (*self.stage_1, *self.stage_2)
+        self.values = {u.name: given[u.name] if u.name in self.idle else u.centre for u in sought}
         self.traces, self.settled, self.rounds = {}, {}, 1
         self.sigma: dict[str, float] = {}
         for log in self.logs:
@@ -196,7 +200,7 @@ class _TwoStage:
             title=title,
         )
         self.values |= outcome.values
-        self.traces.setdefault(title, outcome.trace)
+        self.traces[title] = self.traces[title].then(outcome.trace) if title in self.traces else outcome.trace
         self.accepted = outcome.accepted
         for i, name in enumerate(outcome.trace.names):
             self.sigma[name] = float(outcome.trace.sigma[-1, i])
@@ -237,7 +241,7 @@ class _TwoStage:
         )
         return Identification(
             method="two-stage",
-            vehicle=self.original.replace({e.name: e.value for e in told}),
+            vehicle=self._identified(told),
             initial_vehicle=self.original,
             parameters=tuple(told),
             derived=tuple(estimates.derived(vehicle, told)),
@@ -253,3 +257,11 @@ class _TwoStage:
             notes=tuple(dict.fromkeys(self.notes)),
             version=fifthwheel.__version__,
         )
+
+    def _identified(self, told: Sequence[Estimate]) -> Vehicle:
+        """The vehicle for the next command; its source says what it was identified on, and at which speeds."""
+        speed = np.concatenate([section.input("speed") for log in self.logs for section in log.sections])
+        names = ", ".join(log.name for log in self.logs)
+        source = f"{self.original.source}; identified on {names} at {speed.min():.1f} to {speed.max():.1f} m/s"
+        vehicle = self.original.replace({e.name: e.value for e in told})
+        return vehicle.model_copy(update={"source": source.removeprefix("; ")})

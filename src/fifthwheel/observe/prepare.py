@@ -10,7 +10,6 @@ from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.logs import Record
-from fifthwheel.observe.noise import initial
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -23,8 +22,7 @@ class Rows:
     rows: Array  # (M, 1 + n_d + 2 n_y), for a compiled step
     time: Array  # (M,) s
     places: NDArray[np.int64]  # (N,) which of the M are samples
-    x0: Array  # (n,) where the state may start
-    P0: Array  # (n, n) and how well that is known
+    first: dict[str, float]  # the inputs at the first sample
 
 
 def steered_as_logged(vehicle: Vehicle, record: Record) -> Vehicle:
@@ -75,7 +73,7 @@ def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapp
 
     Args:
         vehicle: whose numbers say how long a step may be.
-        errors: of the steer sensors as far as they are known: a delay moves the channel, zero and gain tell the start.
+        errors: of the steer sensors as far as they are known; a delay moves the channel.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
@@ -95,5 +93,4 @@ def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapp
         if name in record.signals:
             measured[places, i] = record.signals[name]
     first = {name: float(values[0]) for name, values in inputs.items()}
-    x0, P0 = initial(vehicle, first, errors, roll=model.roll)
-    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, x0=x0, P0=P0)
+    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, first=first)

@@ -81,16 +81,6 @@ def sensor_cautions(identification: "Identification") -> Iterator[str]:
             yield f"{signal} has a zero of {value}{where}, more than such a sensor usually has."
 
 
-def vehicle_cautions(identification: "Identification") -> Iterator[str]:
-    """Parameters that nothing was learnt of, though the identified vehicle has another value than before."""
-    before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
-    for estimate in identification.parameters:
-        name = estimate.name
-        if estimate.verdict == "not_excited" and not np.isclose(before[name], after[name], rtol=1e-6):
-            now, then = (with_sigma(value, None, estimate.unit) for value in (after[name], before[name]))
-            yield f"The identified vehicle has {now} for {name}, which no log supports; put {then} back first."
-
-
 def value_cautions(identification: "Identification") -> Iterator[str]:
     """Stiffnesses and inertias that are much further from the vehicle file than was assumed."""
     prior = identification.settings.prior

@@ -98,12 +98,15 @@ class _Report:
 
     def _histories(self, found: "Identification") -> None:
         self._heading("histories", "Histories of the parameters")
-        later = f" Shown is the first of {found.rounds} rounds; later ones may still move the final value."
+        later = (
+            f" All {found.rounds} rounds are shown; in the first, stage 1 knows no roll and is off by what that moves."
+        )
         self._say(
             "hint",
             "Each parameter while the filter drives through the logs, again and again; grey vertical lines separate "
-            f"the passes. The band is one sigma as the filter has it; that of the table also counts residuals that "
-            f"hang together, and is wider.{later if found.rounds > 1 else ''}",
+            f"the passes. A pass begins at the last one's value with the prior's width, and ends, in a last step, with "
+            f"the prior's mean put back. The band is one sigma as the filter has it; that of the table also counts "
+            f"residuals that hang together, and is wider.{later if found.rounds > 1 else ''}",
         )
         for title, trace in found.traces.items():
             sought = [e for e in found.parameters if e.name in trace.names]

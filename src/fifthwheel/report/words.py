@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from fifthwheel.observe import States
 
 MARKS = {
-    "converged": ("✓", "known"),
-    "not_converged": ("…", "not settled"),
-    "not_excited": ("?", "not known"),
+    "converged": ("✓", "converged"),
+    "not_converged": ("…", "not converged"),
+    "not_excited": ("?", "not excited"),
     "at_bound": ("!", "at bound"),
     "held": ("=", "held"),
 }
@@ -26,7 +26,7 @@ MARKS = {
 
 def mark(estimate: "Estimate") -> tuple[str, str]:
     """Mark and word for an estimate's verdict."""
-    return ("≈", "known roughly") if advice.roughly(estimate) else MARKS[estimate.verdict]
+    return ("≈", "converged, rough") if advice.roughly(estimate) else MARKS[estimate.verdict]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,6 @@ def conclude(identification: "Identification", records: "Sequence[Record]" = ())
     known = [e for e in sought if e.verdict == "converged"]
     drives = facts.driven(identification, records)
     cautions = [
-        *advice.vehicle_cautions(identification),
         *advice.value_cautions(identification),
         *advice.sensor_cautions(identification),
         *advice.fit_cautions(identification),
