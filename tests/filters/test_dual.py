@@ -702,7 +702,6 @@ def test_parameters_are_found() -> None:
     assert (sigma < 0.1).all()
 
 
-@pytest.mark.xfail(strict=True, reason="a channel that only a parameter moves leaves a sparse output")
 def test_channel_that_only_a_parameter_moves() -> None:
     model = example(lambda x, dt, d, p, c: x * ca.exp(-dt) + p[0], lambda x, d, p, c: ca.vertcat(p[1], x), x=1, p=2)
     rows = sample_rows(np.full(20, 0.1), np.empty((20, 0)), np.random.default_rng(0).normal(size=(20, 2)))

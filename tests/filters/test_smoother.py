@@ -196,7 +196,6 @@ def test_smoothing_narrows(article: Article) -> None:
     assert np.abs(found.state[:100] - filtered.state[:100]).max() > 1e-4
 
 
-@pytest.mark.xfail(strict=True, reason="a state without an effect on anything leaves a sparse carry")
 def test_state_without_effect() -> None:
     """Neither the next sample nor a sensor knows of x1: zeros by structure in everything that comes from behind."""
     model = example(

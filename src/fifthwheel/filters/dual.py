@@ -22,6 +22,9 @@ from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size
 from fifthwheel.filters.update import Channel, gate, joseph
 from fifthwheel.native import Scan
 
+PRECISION = 1e-11
+"""Least noise of a channel, as a part of what the parameters' uncertainty makes of it."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling:
@@ -159,7 +162,8 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
         own, spread = row @ cross + r[i], psi @ cross_z
         variance = spread + own
         accepted = gate(innovation, variance, weight[i], limit)
-        noise_z = consistent * own + (1 - consistent) * r[i]
+        # no sample may pin z closer than rounding lets it: where a vehicle runs away, so does its gradient
+        noise_z = ca.fmax(consistent * own + (1 - consistent) * r[i], PRECISION * spread)
         gain_z = accepted * cross_z / (spread + noise_z)
         gain = accepted * cross / own
         moved = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
@@ -172,7 +176,11 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
         seen.append(psi.T)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V), walk)
     output = [z, ca.diag(Pz), channel_columns(channels), *seen]
-    return Scan(ca.Function("dual", [carry, sample, constant], [carried, ca.vertcat(*output)], {"cse": True}))
+    return Scan(
+        ca.Function(
+            "dual", [carry, sample, constant], [ca.densify(carried), ca.densify(ca.vertcat(*output))], {"cse": True}
+        )
+    )
 
 
 def run(

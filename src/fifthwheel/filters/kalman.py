@@ -113,7 +113,9 @@ def step(model: Model) -> Scan:
     after, P_after, channels, _ = correct(before, P_before, predicted, H, y, weight, r, limit)
     carried = ca.vertcat(after, pack(P_after))
     output = ca.vertcat(carried, channel_columns(channels), before, pack(P_before))
-    return Scan(ca.Function("kalman", [carry, sample, constant], [carried, output], {"cse": True}))
+    return Scan(
+        ca.Function("kalman", [carry, sample, constant], [ca.densify(carried), ca.densify(output)], {"cse": True})
+    )
 
 
 def run(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:

@@ -58,11 +58,8 @@ def step(model: Model) -> Scan:
         adjoint = back.T @ adjoint - used * row.T * channel.innovation / channel.variance
         information = ca.mtimes([back.T, information, back]) + used * row.T @ row / channel.variance
     carried = ca.vertcat(adjoint, pack(information), dt, d)
-    return Scan(
-        ca.Function(
-            "smoother", [carry, sample, constant], [carried, ca.vertcat(smoothed, pack(P_smoothed))], {"cse": True}
-        )
-    )
+    results = [ca.densify(carried), ca.densify(ca.vertcat(smoothed, pack(P_smoothed)))]
+    return Scan(ca.Function("smoother", [carry, sample, constant], results, {"cse": True}))
 
 
 def run(model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x0: Array, P0: Array) -> Smoothed:

@@ -136,7 +136,8 @@ def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Setti
     for name in model.outputs:
         log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
     return Noise(
-        process=variances.process(model.states, variances.PROCESS, settings.process_noise),
+        # never quite zero: a covariance that dies away would end in denormal numbers, which are slow
+        process=variances.process(model.states, variances.PROCESS, max(settings.process_noise, 1e-9)),
         measurement=np.array([log.noise[name] * log.colour.get(name, 1.0) for name in model.outputs]),
         gate=settings.gate,
     )

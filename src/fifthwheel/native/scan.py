@@ -32,13 +32,16 @@ class Scan:
     def __init__(self, step: ca.Function, lanes: int = 4) -> None:
         self.step = step
         self.lanes = lanes
-        self.n_carry, self.n_sample, self.n_constant = (step.numel_in(i) for i in range(3))
-        self.n_output = step.numel_out(1)
         self._lock = threading.Lock()
         self._compiled: dict[int, Any] = {}
         self._alive: list[Any] = []  # the engines that hold the code
-        if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != self.n_carry:
+        if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != step.numel_in(0):
             raise TypeError(f"{step.name()}: a step maps (carry, sample, constant) to (carry, output)")
+        patterns = [*map(step.sparsity_in, range(3)), *map(step.sparsity_out, range(2))]
+        if not all(pattern.is_dense() for pattern in patterns):
+            raise TypeError(f"{step.name()}: the inputs and outputs of a step are dense; use casadi.densify")
+        self.n_carry, self.n_sample, self.n_constant = (step.numel_in(i) for i in range(3))
+        self.n_output = step.numel_out(1)
 
     def __call__(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
         """Run one vehicle through its record.
@@ -73,7 +76,9 @@ class Scan:
         Returns:
             The carries (B, n_carry) and the outputs (B, N, n_output).
         """
-        vehicles, rows = len(carry), sample.shape[-2]
+        vehicles, rows = len(carry), sample.shape[-2] if sample.ndim > 1 else 0
+        records = (vehicles,) * (sample.ndim == 3)
+        self._expect("sample", sample.shape, (*records, rows, self.n_sample))
         sample = np.broadcast_to(sample, (vehicles, rows, self.n_sample))
         self._expect("carry", carry.shape, (vehicles, self.n_carry))
         self._expect("constant", constant.shape, (vehicles, self.n_constant))
@@ -107,26 +112,23 @@ class Scan:
         missing = -len(array) % self.lanes
         if missing:
             array = np.concatenate([array, np.repeat(array[-1:], missing, axis=0)])
-        grouped = array.reshape(-1, self.lanes, *array.shape[1:])
-        return np.ascontiguousarray(np.moveaxis(grouped, 1, -1), dtype=np.float64)
+        grouped = array.reshape(len(array) // self.lanes, self.lanes, *array.shape[1:])
+        return np.array(np.moveaxis(grouped, 1, -1), dtype=np.float64, order="C")
 
     def _from_lanes(self, array: Array, vehicles: int) -> Array:
         grouped = np.moveaxis(array, -1, 1)
-        return np.ascontiguousarray(grouped.reshape(-1, *grouped.shape[2:])[:vehicles])
+        return np.ascontiguousarray(grouped.reshape(len(grouped) * self.lanes, *grouped.shape[2:])[:vehicles])
 
     def _expect(self, name: str, got: tuple[int, ...], expected: tuple[int, ...]) -> None:
         if got != expected:
             raise TypeError(f"{self.step.name()}: {name} has shape {got}, expected {expected}")
 
 
-_background = ThreadPoolExecutor(2, thread_name_prefix="compile")
+_background = ThreadPoolExecutor(1, thread_name_prefix="compile")
 
 
 def compile_soon(*scans: Scan) -> None:
-    """Begin to compile in the background; a scan that is needed earlier waits for its own compilation only.
-
-    The compiler does not hold the interpreter's lock.
-    """
+    """Begin to compile in the background, one after another, while the interpreter goes on with other work."""
     for scan in scans:
         _background.submit(getattr, scan, "single")
 
