@@ -1,6 +1,6 @@
 """The chain in numbers: matrices at a speed, modes, critical speed, steady state, rearward amplification."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -44,11 +44,12 @@ def _function(vehicle: Vehicle, roll: bool) -> ca.Function:
     return _functions[key]
 
 
-def matrices(vehicle: Vehicle, speed: float, *, roll: bool) -> Matrices:
-    """The equations of motion in numbers, at `speed` m/s."""
+def matrices(vehicle: Vehicle, speed: float, *, roll: bool, changed: Mapping[str, float] | None = None) -> Matrices:
+    """The equations of motion in numbers, at `speed` m/s; `changed` puts other values in the place of the vehicle's."""
     if not speed > 0:
         raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; tyre forces need a rolling wheel")
-    found = _function(vehicle, roll)(list(vehicle.parameters().values()), speed)
+    values = vehicle.parameters() | dict(changed or {})
+    found = _function(vehicle, roll)(list(values.values()), speed)
     E, F, G, A, B = (np.array(m) for m in found)
     return Matrices(states=chain.state_names(vehicle, roll=roll), E=E, F=F, G=G, A=A, B=B)
 

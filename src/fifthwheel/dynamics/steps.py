@@ -1,5 +1,6 @@
 """How long a step of the model may be, and where a record needs steps between its samples."""
 
+import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -35,9 +36,14 @@ class StepLimit:
         return np.asarray(np.interp(speed, SPEEDS, self.longest) * crawling, dtype=np.float64)
 
 
+@functools.lru_cache(64)
+def _limit(vehicle: Vehicle, roll: bool) -> StepLimit:
+    return StepLimit(vehicle, roll=roll)
+
+
 def longest(vehicle: Vehicle, speed: Array, *, roll: bool) -> Array:
-    """`StepLimit` for one use."""
-    return StepLimit(vehicle, roll=roll)(speed)
+    """`StepLimit` at once: seconds (N,) at speeds (N,), m/s."""
+    return _limit(vehicle, roll)(speed)
 
 
 def pieces(gap: Array, limit: Array) -> NDArray[np.int64]:

@@ -119,12 +119,9 @@ def begin(
     The start is the steady state of the first inputs, and so depends on the parameters: without that derivative a
     filter takes the way from a wrong start to the right one for news of the parameters.
     """
-    own = set(vehicle.parameters())
 
     def steady(z: Array) -> tuple[Array, Array]:
-        values = dict(zip(names, scaling.to_p(z).tolist(), strict=True))
-        there = vehicle.replace({name: value for name, value in values.items() if name in own})
-        return variances.initial(there, inputs, values, roll=roll)
+        return variances.initial(vehicle, inputs, dict(zip(names, scaling.to_p(z).tolist(), strict=True)), roll=roll)
 
     x0, P0 = steady(z)
     step = 1e-5
@@ -162,7 +159,7 @@ def long_run(scores: Array, lags: int) -> Array:
     edge = np.zeros((lags, scores.shape[1]))
     total = np.cumsum(np.vstack([edge, scores, edge]), axis=0)
     windows = total[lags:] - total[:-lags]
-    return np.asarray(windows.T @ windows / lags)
+    return np.asarray(np.einsum("ki,kj->ij", windows, windows) / lags)
 
 
 def moved(change: ArrayLike, value: ArrayLike, sigma: ArrayLike, settings: Settings) -> bool:
@@ -243,7 +240,7 @@ class _Working:
             self.step = step
             self.z = np.where(self.own, self.z, self.before + self.part * step)
         self._store(self.active & ~self.own, self.values)
-        self.history.append((np.array([self.elapsed]), self.z[None], np.diag(self.Pz)[None]))
+        self._remember(np.array([self.elapsed]), self.z[None], np.diag(self.Pz)[None])
 
     def _section(self, log: Log, rows: Rows, shifted: Scaling) -> None:
         x0, P0, sensitivity = begin(self.vehicle, self.names, self.scaling, self.z, rows.first, roll=self.model.roll)
@@ -260,9 +257,12 @@ class _Working:
         self.z, self.Pz, self.walk = found.end.z, found.end.Pz, found.end.walk
         time = rows.time[rows.places] - rows.time[0] + self.elapsed
         self.elapsed = float(time[-1])
-        self.history.append((time, found.z[rows.places], found.z_variance[rows.places]))
+        self._remember(time, found.z[rows.places], found.z_variance[rows.places])
         normalised = found.innovation[rows.places] / np.sqrt(found.innovation_variance[rows.places])
         self.residual.append((normalised, found.accepted[rows.places]))
+
+    def _remember(self, time: Array, z: Array, variance: Array) -> None:
+        self.history.append((time, z[:, self.sought], variance[:, self.sought]))
 
     def _leave(self, log: Log) -> None:
         innovation, accepted = (np.concatenate(arrays) for arrays in zip(*self.residual, strict=True))
@@ -307,12 +307,14 @@ class _Working:
 
     def outcome(self) -> Outcome:
         time, z, variance = (np.concatenate(arrays) for arrays in zip(*self.history, strict=True))
-        p = self.scaling.to_p(z)
+        sought = [u for u, flag in zip(self.unknowns, self.sought, strict=True) if flag]
+        own = scaling(sought)
+        p = own.to_p(z)
         trace = Trace(
-            names=tuple(name for name, flag in zip(self.names, self.sought, strict=True) if flag),
+            names=tuple(u.name for u in sought),
             time=time,
-            values=p[:, self.sought],
-            sigma=(np.sqrt(variance) * np.abs(self.scaling.slope(p)))[:, self.sought],
+            values=p,
+            sigma=np.sqrt(variance) * np.abs(own.slope(p)),
             starts=tuple(self.starts),
         )
         return Outcome(

@@ -65,9 +65,12 @@ def initial(
 
     Args:
         inputs: the first speed and steer angles by name, as shown.
-        errors: zeros and gains of the steer sensors as far as they are known, such as "steer.tractor.front.offset".
+        errors: zeros and gains of the steer sensors as far as they are known, such as "steer.tractor.front.offset",
+            and other values of the vehicle's parameters.
     """
-    m = dynamics.matrices(vehicle, inputs["speed"], roll=roll)
+    own = vehicle.parameters()
+    changed = {name: value for name, value in errors.items() if name in own}
+    m = dynamics.matrices(vehicle, inputs["speed"], roll=roll, changed=changed)
     steer = np.array(
         [
             errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0))

@@ -1,5 +1,6 @@
 """A vehicle: units in a chain, one coupling between each and the next."""
 
+import functools
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, Self
@@ -77,6 +78,10 @@ class Vehicle(Part):
 
     def parameters(self) -> dict[str, float]:
         """Every scalar by its path, SI, in the order of the vehicle: 'tractor.front.cornering_stiffness': 4.75e5."""
+        return dict(self._parameters)
+
+    @functools.cached_property
+    def _parameters(self) -> dict[str, float]:
         fields = self.model_dump()
         return {path: _owner(fields, place)[place[-1]] for path, place in places(self.units, self.couplings).items()}
 
