@@ -48,7 +48,7 @@ def table(truck: Vehicle, settings: Settings, count: int, seeds: Sequence[int]) 
             "rms": float(np.sqrt(np.mean(error**2))),
             "worst": float(np.abs(error).max()),
             "error/sigma": float(np.sqrt(np.mean((error / sigma) ** 2))),
-            "settled": float(np.median(np.where(np.isnan(settled), np.inf, settled)) / LaneChange().period),
+            "settled": float(np.median(np.where(np.isnan(settled), np.inf, settled)) / LaneChange().period(88 / 3.6)),
             "converged": float(np.mean([f[name].verdict == "converged" for f in found])),
         }
     return rows

@@ -58,7 +58,7 @@ def test_the_lane_change_asked_for():
     assert wanted.max() == pytest.approx(2 * np.pi * 1.464 / (61 / KMH_88) ** 2, rel=1e-4)
     offset = cumulative_trapezoid(cumulative_trapezoid(wanted, time, initial=0), time, initial=0)
     np.testing.assert_allclose(offset[[4000, 12000, 20000, 28000]], [1.464, 0, 1.464, 0], atol=2e-3)
-    small = LaneChange(offset=0.5, length=40, period=4, lead=2)
+    small = LaneChange(offset=0.5, length=40, shortest=4, rest=1, lead=2)
     half = small.acceleration(time, 20.0, 1)
     assert np.flatnonzero(half)[[0, -1]] * 0.001 == pytest.approx([2.0, 4.0], abs=2e-3)
 

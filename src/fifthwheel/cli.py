@@ -1,6 +1,8 @@
 """The command line: identify, states, simulate, vehicle. Heavy imports wait until a command needs them."""
 
 import json
+import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -89,8 +91,8 @@ def identify(
     from fifthwheel.identify import identify as run
     from fifthwheel.observe import Observer
 
-    truck, records = _vehicle(vehicle), _records(logs, signals)
-    unseen = _records(validate or [], signals)
+    truck, both = _vehicle(vehicle), _records([*logs, *(validate or [])], signals)
+    records, unseen = both[: len(logs)], both[len(logs) :]
     settings = article() if preset is Preset.article else Settings()
     settings = replace(settings, held=tuple(hold or ()), check=check, passes=passes or settings.passes)
     folder = _folder(out)
@@ -116,6 +118,7 @@ def identify(
     epilog=example(
         "fifthwheel states drive.csv --vehicle fifthwheel-out/vehicle.toml",
         "fifthwheel states drive.parquet -v truck.toml --json > states.json",
+        "fifthwheel states drive.csv -v truck.toml --at sideslip.semitrailer=-2.34",
     )
 )
 def states(
@@ -124,6 +127,9 @@ def states(
     signals: SignalsOption = None,
     out: OutOption = Path("fifthwheel-out"),
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this the model does not hold, m/s.")] = 5.0,
+    at: Annotated[
+        list[str] | None, typer.Option("--at", help="Where a sideslip is told, x on its unit in m; may be repeated.")
+    ] = None,
     check: CheckOption = True,
     as_json: JsonOption = False,
 ) -> None:
@@ -133,6 +139,7 @@ def states(
     from fifthwheel.observe import Observer, ObserverSettings, save
 
     truck, records = _vehicle(vehicle), _records(logs, signals)
+    settings = ObserverSettings(min_speed=min_speed, places=_places(at or []))
     folder = _folder(out)
     found = []
     with _progress(quiet=as_json) as progress:
@@ -140,7 +147,7 @@ def states(
             progress("states", i, len(records))
             if check:
                 raise_errors(plausibility(record, wheelbase=truck.wheelbase))
-            found.append(Observer(truck, record.signals, ObserverSettings(min_speed=min_speed)).batch(record))
+            found.append(Observer(truck, record.signals, settings).batch(record))
         progress("states", len(records), len(records))
     save(found, folder / "states.parquet")
     from fifthwheel.report import show_states, write_report
@@ -247,6 +254,20 @@ def _records(paths: list[Path], signals: Path | None) -> "list[Record]":
     return [read(path, signal_map, name=name) for path, name in zip(paths, names, strict=True)]
 
 
+def _places(texts: list[str]) -> dict[str, float]:
+    """ "signal=x" as signal: x."""
+    from fifthwheel.errors import SignalError
+
+    places = {}
+    for text in texts:
+        name, _, place = text.partition("=")
+        try:
+            places[name] = float(place)
+        except ValueError:
+            raise SignalError(f"{text}: expected signal=x with x in m, such as sideslip.semitrailer=-2.34") from None
+    return places
+
+
 def _folder(path: Path) -> Path:
     path.mkdir(parents=True, exist_ok=True)
     return path
@@ -295,18 +316,35 @@ def _progress(*, quiet: bool) -> "Iterator[Callable[[str, int, int], None]]":
         yield show
 
 
+_REFUSED: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+
 def main() -> None:
     """Entry point: exit code 0 when it ran, 2 for bad input or usage, 130 when interrupted."""
     from fifthwheel.errors import FifthwheelError
 
+    before = signal.signal(signal.SIGINT, _interrupted)
+    if len(sys.argv) == 1:
+        sys.argv.append("--help")
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except _REFUSED as error:
+        _refuse(f"{error.format_message()} See fifthwheel --help")
     except FifthwheelError as error:
-        typer.secho(f"error: {error}", fg="red", err=True)
-        sys.exit(2)
+        _refuse(str(error))
     except OSError as error:
-        typer.secho(f"error: {error.filename or ''}: {error.strerror or error}", fg="red", err=True)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        typer.secho("interrupted; files that were already written are whole", err=True)
-        sys.exit(130)
+        _refuse(f"{error.filename or ''}: {error.strerror or error}")
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _refuse(message: str) -> None:
+    typer.secho(f"error: {message}", fg="red", err=True)
+    sys.exit(2)
+
+
+def _interrupted(*_: object) -> None:
+    """Leave at once, wherever the libraries are: whatever is written appears whole or not at all."""
+    show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""
+    os.write(2, f"{show_cursor}interrupted; files that were already written are whole\n".encode())
+    os._exit(130)

@@ -30,8 +30,13 @@ class LaneChange:
 
     offset: float = 1.464  # m
     length: float = 61.0  # m
-    period: float = 8.0  # s from the start of one to the start of the next
+    rest: float = 5.5  # s at least straight after each
+    shortest: float = 8.0  # s at least from the start of one to the start of the next
     lead: float = 1.0  # s straight before the first
+
+    def period(self, speed: float) -> float:
+        """From the start of one to the start of the next, s."""
+        return max(self.shortest, self.length / speed + self.rest)
 
     def acceleration(self, time: Array, speed: float, count: int) -> Array:
         """Lateral acceleration asked for, m/s^2, (N,)."""
@@ -39,7 +44,7 @@ class LaneChange:
         peak = 2 * np.pi * self.offset / duration**2
         wanted = np.zeros_like(time)
         for k in range(count):
-            phase = (time - self.lead - k * self.period) / duration
+            phase = (time - self.lead - k * self.period(speed)) / duration
             wanted += np.where((phase >= 0) & (phase < 1), (-1) ** k * peak * np.sin(2 * np.pi * phase), 0.0)
         return wanted
 
@@ -61,7 +66,9 @@ def steer_for(vehicle: Vehicle, speed: float, time: Array, acceleration: Array, 
     return np.fft.irfft(wanted / gain * smooth, len(time))
 
 
-def steer_of(manoeuvre: str, vehicle: Vehicle, speed: float, time: Array, *, count: int, seed: int) -> Array:
+def steer_of(
+    manoeuvre: str, vehicle: Vehicle, speed: float, time: Array, *, count: int, seed: int, roll: bool = True
+) -> Array:
     """Steer angle (N,), rad, of a manoeuvre of `MANOEUVRES`."""
     if manoeuvre == "straight":
         return np.zeros_like(time)
@@ -78,7 +85,7 @@ def steer_of(manoeuvre: str, vehicle: Vehicle, speed: float, time: Array, *, cou
         wanted *= 0.7 / wanted.std()
     else:
         raise SignalError(f"manoeuvre: {manoeuvre!r} is not known; choose one of {', '.join(MANOEUVRES)}")
-    return steer_for(vehicle, speed, time, wanted)
+    return steer_for(vehicle, speed, time, wanted, roll=roll)
 
 
 def default_sensors(vehicle: Vehicle) -> dict[str, float]:
@@ -156,10 +163,10 @@ def simulate(
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model holds at road speeds")
     lane = LaneChange()
     if duration is None:
-        duration = count * lane.period if manoeuvre == "lane_changes" else 60.0
+        duration = count * lane.period(speed) if manoeuvre == "lane_changes" else 60.0
     time = np.arange(round(duration * rate)) / rate
     first = vehicle.steer_signals()[0]
-    steer = steer_of(manoeuvre, vehicle, speed, time, count=count, seed=seed)
+    steer = steer_of(manoeuvre, vehicle, speed, time, count=count, seed=seed, roll=roll)
     inputs = {n: steer if n == first else np.zeros_like(time) for n in vehicle.steer_signals()}
     inputs["speed"] = np.full_like(time, speed)
     sensors = default_sensors(vehicle) if sensors is None else sensors

@@ -9,7 +9,7 @@ from fifthwheel import dynamics
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import Record
 from fifthwheel.observe import Observer, ObserverSettings, Status
-from fifthwheel.observe.noise import GYROS, OBSERVED, initial
+from fifthwheel.observe.noise import GYROS, OBSERVED, SWING, initial
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 
@@ -111,7 +111,7 @@ def noisy_truth(o: Observer, time: np.ndarray, steer: np.ndarray, speed: float) 
     eye, none = np.eye(len(m.A)), np.zeros_like(m.B)
     F, G, _, H, _ = cont2discrete((m.A, m.B, eye, none), step, method="foh")
     inputs = {"speed": speed} | dict.fromkeys(o.inputs[1:], steer[0])
-    x0, P0 = initial(o.vehicle, inputs, {}, roll=o.roll)
+    x0, P0 = initial(o.vehicle, inputs, {}, roll=o.roll, swing=SWING)
     Q = np.diag([OBSERVED[name.split(".")[0]] for name in m.states]) * o.settings.process_noise
     shown = o.model.states
     assert shown == m.states

@@ -16,6 +16,7 @@ from fifthwheel.identify.result import Fit
 from fifthwheel.identify.stage import Log
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
+from fifthwheel.observe.prepare import swing
 from fifthwheel.simulate import response
 from fifthwheel.vehicle import Vehicle
 
@@ -83,7 +84,8 @@ def _free_run(
     def run(x0: Array | None, steer: Mapping[str, Array]) -> Array:
         return response(model, p, section.time, inputs | dict(steer), x0)[1]
 
-    x0, P0 = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, values, roll=model.roll)
+    first = {name: float(v[0]) for name, v in inputs.items()}
+    x0, P0 = variances.initial(vehicle, first, values, roll=model.roll, swing=swing(section))
     base = run(x0, {})
     still = {name: np.zeros_like(section.time) for name in model.inputs[1:]}
     quiet = run(None, still)

@@ -130,7 +130,7 @@ class _Frozen:
         """Innovations, weights 1/variance (zero where not used) and gradients: (M, m), (M, m), (M, m, n)."""
         k = len(self.names)
         rows = prepare(self.model, self.vehicle, section, errors=self.values)
-        x0, P0, sensitivity = begin(self.vehicle, self.names, self.own, self.z, rows.first, roll=self.model.roll)
+        x0, P0, sensitivity = begin(self.vehicle, self.names, self.own, self.z, rows, roll=self.model.roll)
         start = DualState(x=x0, P=P0, z=self.z, Pz=np.zeros((k, k)), sensitivity=sensitivity)
         found = dual.run(
             self.model,
@@ -173,7 +173,8 @@ class _Frozen:
         vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in own})
         model = dynamics.model(vehicle, self.model.outputs, roll=roll)
         inputs = {name: section.input(name) for name in model.inputs}
-        x0, _ = variances.initial(vehicle, {name: float(v[0]) for name, v in inputs.items()}, self.values, roll=roll)
+        first = {name: float(v[0]) for name, v in inputs.items()}
+        x0, _ = variances.steady(vehicle, first, self.values, roll=roll)
         values = dynamics.all_parameters(vehicle, model.outputs) | self.values
         late = {name: self.values.get(f"{name}.delay", 0.0) for name in inputs}
         moved = {n: np.interp(section.time + late[n], section.time, v) for n, v in inputs.items()}

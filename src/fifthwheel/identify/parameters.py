@@ -68,7 +68,7 @@ def sought(vehicle: Vehicle, names: Sequence[str], settings: Settings) -> list[U
                     name=name,
                     centre=value if start is None else start,
                     scale=settings.height_prior,
-                    lower=0.0,
+                    lower=0.01,
                     upper=3.5,
                     start=(settings.initial_height_sigma or settings.height_prior) / settings.height_prior,
                     walk=settings.height_walk / settings.height_prior,

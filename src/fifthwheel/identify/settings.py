@@ -24,7 +24,7 @@ class Settings:
     """The same for a payload height, m."""
     logarithmic: bool = True
     """Seek stiffness and inertia by their logarithm, so that they stay positive."""
-    passes: int = 20
+    passes: int = 40
     """At most so many times through the logs in each stage."""
     rounds: int = 10
     """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""

@@ -112,7 +112,7 @@ def shift_delays(scaling: Scaling, names: Sequence[str], errors: Mapping[str, fl
 
 
 def begin(
-    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, inputs: Mapping[str, float], *, roll: bool
+    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, rows: Rows, *, roll: bool
 ) -> tuple[Array, Array, Array]:
     """State (n,) at the start of a section, its covariance (n, n), and its derivative dx/dz (n, n_p).
 
@@ -120,12 +120,13 @@ def begin(
     filter takes the way from a wrong start to the right one for news of the parameters.
     """
 
-    def steady(z: Array) -> tuple[Array, Array]:
-        return variances.initial(vehicle, inputs, dict(zip(names, scaling.to_p(z).tolist(), strict=True)), roll=roll)
+    def values(z: Array) -> dict[str, float]:
+        return dict(zip(names, scaling.to_p(z).tolist(), strict=True))
 
-    x0, P0 = steady(z)
+    x0, P0 = variances.initial(vehicle, rows.first, values(z), roll=roll, swing=rows.swing)
     step = 1e-5
-    return x0, P0, np.column_stack([(steady(z + step * row)[0] - x0) / step for row in np.eye(len(z))])
+    moved = [variances.steady(vehicle, rows.first, values(z + step * row), roll=roll)[0] for row in np.eye(len(z))]
+    return x0, P0, (np.column_stack(moved) - x0[:, None]) / step
 
 
 def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Settings) -> Noise:
@@ -243,7 +244,7 @@ class _Working:
         self._remember(np.array([self.elapsed]), self.z[None], np.diag(self.Pz)[None])
 
     def _section(self, log: Log, rows: Rows, shifted: Scaling) -> None:
-        x0, P0, sensitivity = begin(self.vehicle, self.names, self.scaling, self.z, rows.first, roll=self.model.roll)
+        x0, P0, sensitivity = begin(self.vehicle, self.names, self.scaling, self.z, rows, roll=self.model.roll)
         start = DualState(x=x0, P=P0, z=self.z, Pz=self.Pz, sensitivity=sensitivity, walk=self.walk)
         found = dual.run(
             self.model,

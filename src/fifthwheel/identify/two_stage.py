@@ -9,6 +9,7 @@ both stages therefore come round again, now with the yaw-roll model and the heig
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -123,7 +124,14 @@ class _TwoStage:
             if idle == self.idle:
                 break
             self.idle = idle
-        return self._result(model, unknowns, known)
+        sigma = dict(zip(known.names, known.sigma.tolist(), strict=True))
+        if model.roll and self.rounds == 1:  # what stage 1 found, it found without roll
+            without = self._information(yaw_model, yaw_unknowns)
+            moved_by = dict(zip(without.names, without.bias.tolist(), strict=True))
+            sigma |= {u.name: math.hypot(sigma[u.name], moved_by[u.name]) for u in self.stage_1}
+        elif not model.roll:
+            self.notes.append("No roll rates: stage 1 leaves out roll; each sigma holds what that may move.")
+        return self._result(model, unknowns, sigma)
 
     def _not_excited(self, known: Information, unknowns: list[Unknown]) -> set[str]:
         return {u.name for u in unknowns if not u.nuisance and not known.excited(u.name, self.settings.excited)}
@@ -215,10 +223,7 @@ class _TwoStage:
             model, self.vehicle, self.logs, unknowns, values=self.values, settings=self.settings, gated=gated
         )
 
-    def _result(self, model: ChainModel, unknowns: list[Unknown], known: Information) -> Identification:
-        sigma = dict(zip(known.names, known.sigma.tolist(), strict=True))
-        if not model.roll and known.bias.any():
-            self.notes.append("No roll rates: stage 1 leaves out roll; each sigma holds what that may move.")
+    def _result(self, model: ChainModel, unknowns: list[Unknown], sigma: dict[str, float]) -> Identification:
         sought = [*self.stage_1, *self.stage_2]
         vehicle = self.vehicle.replace({u.name: self.values[u.name] for u in sought})
         plain = dynamics.model(self.vehicle, model.outputs, roll=model.roll)

@@ -35,10 +35,13 @@ OBSERVED = {
 """The same while states are observed: equation (14), 1e-8 rad^2 a step of 10 ms, with sideslip as lateral velocity."""
 
 INITIAL = {"lateral_velocity": 0.05, "yaw_rate": 0.01, "articulation": 0.01, "roll": 0.005, "roll_rate": 0.02}
-"""Standard deviation of a state about its steady value at the start of a record that starts straight, SI."""
+"""Standard deviation of a state about its steady value at the start of a record on which nobody steers, SI."""
 
-UNSTEADY = 0.5
-"""What of the steady value itself is added to that deviation, for a record that starts in a bend."""
+SWING = 0.015
+"""What steer angles a live observer reckons with before it has seen any, rad, one standard deviation."""
+
+DRIVER = 0.4
+"""How fast steer angles change, Hz: those of a lane change."""
 
 
 def sensor(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:
@@ -56,15 +59,13 @@ def process(states: Sequence[str], table: Mapping[str, float], factor: float = 1
     return np.diag([factor * table[name.split(".")[0]] for name in states])
 
 
-def initial(
+def steady(
     vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool
-) -> tuple[Array, Array]:
-    """State (n,) at the start of a record, and its covariance (n, n).
-
-    A record starts somewhere near the steady state that its first steer angles lead to at its first speed.
+) -> tuple[Array, dynamics.Matrices]:
+    """The state (n,) that constant inputs lead to, zero where the vehicle is unstable; and the matrices behind it.
 
     Args:
-        inputs: the first speed and steer angles by name, as shown.
+        inputs: speed and steer angles by name, as shown.
         errors: zeros and gains of the steer sensors as far as they are known, such as "steer.tractor.front.offset",
             and other values of the vehicle's parameters.
     """
@@ -78,6 +79,35 @@ def initial(
         ]
     )
     stable = np.linalg.eigvals(m.A).real.max() < 0
-    x0 = -np.linalg.solve(m.A, m.B @ steer) if stable else np.zeros(len(m.A))
-    deviation = np.array([INITIAL[name.split(".")[0]] for name in m.states]) + UNSTEADY * np.abs(x0)
-    return x0, np.diag(deviation**2)
+    return (-np.linalg.solve(m.A, m.B @ steer) if stable else np.zeros(len(m.A))), m
+
+
+def initial(
+    vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool, swing: float
+) -> tuple[Array, Array]:
+    """State (n,) at the start of a record, and its covariance (n, n); arguments as in `steady`.
+
+    A record starts somewhere about the steady state that its first steer angles lead to. It may also start within a
+    manoeuvre: how far off the states then are, and how they are off together, is their stationary covariance under
+    steer angles of standard deviation `swing` (rad) that change at random.
+    """
+    x0, m = steady(vehicle, inputs, errors, roll=roll)
+    floor = np.diag([INITIAL[name.split(".")[0]] ** 2 for name in m.states])
+    return x0, floor + swing**2 * steered_at_random(m)
+
+
+def steered_at_random(m: dynamics.Matrices) -> Array:
+    """Covariance (n, n) of the states per variance of a random first steer angle; zero where the vehicle is unstable.
+
+    The Lyapunov equation A P + P A' + Q = 0 of the vehicle behind a first-order low-pass of `DRIVER` Hz, by the
+    eigenvectors of A.
+    """
+    n, rate = len(m.A), 2 * np.pi * DRIVER
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[:n, n], A[n, n] = m.A, m.B[:, 0], -rate
+    values, vectors = np.linalg.eig(A)
+    if values.real.max() >= 0:
+        return np.zeros((n, n))
+    drive = np.linalg.solve(vectors, np.eye(n + 1)[:, n])
+    modal = -2 * rate * np.outer(drive, drive.conj()) / (values[:, None] + values.conj())
+    return np.asarray((vectors @ modal @ vectors.conj().T).real[:n, :n])

@@ -52,6 +52,9 @@ class ObserverSettings:
     """Process noise, in units of the default (`observe.noise.OBSERVED`, the article's equation (14))."""
     zeros: Mapping[str, float] = field(default_factory=dict)
     """Zeros, gains and delays of sensors by name, such as "steer.tractor.front.offset"; none by default."""
+    places: Mapping[str, float] = field(default_factory=dict)
+    """Where a unit's sideslip is told, x on the unit in m, by name, such as "sideslip.semitrailer": -2.34 for a sensor
+    at the landing leg; under the CoG by default."""
 
 
 def reported(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
@@ -141,6 +144,11 @@ class Observer:
         values = dynamics.all_parameters(self.vehicle, self.outputs) | dict(self.settings.zeros)
         shown = dynamics.all_parameters(self.vehicle, self.reported)
         shown |= {name: value for name, value in self.settings.zeros.items() if name.startswith("steer.")}
+        for name, place in self.settings.places.items():
+            if f"{name}.position" not in shown:
+                told = ", ".join(n for n in self.reported if f"{n}.position" in shown)
+                raise SignalError(f"{name}: has no place to be told at; those that have are {told}")
+            shown[f"{name}.position"] = place
         noise = Noise(
             process=variances.process(self.model.states, variances.OBSERVED, self.settings.process_noise),
             measurement=np.array([variances.sensor(self.vehicle, n, self.settings.noise) for n in self.outputs]),
@@ -157,8 +165,8 @@ class Observer:
         self._running = False
         self._last = self._inputs
 
-    def push(self, sample: Mapping[str, float]) -> dict[str, float]:
-        """One sample: "time" and signals in SI; a signal that is missing or NaN was not measured.
+    def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
+        """One sample: "time" and signals in SI; a signal that is missing, None or NaN was not measured.
 
         Returns:
             The reported states and "<state>.sigma", NaN where they may not be believed, and "status".
@@ -167,7 +175,7 @@ class Observer:
             SignalError: time is missing, not finite, or does not go forward. The observer is as it was.
         """
         time = sample.get("time", math.nan)
-        if not math.isfinite(time):
+        if time is None or not math.isfinite(time):
             raise SignalError(f"time: expected seconds, got {time}; every sample needs its time")
         gap = time - self._time
         if gap <= 0:
@@ -193,8 +201,8 @@ class Observer:
                 row[1 : 1 + k] = last
         row[1 + k : 1 + 2 * k] = inputs
         for i, name in enumerate(self.outputs):
-            value = sample.get(name, math.nan)
-            there = math.isfinite(value)
+            value = sample.get(name)
+            there = value is not None and math.isfinite(value)
             row[1 + 2 * k + i] = value if there else 0.0
             row[1 + 2 * k + m + i] = there
         self.scan.single(1, 1, *self._addresses)
@@ -205,12 +213,12 @@ class Observer:
             status = Status.COASTING
         return self._answer(status)
 
-    def _inputs_at(self, time: float, sample: Mapping[str, float]) -> tuple[Status, list[float]]:
+    def _inputs_at(self, time: float, sample: Mapping[str, float | None]) -> tuple[Status, list[float]]:
         """Inputs at this sample, held where they are missing, and whether they will do."""
         missing = False
         for i, name in enumerate(self.inputs):
-            value = sample.get(name, math.nan)
-            if math.isfinite(value):
+            value = sample.get(name)
+            if value is not None and math.isfinite(value):
                 self._inputs[i], self._seen[i] = float(value), time
             elif not time - self._seen[i] <= self.settings.hold:
                 missing = True
@@ -226,7 +234,7 @@ class Observer:
 
     def _initial(self, inputs: list[float]) -> tuple[Array, Array]:
         first = dict(zip(self.inputs, inputs, strict=True))
-        return variances.initial(self.vehicle, first, self.settings.zeros, roll=self.roll)
+        return variances.initial(self.vehicle, first, self.settings.zeros, roll=self.roll, swing=variances.SWING)
 
     def _between(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:
         """Steps without measurements up to the last one, which is left in the sample."""
@@ -318,6 +326,15 @@ class Observer:
             accepted={name: accepted[:, i] > 0 for i, name in enumerate(self.outputs)},
         )
 
+    def _made_for(self) -> dict[str, Any]:
+        """Truck, signals and settings, fit for JSON."""
+        limits = ("min_speed", "hold", "coast", "max_gap")
+        return {
+            "signals": [*self.inputs, *self.outputs],
+            "limits": {name: getattr(self.settings, name) for name in limits},
+            "constant": self._constant.tolist(),
+        }
+
     def save(self) -> dict[str, Any]:
         """All that `resume` needs to go on, fit for JSON."""
 
@@ -325,9 +342,7 @@ class Observer:
             return [value if math.isfinite(value) else None for value in values]
 
         return {
-            "reported": list(self.reported),
-            "outputs": list(self.outputs),
-            "constant": self._constant.tolist(),
+            "made_for": self._made_for(),
             "time": finite([self._time])[0],
             "inputs": finite(self._inputs),
             "seen": finite(self._seen),
@@ -343,8 +358,7 @@ class Observer:
         Raises:
             SignalError: it was saved by an observer of another truck, other signals or other settings.
         """
-        same = list(self.reported) == saved["reported"] and list(self.outputs) == saved["outputs"]
-        if not same or saved["constant"] != self._constant.tolist():
+        if saved["made_for"] != self._made_for():
             raise SignalError("state: saved by an observer of another truck, other signals or settings; start afresh")
         self._time = math.nan if saved["time"] is None else saved["time"]
         self._inputs = [math.nan if value is None else value for value in saved["inputs"]]

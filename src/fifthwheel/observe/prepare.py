@@ -23,6 +23,7 @@ class Rows:
     time: Array  # (M,) s
     places: NDArray[np.int64]  # (N,) which of the M are samples
     first: dict[str, float]  # the inputs at the first sample
+    swing: float  # standard deviation of the steer angles, rad
 
 
 def steered_as_logged(vehicle: Vehicle, record: Record) -> Vehicle:
@@ -68,6 +69,11 @@ def fast_enough(record: Record, min_speed: float) -> list[Record]:
     return [section for piece in pieces for section in piece.sections()]
 
 
+def swing(record: Record) -> float:
+    """The greatest standard deviation of a record's steer angles, rad."""
+    return max(float(np.nanstd(values)) for name, values in record.signals.items() if name.startswith("steer."))
+
+
 def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapping[str, float] | None = None) -> Rows:
     """Rows of a record for a model.
 
@@ -93,4 +99,4 @@ def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapp
         if name in record.signals:
             measured[places, i] = record.signals[name]
     first = {name: float(values[0]) for name, values in inputs.items()}
-    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, first=first)
+    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, first=first, swing=swing(record))

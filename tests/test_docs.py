@@ -1,0 +1,217 @@
+"""The documentation is complete, its tables say what the code does, its examples run and its links lead somewhere."""
+
+import re
+from ast import literal_eval
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from fifthwheel import dynamics, vehicle
+from fifthwheel.dynamics import sensors
+from fifthwheel.dynamics.model import steer_parameters
+from fifthwheel.identify import Settings, Verdict, article
+from fifthwheel.logs import Fault, SignalMap, names
+from fifthwheel.logs.samples import LIMITS
+from fifthwheel.logs.signals import Channel, TimeColumn
+from fifthwheel.observe import ObserverSettings, Status
+from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
+from fifthwheel.vehicle.files import IN_FILE, loads
+from fifthwheel.vehicle.paths import SI_UNITS
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TRUCK = vehicle.get("cheng_cebon_2011")
+
+
+def page(name: str) -> str:
+    return (ROOT / "docs" / name).read_text(encoding="utf-8")
+
+
+def prose(text: str) -> str:
+    """A page without its code."""
+    return re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def rows(text: str) -> list[list[str]]:
+    """Cells of every line of a table."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def examples(language: str, first: str = "") -> list[object]:
+    return [
+        pytest.param(block, id=f"{path.stem}-{i}")
+        for path in PAGES
+        for i, block in enumerate(blocks(path, language))
+        if block.startswith(first)
+    ]
+
+
+def section(text: str, title: str) -> str:
+    """What stands under a heading, up to the next of its level or above."""
+    text = prose(text)
+    head = re.search(rf"^(#+) {re.escape(title)}$", text, re.MULTILINE)
+    assert head, title
+    end = re.search(rf"^#{{1,{len(head[1])}}} ", text[head.end() :], re.MULTILINE)
+    return text[head.end() :][: end.start() if end else None]
+
+
+PREFIXES: dict[type[BaseModel], str] = {
+    Unit: "<unit>",
+    SprungMass: "<unit>.sprung",
+    Payload: "<unit>.payload",
+    AxleGroup: "<group>",
+    Axle: "<unit>.<axle>",
+    Coupling: "<coupling>",
+}
+PARAMETERS = [f"{prefix}.{w}" for kind, prefix in PREFIXES.items() for w in kind.model_fields if w in SI_UNITS]
+
+
+@pytest.mark.parametrize("pattern", PARAMETERS)
+def test_every_parameter_of_a_vehicle_is_among_the_symbols(pattern: str) -> None:
+    table = {
+        cells[1]: cells for cells in rows(section(page("symbols.md"), "Parameters of the vehicle")) if len(cells) > 4
+    }
+    assert table[f"`{pattern}`"][2] == SI_UNITS[pattern.rpartition(".")[2]]
+
+
+def test_patterns_are_all_there_are() -> None:
+    assert {pattern.rpartition(".")[2] for pattern in PARAMETERS} == set(SI_UNITS)
+    assert {path.rpartition(".")[2] for path in TRUCK.parameters()} <= set(SI_UNITS)
+    for word in {path.rpartition(".")[2] for path in TRUCK.derived()}:
+        assert f"`<unit>.{word}`" in page("symbols.md")
+
+
+def test_every_state_input_and_sensor_is_among_the_symbols() -> None:
+    text = page("symbols.md")
+    for name in dynamics.state_names(TRUCK, roll=True):
+        assert f"`{name.partition('.')[0]}.<unit>`" in section(text, "States")
+    for name in ("`speed`", "`steer.<unit>.<axle>`"):
+        assert name in section(text, "Inputs")
+    measured = {cells[1]: cells[2] for cells in rows(section(text, "Measured and reported signals"))}
+    for quantity, (unit, *_) in sensors.QUANTITIES.items():
+        assert measured[f"`{quantity}.<unit>`"] == unit
+    words = {name.rpartition(".")[2] for name in steer_parameters(TRUCK)}
+    words |= {w.rpartition(".")[2] for w in sensors.sensor_parameters(TRUCK, "sideslip.semitrailer")}
+    for word in words:
+        assert f"`<sensor>.{word}`" in section(text, "Parameters of the sensors")
+
+
+def test_every_quantity_of_a_log_is_told_with_its_unit() -> None:
+    told: dict[str, str] = {}
+    for cells in rows(section(page("signals.md"), "Names")):
+        quantities = re.findall(r"`([^`]+)`", cells[0])
+        units = [unit.strip() for unit in cells[1].split(",")]
+        told |= dict(zip(quantities, units if len(units) > 1 else units * len(quantities), strict=True))
+    assert told == names.QUANTITIES
+
+
+def test_every_fault_verdict_and_status_is_told() -> None:
+    faults = {cells[0] for cells in rows(section(page("signals.md"), "Faults"))}
+    assert {f"`{fault.value}`" for fault in Fault} <= faults
+    verdicts = {cells[0] for cells in rows(section(page("method.md"), "Verdicts"))}
+    assert {f"`{verdict.value}`" for verdict in Verdict} <= verdicts
+    states = {cells[0]: cells[1] for cells in rows(section(page("method.md"), "States"))}
+    assert {f"`{status.name}`": str(int(status)) for status in Status}.items() <= states.items()
+
+
+def test_ranges_are_those_of_the_code() -> None:
+    told = {cells[0].strip("`"): cells[1] for cells in rows(section(page("signals.md"), "Faults"))}
+    for quantity, limit in LIMITS.items():
+        assert told[quantity] == f"{limit.most:g} {limit.unit}"
+
+
+def same(written: str, value: object) -> bool:
+    """Whether a cell shows a value; numbers may be rounded to a hundredth."""
+    shown = literal_eval(written.strip("`"))
+    if isinstance(value, float):
+        return bool(shown == pytest.approx(value, rel=0.01))
+    return bool((tuple(shown) if isinstance(shown, list) else shown) == value)
+
+
+def test_every_setting_is_told_with_its_default_and_the_articles() -> None:
+    table = {
+        cells[0].strip("`"): cells[1:] for cells in rows(section(page("method.md"), "Settings")) if len(cells) == 4
+    }
+    ours, theirs = Settings(), article()
+    for field in fields(Settings):
+        default, preset, _ = table[field.name]
+        assert same(default, getattr(ours, field.name)), field.name
+        assert same(preset or default, getattr(theirs, field.name)), field.name
+    assert set(table) - {"field", "---"} == {field.name for field in fields(Settings)}
+
+
+def test_every_setting_of_the_observer_is_told_with_its_default() -> None:
+    table = {cells[0].strip("`"): cells[1] for cells in rows(section(page("method.md"), "Settings")) if len(cells) == 3}
+    for field in fields(ObserverSettings):
+        assert same(table[field.name], getattr(ObserverSettings(), field.name)), field.name
+    assert set(table) - {"field", "---"} == {field.name for field in fields(ObserverSettings)}
+
+
+def test_every_key_of_the_maps_is_told() -> None:
+    table = rows(section(page("signals.md"), "signals.toml"))
+    first = next(i for i, cells in enumerate(table) if cells[0] == "`[signals]`")
+    assert {f"`{key}`" for key in TimeColumn.model_fields} == {cells[1] for cells in table[2:first]}
+    assert {f"`{key}`" for key in Channel.model_fields} <= {cells[1] for cells in table[first:]}
+    for name in SignalMap.model_fields:
+        assert any(f"`[{name}]`" in cells[0] for cells in table)
+
+
+def test_every_vehicle_of_the_catalogue_is_told() -> None:
+    told = {cells[0].strip("`") for cells in rows(section(page("vehicle.md"), "The catalogue"))}
+    assert told - {"name", "---"} == set(vehicle.names())
+
+
+def test_every_key_of_a_vehicle_file_is_in_the_example() -> None:
+    (example,) = [block for block in blocks(ROOT / "docs" / "vehicle.md", "toml") if "[[unit]]" in block]
+    kinds: list[type[BaseModel]] = [Vehicle, *PREFIXES]
+    for kind in kinds:
+        for field in kind.model_fields:
+            assert re.search(rf"\b{IN_FILE.get(field, field)}\b( =|\]\])|\.{field}\]", example), field
+
+
+@pytest.mark.parametrize("block", examples("python", "# runnable"))
+def test_examples_run(
+    block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, "example", "exec"), {"__name__": "example"})
+    if expected := re.search(r"^# prints (.*)$", block, re.MULTILINE):
+        assert capsys.readouterr().out.strip() == expected[1]
+
+
+@pytest.mark.parametrize("block", examples("toml"))
+def test_toml_is_read(block: str) -> None:
+    if "[[unit]]" in block:
+        truck = loads(block)
+        assert [unit.name for unit in truck.units] == ["tractor", "semitrailer"]
+        assert truck.axle_loads()
+    else:
+        assert SignalMap.parse(block).signals
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of a page's headings, as forges make them."""
+    titles = re.findall(r"^#+ (.*)$", prose(path.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_links_lead_somewhere(path: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(path.read_text(encoding="utf-8"))):
+        if re.match(r"[a-z]+:", target):
+            continue
+        file, _, anchor = target.partition("#")
+        there = (path.parent / file).resolve() if file else path
+        assert there.is_file(), target
+        assert not anchor or anchor in anchors(there), target
+
+
+def test_every_page_is_in_the_contents() -> None:
+    for path in PAGES[1:]:
+        assert path.name == "index.md" or f"({path.name})" in page("index.md")
