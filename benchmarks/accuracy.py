@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--lane-changes", type=int, nargs="+", default=[1, 2, 5, 10, 15])
     options = parser.parse_args()
     truck = vehicle.get("cheng_cebon_2011")
-    for settings in (Settings(), article()):
+    for settings in (Settings(), Settings(preset="default, one round", rounds=1), article()):
         for count in options.lane_changes:
             print(f"\n{settings.preset}, {count} lane changes, {options.seeds} seeds")
             print(f"{'':38s} {'mean %':>8} {'rms %':>8} {'worst %':>8} {'err/sig':>8} {'settled':>8} {'conv.':>6}")

@@ -7,7 +7,7 @@ beside the result, or the result is right.
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -365,7 +365,7 @@ def test_several_faults_are_all_named():
 
 
 def test_a_faulty_log_beside_good_ones_is_refused():
-    bad = scaled(YAW, DEGREES)(BASE)
+    bad = replace(scaled(YAW, DEGREES)(BASE), name="bad")
     with pytest.raises(SignalError, match=rf"^{YAW}: "):
         identify([BASE, bad], GUESS)
     with pytest.raises(SignalError, match=rf"^{YAW}: "):

@@ -1,6 +1,7 @@
 """The command line: identify, states, simulate, vehicle. Heavy imports wait until a command needs them."""
 
 import json
+import math
 import os
 import signal
 import sys
@@ -117,6 +118,7 @@ def identify(
 @app.command(
     epilog=example(
         "fifthwheel states drive.csv --vehicle fifthwheel-out/vehicle.toml",
+        "fifthwheel states drive.csv -v fifthwheel-out/vehicle.toml -i fifthwheel-out/identification.json",
         "fifthwheel states drive.parquet -v truck.toml --json > states.json",
         "fifthwheel states drive.csv -v truck.toml --at sideslip.semitrailer=-2.34",
     )
@@ -127,6 +129,10 @@ def states(
     signals: SignalsOption = None,
     out: OutOption = Path("fifthwheel-out"),
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this the model does not hold, m/s.")] = 5.0,
+    identification: Annotated[
+        Path | None,
+        typer.Option("--identification", "-i", help="identification.json, for the sensors' zeros, delays and noise."),
+    ] = None,
     at: Annotated[
         list[str] | None, typer.Option("--at", help="Where a sideslip is told, x on its unit in m; may be repeated.")
     ] = None,
@@ -134,11 +140,15 @@ def states(
     as_json: JsonOption = False,
 ) -> None:
     """Sideslip, roll and articulation of a known truck: states.parquet and report.html."""
+    from dataclasses import replace
+
+    from fifthwheel.identify.result import sensors_told
     from fifthwheel.logs import check as plausibility
     from fifthwheel.logs import raise_errors
     from fifthwheel.observe import Observer, ObserverSettings, save
 
     truck, records = _vehicle(vehicle), _records(logs, signals)
+    told = _identification(identification)
     settings = ObserverSettings(min_speed=min_speed, places=_places(at or []))
     folder = _folder(out)
     found = []
@@ -147,7 +157,8 @@ def states(
             progress("states", i, len(records))
             if check:
                 raise_errors(plausibility(record, wheelbase=truck.wheelbase))
-            found.append(Observer(truck, record.signals, settings).batch(record))
+            own = replace(settings, **sensors_told(told, record.name)) if told else settings
+            found.append(Observer(truck, record.signals, own).batch(record))
         progress("states", len(records), len(records))
     save(found, folder / "states.parquet")
     from fifthwheel.report import show_states, write_report
@@ -176,8 +187,10 @@ def simulate(
     count: Annotated[int, typer.Option(min=1, max=1000, help="Lane changes, left and right in turn.")] = 15,
     speed: Annotated[float, typer.Option(help="km/h.")] = 88.0,
     rate: Annotated[float, typer.Option(min=5, max=1000, help="Samples a second, Hz.")] = 100.0,
-    duration: Annotated[float | None, typer.Option(min=2, help="s; as the manoeuvre needs by default.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise.")] = 0,
+    duration: Annotated[
+        float | None, typer.Option(min=2, max=36_000, help="s; as the manoeuvre needs by default.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 0,
     yaw_only: Annotated[bool, typer.Option("--yaw-only", help="A truck that does not roll.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -254,6 +267,20 @@ def _records(paths: list[Path], signals: Path | None) -> "list[Record]":
     return [read(path, signal_map, name=name) for path, name in zip(paths, names, strict=True)]
 
 
+def _identification(path: Path | None) -> Any:
+    """What an identification.json holds."""
+    from fifthwheel.errors import SignalError
+
+    if path is None:
+        return None
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        told["sensors"], told["logs"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise SignalError(f"{path}: not an identification.json ({error!r}); give the one that identify wrote") from None
+    return told
+
+
 def _places(texts: list[str]) -> dict[str, float]:
     """ "signal=x" as signal: x."""
     from fifthwheel.errors import SignalError
@@ -264,7 +291,9 @@ def _places(texts: list[str]) -> dict[str, float]:
         try:
             places[name] = float(place)
         except ValueError:
-            raise SignalError(f"{text}: expected signal=x with x in m, such as sideslip.semitrailer=-2.34") from None
+            places[name] = math.nan
+        if not math.isfinite(places[name]):
+            raise SignalError(f"{text}: expected signal=x with x in m, such as sideslip.semitrailer=-2.34")
     return places
 
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel, steps
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.logs import Record
 from fifthwheel.native import Scan
 from fifthwheel.observe.noise import GYROS
+from fifthwheel.observe.prepare import locked_but
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -161,11 +162,13 @@ def simulate(
     """
     if not 5 <= speed <= 40:
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model holds at road speeds")
+    if np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=roll).A).real.max() >= 0:
+        raise VehicleError(f"{vehicle.name}: unstable at {speed:.1f} m/s; simulate it below its critical speed")
     lane = LaneChange()
     if duration is None:
         duration = count * lane.period(speed) if manoeuvre == "lane_changes" else 60.0
     time = np.arange(round(duration * rate)) / rate
-    first = vehicle.steer_signals()[0]
+    first = locked_but(vehicle, vehicle.steer_signals(), vehicle.name).steer_signals()[0]
     steer = steer_of(manoeuvre, vehicle, speed, time, count=count, seed=seed, roll=roll)
     inputs = {n: steer if n == first else np.zeros_like(time) for n in vehicle.steer_signals()}
     inputs["speed"] = np.full_like(time, speed)

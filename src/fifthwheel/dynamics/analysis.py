@@ -84,7 +84,10 @@ def modes(vehicle: Vehicle, speed: float, *, roll: bool = True) -> tuple[Mode, .
 
 
 def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0) -> float | None:
-    """The lowest speed at which the vehicle, wheels fixed straight, is unstable, m/s to 1e-6; None below `highest`."""
+    """The lowest speed at which the vehicle, wheels fixed straight, is unstable, m/s to 1e-6.
+
+    None if there is none from 2 m/s up to `highest`; 2 if it is unstable there already.
+    """
 
     def unstable(speed: float) -> bool:
         return bool(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max() > 0)

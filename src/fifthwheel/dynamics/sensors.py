@@ -10,9 +10,10 @@ from typing import NamedTuple
 import casadi as ca
 
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.unit import GRAVITY, mass_matrix, tyre_forces
+from fifthwheel.dynamics.unit import mass_matrix, tyre_forces
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
 
 class View(NamedTuple):

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from fifthwheel.vehicle import Unit, laden
-
-GRAVITY = 9.80665  # m/s^2, standard acceleration of free fall
+from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
 
 class RollBody(NamedTuple):

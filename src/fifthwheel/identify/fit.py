@@ -85,7 +85,7 @@ def _free_run(
         return response(model, p, section.time, inputs | dict(steer), x0)[1]
 
     first = {name: float(v[0]) for name, v in inputs.items()}
-    x0, P0 = variances.initial(vehicle, first, values, roll=model.roll, swing=swing(section))
+    x0, P0 = variances.initial(vehicle, first, values, roll=model.roll, swing=swing(inputs))
     base = run(x0, {})
     still = {name: np.zeros_like(section.time) for name in model.inputs[1:]}
     quiet = run(None, still)

@@ -1,6 +1,6 @@
 """What is unknown: the parameters that are sought and the sensors' errors beside them, each with prior and bounds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,8 +118,3 @@ def _error(name: str, prior: float, *, centre: float = 0.0, each_log: bool = Fal
         nuisance=True,
         each_log=each_log,
     )
-
-
-def values_of(unknowns: Sequence[Unknown], z: np.ndarray) -> Mapping[str, float]:
-    """Parameters by name from z (n,)."""
-    return dict(zip([u.name for u in unknowns], scaling(unknowns).to_p(z).tolist(), strict=True))

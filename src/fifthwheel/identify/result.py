@@ -15,6 +15,7 @@ from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Trace
 from fifthwheel.observe import ObserverSettings
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.whole import whole
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ class Estimate:
 
     name: str
     value: float
-    sigma: float | None  # None for one that was held
+    sigma: float | None  # None for one that was held, or that no channel of the logs could tell
     unit: str
     initial: float
     verdict: Verdict
@@ -99,9 +100,7 @@ class Identification:
 
     def observer_settings(self, log: str | None = None, **changes: Any) -> ObserverSettings:
         """Settings for an `Observer` of this truck: the sensors' zeros and noise as found, a log's own if named."""
-        zeros = {e.name: e.value for e in self.sensors if e.log is None or e.log == log}
-        noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return ObserverSettings(**{"zeros": zeros, "noise": noise} | changes)
+        return ObserverSettings(**sensors_told(self.as_dict(), log) | changes)
 
     def as_dict(self) -> dict[str, Any]:
         """What identification.json holds: no histories, no arrays."""
@@ -135,9 +134,15 @@ class Identification:
 
     def save(self, path: Path) -> None:
         """Write identification.json."""
-        temporary = path.with_name(f".{path.name}.part")
-        temporary.write_text(self.to_json() + "\n", encoding="utf-8")
-        temporary.replace(path)
+        with whole(path) as part:
+            part.write_text(self.to_json() + "\n", encoding="utf-8")
+
+
+def sensors_told(told: Mapping[str, Any], log: str | None) -> dict[str, Any]:
+    """Zeros and noise for `ObserverSettings` from `Identification.as_dict`: all logs', and those of one if named."""
+    zeros = {error["name"]: error["value"] for error in told["sensors"] if error["log"] in (None, log)}
+    noise = next((one["noise"] for one in told["logs"] if one["name"] == log), told["logs"][0]["noise"])
+    return {"zeros": zeros, "noise": noise}
 
 
 def _finite(value: Any) -> Any:

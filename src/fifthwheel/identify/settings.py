@@ -1,7 +1,10 @@
 """How an identification is done. Every number that steers it is a field here, with a sentence."""
 
+import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+
+from fifthwheel.errors import SignalError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +32,8 @@ class Settings:
     rounds: int = 10
     """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
     tolerance: float = 0.01
-    """Converged means: within this part of the final value (the article's 1 %)."""
+    """Converged: a pass moves it by no more than a tenth of this part of it, or of its sigma. With `average`, the
+    article's rule: it stays within this part of its average."""
     average: bool = False
     """Take the average since convergence as the estimate (the article), or the last value, which holds all the data."""
     consistent: bool = True
@@ -73,6 +77,16 @@ class Settings:
     tell more of it than the prior does."""
     check: bool = True
     """Refuse logs whose signals cannot be what they are called."""
+
+    def __post_init__(self) -> None:
+        for name in ("prior", "height_prior", "passes", "rounds", "tolerance", "gate", "min_speed", "correlation_time"):
+            if not getattr(self, name) > 0:
+                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        if not 0 < self.forgetting <= 1:
+            raise SignalError(f"forgetting: expected above 0 and at most 1, got {self.forgetting}")
+        for name, variance in self.noise.items():
+            if not 0 < variance < math.inf:
+                raise SignalError(f"{name}: expected a variance above 0, got {variance}")
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)

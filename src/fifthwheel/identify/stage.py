@@ -64,7 +64,6 @@ class Outcome:
     values: dict[str, float]  # the truck's own unknowns; each log's are in the logs
     trace: Trace
     settled: bool  # whether the last pass moved nothing
-    innovation: list[Array]  # each log's (N, m), normalised, of the last pass
     accepted: list[Array]  # each log's (N, m)
 
 
@@ -218,7 +217,6 @@ class _Working:
         self.starts.append(sum(len(time) for time, _, _ in self.history))
         if self.settings.restart:
             self.Pz = self._prior()
-        self.innovation: list[Array] = []
         self.accepted: list[Array] = []
         shared = dict(self.values)
         shifted = shift_delays(self.scaling, self.names, shared)
@@ -267,7 +265,6 @@ class _Working:
 
     def _leave(self, log: Log) -> None:
         innovation, accepted = (np.concatenate(arrays) for arrays in zip(*self.residual, strict=True))
-        self.innovation.append(innovation)
         self.accepted.append(accepted)
         self._store(self.own & self.active, log.errors)
         if self.settings.adapt_noise:
@@ -322,6 +319,5 @@ class _Working:
             values=self.values,
             trace=trace,
             settled=self.settled(),
-            innovation=self.innovation,
             accepted=self.accepted,
         )

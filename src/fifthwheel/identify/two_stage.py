@@ -29,7 +29,7 @@ from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Log, Progress, Trace, moved
 from fifthwheel.logs import Record, check, raise_errors
 from fifthwheel.native import compile_soon
-from fifthwheel.observe.prepare import fast_enough, steered_as_logged
+from fifthwheel.observe.prepare import fast_enough, locked_but
 from fifthwheel.vehicle import Vehicle
 
 
@@ -88,8 +88,17 @@ class _TwoStage:
         self.records, self.validate, self.settings, self.progress = records, validate, settings, progress
         self.notes: list[str] = []
         self.original = self.vehicle = vehicle
+        names = [record.name for record in (*records, *validate)]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise SignalError(f"logs: {', '.join(twice)} given more than once; give every log once, under its own name")
+        logged = {name for record in records for name in record.signals}
+        self.vehicle = locked_but(vehicle, logged, records[0].name if len(records) == 1 else "the logs")
         for record in (*records, *validate):
-            self.vehicle = steered_as_logged(self.vehicle, record)
+            for name in self.vehicle.steer_signals():
+                if name not in record.signals:
+                    raise SignalError(
+                        f"{name}: not in {record.name}, but in another log; map it in all of them or in none"
+                    )
             self._check(record)
         if locked := sorted(set(vehicle.steer_signals()) - set(self.vehicle.steer_signals())):
             self.notes.append(f"{', '.join(locked)}: not in the logs, taken as zero.")

@@ -51,10 +51,22 @@ class ObserverSettings:
     process_noise: float = 1.0
     """Process noise, in units of the default (`observe.noise.OBSERVED`, the article's equation (14))."""
     zeros: Mapping[str, float] = field(default_factory=dict)
-    """Zeros, gains and delays of sensors by name, such as "steer.tractor.front.offset"; none by default."""
+    """Zeros, gains and delays of sensors by name, such as "steer.tractor.front.offset"; none by default. A delay of the
+    steer angle is taken out by its slope, which makes its noise louder: a smooth channel is worth having."""
     places: Mapping[str, float] = field(default_factory=dict)
     """Where a unit's sideslip is told, x on the unit in m, by name, such as "sideslip.semitrailer": -2.34 for a sensor
     at the landing leg; under the CoG by default."""
+
+    def __post_init__(self) -> None:
+        for name in ("min_speed", "coast", "max_gap", "gate"):
+            if not getattr(self, name) > 0:
+                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        for name in ("hold", "process_noise"):
+            if not getattr(self, name) >= 0:
+                raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}")
+        for name, variance in self.noise.items():
+            if not 0 < variance < math.inf:
+                raise SignalError(f"{name}: expected a variance above 0, got {variance}")
 
 
 def reported(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
@@ -136,7 +148,8 @@ class Observer:
         self._out: Any = (ctypes.c_double * self._output.size).from_buffer(self._output.data)
         self._names = [(name, f"{name}.sigma") for name in self.reported]
         slowest = max(int(np.searchsorted(steps.SPEEDS, self.settings.min_speed)) - 1, 0)
-        self._always = float(self._limit.longest[slowest:].min())  # no step up to this needs dividing
+        crawling = min(self.settings.min_speed / steps.SPEEDS[0], 1.0)
+        self._always = float(self._limit.longest[slowest:].min() * crawling)  # no step up to this needs dividing
         self._addresses = tuple(a.ctypes.data for a in (self._carry, self._sample, self._constant, self._output))
         self.reset()
 
@@ -283,8 +296,8 @@ class Observer:
             stop = first + int(np.argmin(np.append(good[first:following], False)))
             part = slice(first, stop)
             output[part] = self._run(time[part], inputs[part], measured[part])
-            idle = output[part, -len(self.outputs) :].any(axis=1)
-            since = np.maximum.accumulate(np.where(idle, time[part], time[first]))
+            used = output[part, -len(self.outputs) :].any(axis=1)
+            since = np.maximum.accumulate(np.where(used, time[part], time[first]))
             status[part] = np.where(time[part] - since > self.settings.coast, Status.COASTING, Status.OK)
         return self._states(record, output, status, measured)
 

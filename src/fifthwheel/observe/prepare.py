@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.dynamics import ChainModel, steps
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.logs import Record
 from fifthwheel.vehicle import Vehicle
@@ -38,6 +38,8 @@ def locked_but(vehicle: Vehicle, signals: Container[str], source: str) -> Vehicl
         SignalError: there is no steer angle at all.
     """
     wanted = vehicle.steer_signals()
+    if not wanted:
+        raise VehicleError(f"{vehicle.name}: no axle is steerable; set steerable = true on the front axle")
     if not any(name in signals for name in wanted):
         raise SignalError(f"{wanted[0]}: not in {source}; map the road-wheel angle of a steered axle to it")
     fields = vehicle.model_dump()
@@ -66,12 +68,17 @@ def fast_enough(record: Record, min_speed: float) -> list[Record]:
         for rows in np.split(np.arange(len(fast)), edges)
         if fast[rows[0]] and len(rows) > 1
     ]
+    if not pieces:
+        raise SignalError(
+            f"speed: never at {min_speed:g} m/s or above for two samples running in {record.name}; "
+            "smooth it, or drive faster"
+        )
     return [section for piece in pieces for section in piece.sections()]
 
 
-def swing(record: Record) -> float:
-    """The greatest standard deviation of a record's steer angles, rad."""
-    return max(float(np.nanstd(values)) for name, values in record.signals.items() if name.startswith("steer."))
+def swing(inputs: Mapping[str, Array]) -> float:
+    """The greatest standard deviation of the steer angles among a model's inputs, rad."""
+    return max(float(np.std(values)) for name, values in inputs.items() if name != "speed")
 
 
 def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapping[str, float] | None = None) -> Rows:
@@ -99,4 +106,4 @@ def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapp
         if name in record.signals:
             measured[places, i] = record.signals[name]
     first = {name: float(values[0]) for name, values in inputs.items()}
-    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, first=first, swing=swing(record))
+    return Rows(rows=sample_rows(dt, d, measured), time=fine, places=places, first=first, swing=swing(inputs))

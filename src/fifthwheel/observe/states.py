@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.whole import whole
+
 Array = NDArray[np.float64]
 
 
@@ -44,6 +46,5 @@ def save(states: Sequence[States], path: Path) -> None:
         columns = {"time": one.time, **one.values, **{f"{name}.sigma": sigma for name, sigma in one.sigma.items()}}
         log = pa.array([one.name] * len(one.time)).dictionary_encode()
         tables.append(pa.table({**columns, "status": one.status, "log": log}))
-    temporary = path.with_name(f".{path.name}.part")
-    parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)
-    temporary.replace(path)
+    with whole(path) as part:
+        parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), part)

@@ -31,6 +31,7 @@ from fifthwheel.vehicle.paths import SI_UNITS
 from fifthwheel.vehicle.quantity import quantity
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Coupling, Vehicle
+from fifthwheel.whole import whole
 
 Table = dict[str, Any]
 
@@ -67,7 +68,8 @@ def loads(text: str) -> Vehicle:
 
 def save(vehicle: Vehicle, path: str | Path) -> None:
     """Write the vehicle to a TOML file that load() reads back equal."""
-    Path(path).write_text(dump(vehicle), encoding="utf-8")
+    with whole(path) as part:
+        part.write_text(dump(vehicle), encoding="utf-8")
 
 
 def dump(vehicle: Vehicle) -> str:
