@@ -183,8 +183,8 @@ def test_states_of_several_logs_and_another_least_speed(folder, run):
     logs = [folder / "first.csv", folder / "flat.csv"]
     outcome = run("states", *logs, "-v", TRUCK, "--min-speed", "30")
     assert outcome.code == 0, outcome.err
-    assert "fifthwheel-out/states.parquet" in outcome.out
-    table = parquet.read_table("fifthwheel-out/states.parquet")
+    assert "fifthwheel-states/states.parquet" in outcome.out
+    table = parquet.read_table("fifthwheel-states/states.parquet")
     assert (table["status"].to_numpy() == Status.TOO_SLOW).all()
     assert np.isnan(table["sideslip.tractor"].to_numpy()).all()
 
@@ -232,7 +232,7 @@ def test_a_log_to_predict_of_the_same_name_is_another_log(folder, run):
     """Its sensors' zeros are not those of the log that was identified on."""
     for place in ("one", "two"):
         Path(place).mkdir()
-        write(read(folder / "first.csv"), Path(place) / "run.csv")
+        write(read(folder / ("first.csv" if place == "one" else "second.parquet")), Path(place) / "run.csv")
     outcome = run("identify", "one/run.csv", "--validate", "two/run.csv", "-v", TRUCK, "--json", "--passes", "1")
     fits = outcome.json()["fit"]
     assert len({(f["log"], f["identified_on"]) for f in fits}) == len({f["log"] for f in fits}) == 2
@@ -426,7 +426,7 @@ def test_an_interrupt(where, folder, run, monkeypatch):
     assert outcome.code == 130
     assert outcome.out == ""
     assert "Traceback" not in outcome.err
-    assert list(Path("fifthwheel-out").iterdir()) == []
+    assert list(Path("fifthwheel-out" if where == "identify" else "fifthwheel-states").iterdir()) == []
 
 
 @pytest.mark.parametrize("command", COMMANDS)

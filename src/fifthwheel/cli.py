@@ -127,7 +127,7 @@ def states(
     logs: Logs,
     vehicle: VehicleOption,
     signals: SignalsOption = None,
-    out: OutOption = Path("fifthwheel-out"),
+    out: OutOption = Path("fifthwheel-states"),
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this the model does not hold, m/s.")] = 5.0,
     identification: Annotated[
         Path | None,
@@ -298,7 +298,12 @@ def _places(texts: list[str]) -> dict[str, float]:
 
 
 def _folder(path: Path) -> Path:
-    path.mkdir(parents=True, exist_ok=True)
+    from fifthwheel.errors import FifthwheelError
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FifthwheelError(f"{path}: {error.strerror}; choose another folder with --out") from error
     return path
 
 

@@ -99,7 +99,7 @@ def test_unknown_path_is_answered() -> None:
         ("tractor.sprung.mass", 0.0, r"tractor\.sprung\.mass: expected a number > 0"),
         ("tractor.sprung.mass", 7200.0, r"tractor\.sprung\.mass: expected less than the mass of the whole unit"),
         ("semitrailer.payload.mass", 3e4, r"semitrailer\.sprung\.mass \+ payload\.mass: expected less"),
-        ("tractor.drive.cornering_stiffness", -7e5, r"tractor\.drive\.cornering_stiffness: expected a number > 0"),
+        ("tractor.drive.cornering_stiffness", -7e5, r"tractor\.drive\.cornering_stiffness: expected a number >"),
         ("tractor.cog", 1.03, r"tractor\.cog: expected between -3\.7 and 0 m"),
         ("semitrailer.middle.position", float("nan"), r"semitrailer\.middle\.position: expected a finite number"),
         ("semitrailer.roll_damping", -1.0, r"semitrailer\.roll_damping: expected a number >= 0"),

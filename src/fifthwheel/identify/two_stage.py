@@ -102,6 +102,15 @@ class _TwoStage:
             self._check(record)
         if locked := sorted(set(vehicle.steer_signals()) - set(self.vehicle.steer_signals())):
             self.notes.append(f"{', '.join(locked)}: not in the logs, taken as zero.")
+        if any(a == b for a, b in itertools.combinations((*records, *validate), 2)):
+            raise SignalError("logs: two of them hold the same samples; give every drive once")
+        for name in settings.held:
+            self.notes.append(f"{name} held: what it may be off by is in no other sigma.")
+        if settings.average:
+            self.notes.append(
+                "The article's settings: more than ten lane changes are needed, and the payload height rests on "
+                "stiffnesses that were found without roll; its sigma does not know of that."
+            )
         self.logs = [Log(name=r.name, sections=fast_enough(r, settings.min_speed)) for r in records]
         self.yaw, self.roll = channels(records, self.vehicle)
         self.stage_1 = parameters.sought(self.vehicle, parameters.stage_1_names(self.vehicle), settings)
@@ -139,7 +148,9 @@ class _TwoStage:
             moved_by = dict(zip(without.names, without.bias.tolist(), strict=True))
             sigma |= {u.name: math.hypot(sigma[u.name], moved_by[u.name]) for u in self.stage_1}
         elif not model.roll:
-            self.notes.append("No roll rates: stage 1 leaves out roll; each sigma holds what that may move.")
+            self.notes.append(
+                "Without stage 2 the yaw model is used, which leaves out roll; each sigma holds what that may move."
+            )
         return self._result(model, unknowns, sigma)
 
     def _not_excited(self, known: Information, unknowns: list[Unknown]) -> set[str]:
@@ -250,6 +261,7 @@ class _TwoStage:
         for record in self.validate:
             log = Log(name=record.name, sections=fast_enough(record, self.settings.min_speed), noise=self.logs[0].noise)
             found += fits(plain, vehicle, log, unknowns, values=shared, identified_on=False)
+            self._compare_speed(log)
         told = estimates.of_parameters(
             self.original, sought, self.values, sigma, self.settled, self.idle, self.traces, self.settings
         )
@@ -272,10 +284,24 @@ class _TwoStage:
             version=fifthwheel.__version__,
         )
 
+    def _speeds(self, logs: Sequence[Log]) -> tuple[float, float]:
+        """Lowest and highest speed of what is used of logs, m/s."""
+        speed = np.concatenate([section.input("speed") for log in logs for section in log.sections])
+        return float(speed.min()), float(speed.max())
+
+    def _compare_speed(self, log: Log) -> None:
+        """Note where a log leaves the speeds that were identified on by more than a tenth."""
+        (low, high), (slow, fast) = self._speeds(self.logs), self._speeds([log])
+        if slow < 0.9 * low or fast > 1.1 * high:
+            self.notes.append(
+                f"{log.name} is driven at {3.6 * slow:.0f} to {3.6 * fast:.0f} km/h, identified was on "
+                f"{3.6 * low:.0f} to {3.6 * high:.0f} km/h: understeer may differ there."
+            )
+
     def _identified(self, told: Sequence[Estimate]) -> Vehicle:
         """The vehicle for the next command; its source says what it was identified on, and at which speeds."""
-        speed = np.concatenate([section.input("speed") for log in self.logs for section in log.sections])
+        low, high = self._speeds(self.logs)
         names = ", ".join(log.name for log in self.logs)
-        source = f"{self.original.source}; identified on {names} at {speed.min():.1f} to {speed.max():.1f} m/s"
+        source = f"{self.original.source}; identified on {names} at {low:.1f} to {high:.1f} m/s"
         vehicle = self.original.replace({e.name: e.value for e in told})
         return vehicle.model_copy(update={"source": source.removeprefix("; ")})

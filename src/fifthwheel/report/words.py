@@ -181,14 +181,21 @@ def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> 
         warned = list(_innovation_cautions(one))
         cautions += warned
         if warned:
-            steps.append(f"Check the vehicle file against this truck, or identify it from {one.name} first.")
+            steps.append(
+                f"Check the vehicle file against this truck, or identify it from {one.name} first; if it was, give the "
+                "identification.json too, which holds the sensors' zeros, gains and delays."
+            )
         if good < 0.5:
             steps.append(f"Cut {one.name} to where the truck drives, or map the missing channels.")
     whole = float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
     return Conclusion(
         good=whole > 0.95 and not cautions,
-        headline=f"States are reliable in {_of_samples(whole)} of "
-        f"{'1 log' if len(states) == 1 else f'{len(states)} logs'}.",
+        headline=(
+            "The truck of the vehicle file does not fit what was measured: do not rely on these states."
+            if cautions
+            else f"States are reliable in {_of_samples(whole)} of "
+            f"{'1 log' if len(states) == 1 else f'{len(states)} logs'}."
+        ),
         found=tuple(found),
         cautions=tuple(cautions),
         next_steps=tuple(dict.fromkeys(steps)),

@@ -54,9 +54,11 @@ def _explain(error: ValidationError, prefix: str, known: Iterable[str]) -> str:
             case "too_short" if e["loc"] in broken:
                 continue  # it is short of the part that the other line is about
             case "greater_than":
-                expected = "a number > 0"
+                expected = f"a number > {context['gt']:g}"
             case "greater_than_equal":
-                expected = "a number >= 0"
+                expected = f"a number >= {context['ge']:g}"
+            case "less_than_equal":
+                expected = f"a number <= {context['le']:g}"
             case "finite_number":
                 expected = "a finite number"
             case "float_type" | "float_parsing":
@@ -71,7 +73,8 @@ def _explain(error: ValidationError, prefix: str, known: Iterable[str]) -> str:
                 continue
             case _:
                 expected = e["msg"]
-        lines.append(f"{prefix}{path}: expected {expected}, got {shorten(came)}; correct it")
+        cure = "is its unit right?" if e["type"] == "less_than_equal" or context.get("ge") else "correct it"
+        lines.append(f"{prefix}{path}: expected {expected}, got {shorten(came)}; {cure}")
     return "\n".join(lines)
 
 

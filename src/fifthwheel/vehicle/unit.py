@@ -32,7 +32,9 @@ class AxleGroup(Part):
         default="axles", description="Unique in the unit; paths leave it out where it is the only group."
     )
     axles: tuple[Axle, ...] = Field(min_length=1, description="From front to rear.")
-    cornering_stiffness: Positive = Field(description="Side force per slip angle of all axles together, N/rad.")
+    cornering_stiffness: Positive = Field(
+        ge=1e3, le=1e8, description="Side force per slip angle of all axles together, N/rad."
+    )
     roll_stiffness: Positive = Field(description="Suspension, total of the group, N m/rad.")
     tyre_roll_stiffness: Positive = Field(description="Tyres, total of the group, N m/rad.")
     roll_damping: NotNegative = Field(description="Suspension, total of the group, N m s/rad.")
@@ -87,7 +89,7 @@ class Unit(Part):
     """A tractor, a truck, a dolly or a trailer. Mass, CoG and yaw inertia are those of the whole unit, as loaded."""
 
     name: Name
-    mass: Positive = Field(description="Sprung, unsprung and payload, kg.")
+    mass: Positive = Field(le=5e5, description="Sprung, unsprung and payload, kg.")
     cog: Number = Field(description="x of the CoG of the whole mass, m.")
     yaw_inertia: Positive = Field(description="Of the whole unit about its CoG, kg m^2.")
     roll_axis_height: NotNegative = Field(description="Of the roll axis above the ground, h_r, m.")
