@@ -239,3 +239,27 @@ def test_a_log_without_what_stage_1_needs_is_refused(truck: Vehicle, missing: st
 def test_no_logs(truck: Vehicle) -> None:
     with pytest.raises(SignalError, match="none given"):
         identify([], truck)
+
+
+def test_everything_held(truck: Vehicle) -> None:
+    everything = (*stage_1_names(truck), *stage_2_names(truck))
+    record = simulate(truck, count=1)
+    found = identify([record], truck, Settings(held=everything))
+    assert {e.verdict for e in found.parameters} == {Verdict.HELD}
+    with pytest.raises(VehicleError, match="held: every parameter of stage 1"):
+        identify([record], truck, article(held=everything))
+
+
+def test_a_truck_alone() -> None:
+    tractor = vehicle.get("cheng_cebon_2011").units[0]
+    alone = Vehicle(name="alone", units=(tractor,))
+    record = simulate(alone, count=3, seed=1)
+    guess = alone.replace({"tractor.front.cornering_stiffness": 4.0e5, "tractor.drive.cornering_stiffness": 9.0e5})
+    found = identify([record], guess)
+    assert [e.name for e in found.parameters] == [
+        "tractor.front.cornering_stiffness",
+        "tractor.drive.cornering_stiffness",
+    ]
+    for e in found.parameters:
+        assert e.sigma is not None
+        assert abs(e.value - alone.parameters()[e.name]) < 3 * e.sigma, e.name

@@ -17,7 +17,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import dual
 from fifthwheel.identify import estimates, information, parameters, stage
 from fifthwheel.identify.estimates import SETTLED_PART, settled_since
@@ -114,6 +114,11 @@ class _TwoStage:
         self.logs = [Log(name=r.name, sections=fast_enough(r, settings.min_speed)) for r in records]
         self.yaw, self.roll = channels(records, self.vehicle)
         self.stage_1 = parameters.sought(self.vehicle, parameters.stage_1_names(self.vehicle), settings)
+        if not self.stage_1 and not settings.nuisances:
+            raise VehicleError(
+                "held: every parameter of stage 1 is held and no sensor error is sought, nothing is left to do; "
+                "leave one free, or seek the sensors' errors (nuisances)"
+            )
         self.stage_2 = parameters.sought(self.vehicle, self._heights(), settings)
         self.values: dict[str, float] = {u.name: u.centre for u in (*self.stage_1, *self.stage_2)}
         self.traces: dict[str, Trace] = {}
