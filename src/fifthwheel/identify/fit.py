@@ -16,7 +16,7 @@ from fifthwheel.identify.result import Fit
 from fifthwheel.identify.stage import Log
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
-from fifthwheel.observe.prepare import swing
+from fifthwheel.observe.prepare import in_time, swing
 from fifthwheel.simulate import response
 from fifthwheel.vehicle import Vehicle
 
@@ -75,10 +75,7 @@ def _free_run(
     """Time (N,), measured and predicted outputs (N, m) of one section."""
     priors = {u.name: u for u in unknowns if u.each_log}
     p = dynamics.all_parameters(vehicle, model.outputs) | {k: v for k, v in values.items() if not k.endswith(".delay")}
-    inputs = {}
-    for name in model.inputs:
-        shown = section.input(name)
-        inputs[name] = np.interp(section.time + values.get(f"{name}.delay", 0.0), section.time, shown)
+    inputs = in_time(section, model.inputs, values)
     n, m = len(model.states), len(model.outputs)
 
     def run(x0: Array | None, steer: Mapping[str, Array]) -> Array:

@@ -16,7 +16,7 @@ from fifthwheel.identify.settings import Settings
 from fifthwheel.identify.stage import Log, begin, channel_noise, long_run, shift_delays
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
-from fifthwheel.observe.prepare import prepare
+from fifthwheel.observe.prepare import in_time, prepare
 from fifthwheel.simulate import response
 from fifthwheel.vehicle import Vehicle
 
@@ -176,8 +176,7 @@ class _Frozen:
         first = {name: float(v[0]) for name, v in inputs.items()}
         x0, _ = variances.steady(vehicle, first, self.values, roll=roll)
         values = dynamics.all_parameters(vehicle, model.outputs) | self.values
-        late = {name: self.values.get(f"{name}.delay", 0.0) for name in inputs}
-        moved = {n: np.interp(section.time + late[n], section.time, v) for n, v in inputs.items()}
+        moved = in_time(section, model.inputs, self.values)
         values |= {name: 0.0 for name in values if name.endswith(".delay")}
         _, shown = response(model, values, section.time, moved, x0)
         seen = {

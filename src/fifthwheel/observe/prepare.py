@@ -1,6 +1,6 @@
 """From a record to the rows that a compiled step reads."""
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +81,15 @@ def swing(inputs: Mapping[str, Array]) -> float:
     return max(float(np.std(values)) for name, values in inputs.items() if name != "speed")
 
 
+def in_time(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:
+    """Inputs (N,) by name, each moved by its "<name>.delay" in `errors`, s, if that is there."""
+    moved = {}
+    for name in names:
+        values, late = record.input(name), errors.get(f"{name}.delay", 0.0)
+        moved[name] = np.interp(record.time + late, record.time, values) if late else values
+    return moved
+
+
 def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapping[str, float] | None = None) -> Rows:
     """Rows of a record for a model.
 
@@ -92,11 +101,7 @@ def prepare(model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapp
         SignalError: an input is missing, or has a gap that is too long.
     """
     errors = errors or {}
-    inputs = {}
-    for name in model.inputs:
-        values = record.input(name)
-        late = errors.get(f"{name}.delay", 0.0)
-        inputs[name] = np.interp(record.time + late, record.time, values) if late else values
+    inputs = in_time(record, model.inputs, errors)
     columns = steps.stacked(inputs, model.inputs)
     limit = steps.longest(vehicle, columns[:, 0], roll=model.roll)
     fine, columns, places = steps.subdivide(record.time, columns, limit)

@@ -1,7 +1,6 @@
 """The frame of a report: one HTML file with its style, its plots and plotly.js inside, so that it opens anywhere."""
 
 import json
-import os
 from collections.abc import Sequence
 from functools import cache
 from html import escape
@@ -9,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from fifthwheel.report.figures import Plot
+from fifthwheel.whole import whole
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
 """What the page may load: nothing from elsewhere."""
@@ -28,12 +28,8 @@ def write(path: Path, *, title: str, body: str, plots: Sequence[Plot]) -> None:
     if plots:
         parts += [b"<script>", plotly_js(), b"</script>\n<script>", _asset("page.js"), b"</script>\n"]
     parts.append(b"</body>\n</html>\n")
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_bytes(b"".join(parts))
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole(path) as part:
+        part.write_bytes(b"".join(parts))
 
 
 def script_json(value: object) -> str:
