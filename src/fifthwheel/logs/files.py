@@ -45,17 +45,23 @@ def write(record: Record, path: str | Path) -> None:
     headers = [header(name) for name in columns]
     fields = [pa.field(h, pa.float64(), metadata={"unit": split_header(h)[1] or ""}) for h in headers]
     table = pa.table([pa.array(values, from_pandas=True) for values in columns.values()], schema=pa.schema(fields))
-    writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
-    if path.suffix.lower() not in writers:
-        raise SignalError(f"{path.name}: no format for {path.suffix!r}; end the name in {' or '.join(writers)}")
+    write_table = writer(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        writers[path.suffix.lower()](table, temporary)
+        write_table(table, temporary)
         os.replace(temporary, path)
     except OSError as error:
         raise SignalError(f"{path}: cannot be written ({error.strerror or error}); check the folder") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def writer(path: Path) -> Callable[[pa.Table, Path], None]:
+    """What writes a file of such a name; a SignalError if nothing does."""
+    writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
+    if path.suffix.lower() not in writers:
+        raise SignalError(f"{path.name}: no format for {path.suffix!r}; end the name in {' or '.join(writers)}")
+    return writers[path.suffix.lower()]
 
 
 def _read_parquet(data: bytes, source: str) -> Table:

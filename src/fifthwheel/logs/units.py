@@ -17,6 +17,7 @@ _TABLE: dict[str, dict[str, float]] = {
     "rad/s": {"rad/s": 1, "deg/s": _DEG, "mrad/s": 1e-3},
     "rad/s^2": {"rad/s^2": 1, "deg/s^2": _DEG},
     "N": {"N": 1, "kN": 1e3},
+    "Hz": {"Hz": 1, "kHz": 1e3},
     "1": {"1": 1, "%": 1e-2},
     "1/m": {"1/m": 1, "1/km": 1e-3},
 }

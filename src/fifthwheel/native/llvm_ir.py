@@ -21,6 +21,7 @@ _INTRINSIC = {
     ca.OP_FMIN: "minnum",
     ca.OP_FMAX: "maxnum",
 }
+_LIBRARY = {ca.OP_ATAN: "atan"}  # of the C library, a lane at a time; LLVM has an intrinsic of its own only lately
 _ARGUMENTS = ("carry", "sample", "constant")
 
 
@@ -70,6 +71,17 @@ class Emitter:
     def truth(self, value: str, invariant: bool) -> str:
         return self.emit(f"fcmp une {self.type} {value}, {self.constant(0.0)}", invariant)[0]
 
+    def library(self, name: str, value: str, invariant: bool) -> tuple[str, bool]:
+        self.intrinsics.add(f"declare double @{name}(double)")
+        if self.lanes == 1:
+            return self.emit(f"call double @{name}(double {value})", invariant)
+        found = "poison"
+        for lane in range(self.lanes):
+            element, _ = self.emit(f"extractelement {self.type} {value}, i32 {lane}", invariant)
+            result, _ = self.emit(f"call double @{name}(double {element})", invariant)
+            found, _ = self.emit(f"insertelement {self.type} {found}, double {result}, i32 {lane}", invariant)
+        return found, invariant
+
     def operation(self, op: int, arguments: list[tuple[str, bool]]) -> tuple[str, bool]:
         invariant = all(known for _, known in arguments)
         a = arguments[0][0]
@@ -85,6 +97,8 @@ class Emitter:
             types = ", ".join([self.type] * len(arguments))
             self.intrinsics.add(f"declare {self.type} @llvm.{name}.{self.suffix}({types})")
             return self.emit(f"call {self.type} @llvm.{name}.{self.suffix}({parameters})", invariant)
+        if op in _LIBRARY:
+            return self.library(_LIBRARY[op], a, invariant)
         if op == ca.OP_NEG:
             return self.emit(f"fneg {self.type} {a}", invariant)
         if op == ca.OP_SQ:

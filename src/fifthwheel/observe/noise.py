@@ -1,4 +1,4 @@
-"""Variances to start from: sensors, process, initial state. One idea: by quantity, for any chain of units."""
+"""Variances to start from: process, initial state. One idea: by quantity, for any chain of units."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,15 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel import dynamics
+from fifthwheel.logs.noise import GYROS, OTHERS
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-GYROS = {"roll_rate": (4.52e-4, 4.70e-5), "yaw_rate": (1.52e-5, 1.11e-5)}
-"""Variances, (rad/s)^2, of the first unit's gyro and of those behind it: equation (12) of the article."""
-
-OTHERS = {"articulation": 0.005**2, "roll": 0.005**2, "lateral_acceleration": 0.2**2, "sideslip": 0.005**2}
-"""Variance of sensors that the article does not have, SI squared."""
 
 PROCESS = {
     "lateral_velocity": 3e-3**2,
@@ -22,6 +17,7 @@ PROCESS = {
     "articulation": 3e-5**2,
     "roll": 3e-5**2,
     "roll_rate": 1.2e-3**2,
+    "slip_angle": 0.0,
 }
 """Variance that a state gains in a second by what the model leaves out, SI squared, while parameters are estimated."""
 
@@ -31,10 +27,18 @@ OBSERVED = {
     "articulation": 1e-3**2,
     "roll": 1e-3**2,
     "roll_rate": 1e-3**2,
+    "slip_angle": 0.0,
 }
 """The same while states are observed: equation (14), 1e-8 rad^2 a step of 10 ms, with sideslip as lateral velocity."""
 
-INITIAL = {"lateral_velocity": 0.05, "yaw_rate": 0.01, "articulation": 0.01, "roll": 0.005, "roll_rate": 0.02}
+INITIAL = {
+    "lateral_velocity": 0.05,
+    "yaw_rate": 0.01,
+    "articulation": 0.01,
+    "roll": 0.005,
+    "roll_rate": 0.02,
+    "slip_angle": 0.002,
+}
 """Standard deviation of a state about its steady value at the start of a record on which nobody steers, SI."""
 
 SWING = 0.015

@@ -1,0 +1,350 @@
+"""The nonlinear truck against what it must do: stand, roll, turn, lose energy, and be the linear model in the limit."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.plant import Drive, OpenLoop, Plant, Properties
+from fifthwheel.plant import truck as module
+from fifthwheel.plant.courses import constant_radius, lane_changes, straight
+from fifthwheel.plant.truck import Motion
+from fifthwheel.simulate import response
+from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
+
+pytest.importorskip("mujoco")
+KMH_88 = 88 / 3.6
+TRUCK = get("cheng_cebon_2011")
+IDLE = Properties(drag_area=0.0, rolling_resistance=0.0)
+OUTPUTS = (
+    *[f"{q}.{u}" for q in ("yaw_rate", "roll_rate", "roll", "sideslip") for u in ("tractor", "semitrailer")],
+    "articulation.semitrailer",
+    "lateral_acceleration.tractor",
+)
+
+
+def sine(amplitude: float, *, speed: float = KMH_88, frequency: float = 0.4, duration: float = 6.0) -> OpenLoop:
+    """One period of steering."""
+    time = np.arange(0, duration, 0.01)
+    phase = (time - 0.5) * frequency
+    steer = np.where((phase > 0) & (phase < 1), amplitude * np.sin(2 * np.pi * phase), 0.0)
+    return OpenLoop(time=time, steer=steer, speed=np.full_like(time, speed), name="sine")
+
+
+def of_groups(truck: Vehicle, word: str) -> dict[str, float]:
+    return {f"{path}.{word}": truck.parameters()[f"{path}.{word}"] for path in truck.axle_loads()}
+
+
+def linear(truck: Vehicle, drive: Drive) -> dict[str, np.ndarray]:
+    """What the linear model does with the same steer angles."""
+    model = dynamics.model(truck, OUTPUTS, roll=True)
+    inputs = {name: drive.truth[name] for name in model.inputs}
+    _, y = response(model, dynamics.all_parameters(truck, OUTPUTS), drive.time, inputs)
+    return dict(zip(OUTPUTS, y.T, strict=True))
+
+
+def off(drive: Drive, other: dict[str, np.ndarray], name: str) -> float:
+    """Rms difference by rms."""
+    return float(np.std(drive.truth[name] - other[name]) / np.std(other[name]))
+
+
+@pytest.fixture(scope="module")
+def lane_change() -> Drive:
+    return Plant(TRUCK).drive(lane_changes(count=1))
+
+
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "cheng_cebon_2011_vehicle", "auburn_6x4"])
+def test_static_axle_loads(name: str):
+    truck = get(name)
+    drive = Plant(truck, IDLE).drive(straight(duration=3.0))
+    for unit in truck.units:
+        for group in unit.axle_groups:
+            path = unit.group_path(group)
+            load = sum(drive.truth[f"vertical_force.{unit.name}.{axle.name}"][-1] for axle in group.axles)
+            assert load == pytest.approx(truck.axle_loads()[path], rel=1e-4), path
+
+
+def test_mass_and_yaw_inertia_are_the_vehicles():
+    """By MuJoCo's own mass matrix: the trailer about the kingpin, the whole truck by its weight."""
+    import mujoco
+
+    plant = Plant(TRUCK)
+    data = mujoco.MjData(plant.model)
+    mujoco.mj_forward(plant.model, data)
+    full = np.zeros((plant.model.nv, plant.model.nv))
+    mujoco.mj_fullM(plant.model, data, full)
+    assert full[0, 0] == pytest.approx(sum(unit.mass for unit in TRUCK.units), rel=1e-12)
+    joint = mujoco.mj_name2id(plant.model, mujoco.mjtObj.mjOBJ_JOINT, "fifth_wheel.yaw")
+    place = plant.model.jnt_dofadr[joint]
+    trailer = TRUCK.unit("semitrailer")
+    about_kingpin = trailer.yaw_inertia + trailer.mass * trailer.cog**2
+    assert full[place, place] == pytest.approx(about_kingpin, rel=1e-9)
+
+
+def test_linear_limit():
+    """Stiff tyres and little steer: the chain of `dynamics`, within 1 % in yaw and 3 % in roll."""
+    stiff = TRUCK.replace(
+        {path: 30 * value for path, value in of_groups(TRUCK, "tyre_roll_stiffness").items()}
+        | dict.fromkeys(of_groups(TRUCK, "relaxation_length"), 0.0)
+    )
+    drive = Plant(stiff, replace(IDLE, relaxation=0.01)).drive(sine(0.002))
+    expected = linear(stiff, drive)
+    for name in OUTPUTS:
+        assert off(drive, expected, name) < (0.03 if name.startswith("roll") else 0.01), name
+
+
+def test_compliant_tyres_are_what_the_linear_model_reckons_with():
+    """Relaxation lengths and tyres that roll: the reduced model stays within 2.5 % in yaw, 3 % in roll."""
+    tyre = Properties().tyre
+    loads = TRUCK.axle_loads()
+    each = {"tractor.front": 2, "tractor.drive": 4, "semitrailer": 6}
+    told = TRUCK.replace({f"{p}.relaxation_length": tyre.relaxation_length(loads[p] / each[p]) for p in loads})
+    drive = Plant(TRUCK, IDLE).drive(sine(0.002))
+    expected = linear(told, drive)
+    for name in OUTPUTS:
+        assert off(drive, expected, name) < (0.03 if name.startswith("roll") else 0.025), name
+    without = linear(told.replace(dict.fromkeys(of_groups(TRUCK, "relaxation_length"), 0.0)), drive)
+    assert off(drive, without, "sideslip.semitrailer") > 0.06
+
+
+def test_steps_are_short_enough(lane_change: Drive, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(module, "STEP", 5e-4)
+    monkeypatch.setattr(module, "CONTROL", 20)
+    finer = Plant(TRUCK).drive(lane_changes(count=1))
+    for name in OUTPUTS:
+        assert np.abs(finer.truth[name] - lane_change.truth[name]).max() < 3e-3 * np.abs(finer.truth[name]).max(), name
+
+
+def test_the_lane_change_is_that_of_the_standard(lane_change: Drive):
+    truth = lane_change.truth
+    y = truth["position_y.tractor"]
+    assert y[-1] - y[0] == pytest.approx(1.464, abs=0.05)
+    assert np.abs(truth["lateral_acceleration.tractor"]).max() == pytest.approx(0.15 * GRAVITY, rel=0.1)
+    assert truth["speed"] == pytest.approx(KMH_88, rel=0.005)
+
+
+def test_signs(lane_change: Drive):
+    """To the left first: the truck turns left, its body leans right, the trailer lags, the right wheels carry."""
+    truth = lane_change.truth
+    peak = truth["lateral_acceleration.semitrailer"].argmax()
+    assert truth["yaw_rate.tractor"][: peak + 1].max() > 0.03
+    assert truth["roll.semitrailer"][peak : peak + 30].max() > 0.005
+    assert truth["load_transfer.semitrailer.middle"][peak : peak + 30].max() > 0.05
+    assert truth["articulation.semitrailer"][:peak].min() < -0.002
+    np.testing.assert_allclose(truth["articulation.semitrailer"], truth["yaw.semitrailer"] - truth["yaw.tractor"])
+
+
+def test_rates_are_the_angles_derivatives(lane_change: Drive):
+    time, truth = lane_change.time, lane_change.truth
+    for unit in ("tractor", "semitrailer"):
+        for rate, angle in (("yaw_rate", "yaw"), ("roll_rate", "roll")):
+            slope = np.gradient(truth[f"{angle}.{unit}"], time)
+            error = np.abs(slope - truth[f"{rate}.{unit}"])[2:-2].max()
+            assert error < 0.01 * np.abs(slope).max(), (rate, unit)
+
+
+def test_steady_turn_by_closed_forms():
+    """A slow circle: angles of the axles' lines through one centre, forces of mass times acceleration."""
+    radius, speed = 60.0, 5.0
+    drive = Plant(TRUCK, IDLE).drive(constant_radius(radius=radius, speed=speed, duration=60.0))
+    last = {name: values[-200:].mean() for name, values in drive.truth.items()}
+    assert last["yaw_rate.tractor"] == pytest.approx(speed / radius, rel=0.02)
+    assert -last["articulation.semitrailer"] == pytest.approx(8.0 / radius, rel=0.05)
+    side = sum(value for name, value in last.items() if name.startswith("lateral_force"))
+    mass = sum(unit.mass for unit in TRUCK.units)
+    assert side == pytest.approx(mass * speed**2 / radius, rel=0.05)
+
+
+def coupled(truck: Vehicle) -> tuple[float, float]:
+    """Roll moment that the fifth wheel carries in a steady turn, N m: by its spring, and by the trailer's balance."""
+    drive = Plant(truck, IDLE).drive(constant_radius(radius=300.0, speed=22.0, duration=25.0))
+    last = {name: values[-100:].mean() for name, values in drive.truth.items()}
+    twist = last["roll.semitrailer"] - last["roll.tractor"]
+    trailer, height = truck.unit("semitrailer"), truck.couplings[0].height
+    axles = [axle.name for axle in trailer.axles]
+    side = sum(last[f"lateral_force.semitrailer.{a}"] for a in axles)
+    transfer = sum(last[f"load_transfer.semitrailer.{a}"] * last[f"vertical_force.semitrailer.{a}"] for a in axles)
+    acceleration = last["yaw_rate.semitrailer"] * last["longitudinal_velocity.semitrailer"]
+    sprung, cog = trailer.laden_sprung_mass, truck.derived()["semitrailer.cog_height"]
+    unsprung = trailer.mass - sprung
+    overturning = acceleration * (sprung * cog + unsprung * 0.5)
+    overturning += sprung * GRAVITY * (cog - trailer.roll_axis_height) * last["roll.semitrailer"]
+    at_coupling = (trailer.mass * acceleration - side) * height
+    return truck.couplings[0].roll_stiffness * twist, overturning - at_coupling - transfer * 1.0
+
+
+def test_the_fifth_wheel_carries_roll():
+    """K_12 times the twist is what the trailer's balance of moments about the road asks of the fifth wheel."""
+    by_spring, by_balance = coupled(TRUCK)
+    none, rest = coupled(TRUCK.replace({"fifth_wheel.roll_stiffness": 0.0}))
+    assert none == 0
+    assert by_spring > 1500
+    # the balance is a small difference of moments of 100 kN m, and leaves out how far axles lean: the same in both
+    assert abs(rest) < 600
+    assert by_spring == pytest.approx(by_balance - rest, rel=0.1)
+
+
+def test_energy_is_not_created():
+    """A truck that coasts, pushed in roll: what springs, gravity and motion hold together only falls."""
+    import mujoco
+
+    plant = Plant(TRUCK, IDLE)
+    plant.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    motion = Motion(plant, straight(speed=5.0, duration=5.0))
+    motion.data.qvel[3] = 0.15  # rad/s of the tractor's body in roll
+    held = []
+    for k in range(8000):
+        motion.sense()
+        motion.step()
+        if k % 10 == 0:
+            mujoco.mj_energyPos(plant.model, motion.data)
+            mujoco.mj_energyVel(plant.model, motion.data)
+            loads = motion.output[-4 * 2 * len(plant.beams) :].reshape(-1, 4)[:, 3]
+            springs = np.repeat([beam.tyre_spring for beam in plant.beams], 2)
+            held.append(motion.data.energy.sum() + np.sum(loads**2 / 2 / springs))
+    energy = np.array(held)
+    given = energy[0] - energy[-1]
+    assert given > 20  # J, all of what the push brought and some of the tyres' slip
+    assert np.diff(energy).max() < 0.02 * given
+    smooth = np.convolve(energy, np.ones(20) / 20, mode="valid")
+    assert np.diff(smooth).max() < 1e-3 * given
+
+
+def test_effective_stiffness_lies_below_that_at_rest(lane_change: Drive):
+    """The article's reference range (3.2): side force by slip angle at 0.1 and 1 degree of steer at 88 km/h."""
+    ranges = {}
+    for degrees in (0.1, 1.0):
+        time = np.arange(0, 10.001, 0.01)
+        steer = np.radians(degrees) * np.clip(time / 2, 0, 1)
+        turn = OpenLoop(time=time, steer=steer, speed=np.full_like(time, KMH_88), name="turn")
+        truth = Plant(TRUCK).drive(turn).truth
+        ranges[degrees] = {
+            path: sum(
+                truth[f"lateral_force.{unit.name}.{a.name}"][-1] / truth[f"slip_angle.{unit.name}.{a.name}"][-1]
+                for a in group.axles
+            )
+            for unit in TRUCK.units
+            for group in unit.axle_groups
+            for path in [unit.group_path(group)]
+        }
+    for path, stiffness in {p: TRUCK.parameters()[f"{p}.cornering_stiffness"] for p in TRUCK.axle_loads()}.items():
+        assert ranges[0.1][path] == pytest.approx(stiffness, rel=0.03)
+        assert 0.85 * stiffness < ranges[1.0][path] < 0.99 * ranges[0.1][path]
+
+
+FLAWS = {
+    "roll centres": ({"roll_centre": {"semitrailer": 0.8}}, "roll.semitrailer", 0.05),
+    "roll steer": ({"roll_steer": {"semitrailer": 0.1}}, "sideslip.semitrailer", 0.02),
+    "lash": ({"lash": {"semitrailer": 0.002}}, "roll.semitrailer", 0.02),
+    "aligning": ({"aligning": 1.0}, "yaw_rate.tractor", 0.01),
+    "compliance": ({"aligning": 1.0, "steering_compliance": 2e-6}, "yaw_rate.tractor", 0.02),
+    "lag": ({"steering_lag": 0.1}, "yaw_rate.tractor", 0.05),
+    "frame": ({"frame_torsion": 2e6}, "roll.tractor", 0.02),
+    "friction": ({"friction": 0.5}, "sideslip.semitrailer", 0.03),
+    "bank": ({"bank": 0.03}, "roll.semitrailer", 0.2),
+    "relaxation": ({"relaxation": 2.0}, "yaw_rate.semitrailer", 0.02),
+}
+
+
+@pytest.mark.parametrize("name", FLAWS)
+def test_each_flaw_shows(name: str, ideal: Drive):
+    """Every option is off by default, and when on changes the truck where it should, while the truck still drives."""
+    changes, signal, least = FLAWS[name]
+    drive = Plant(TRUCK, Properties(**changes)).drive(sine(0.02))
+    difference = np.std(drive.truth[signal] - ideal.truth[signal]) / np.std(ideal.truth[signal])
+    mean = abs((drive.truth[signal] - ideal.truth[signal]).mean()) / np.std(ideal.truth[signal])
+    assert max(difference, mean) > least
+    assert difference < 0.6
+
+
+@pytest.fixture(scope="module")
+def ideal() -> Drive:
+    return Plant(TRUCK).drive(sine(0.02))
+
+
+def test_a_bank_leans_and_pushes_the_truck():
+    bank = 0.02
+    drive = Plant(TRUCK, replace(IDLE, bank=bank)).drive(straight(duration=20.0))
+    last = {name: values[-1] for name, values in drive.truth.items()}
+    side = sum(value for name, value in last.items() if name.startswith("lateral_force"))
+    weight = sum(unit.mass for unit in TRUCK.units) * GRAVITY
+    assert side == pytest.approx(weight * np.sin(bank), rel=0.02)
+    assert last["roll.semitrailer"] > 0.002
+    assert last["steer.tractor.front"] > 0
+    assert abs(last["yaw_rate.tractor"]) < 1e-3
+
+
+def test_slower_with_the_brakes_and_faster_with_the_engine():
+    time = np.arange(0, 20, 0.01)
+    speed = np.interp(time, [0, 2, 8, 12, 20], [20, 20, 14, 14, 16])
+    drive = Plant(TRUCK).drive(OpenLoop(time=time, steer=np.zeros_like(time), speed=speed, name="brake"))
+    assert np.abs(drive.truth["speed"] - speed).max() < 1.0
+    brakes = drive.truth["longitudinal_force.semitrailer.middle"][(time > 3) & (time < 7)]
+    assert (brakes < 0).all()
+
+
+def test_a_chain_of_three():
+    """A B-double: the semitrailer again behind itself."""
+    fields = TRUCK.model_dump()
+    last = {**fields["units"][1], "name": "last"}
+    second = {**fields["couplings"][0], "name": "second_wheel", "leading_position": -8.0}
+    double = Vehicle(**{**fields, "units": [*fields["units"], last], "couplings": [*fields["couplings"], second]})
+    drive = Plant(double).drive(sine(0.01, speed=20.0))
+    loads = [v[-1] for n, v in drive.truth.items() if n.startswith("vertical_force")]
+    assert sum(loads) == pytest.approx(sum(unit.mass for unit in double.units) * GRAVITY, rel=1e-3)
+    assert "sideslip.last.landing_leg" in drive.truth
+    assert np.abs(drive.truth["yaw_rate.last"]).max() > 0.01
+
+
+def test_same_seed_same_record(lane_change: Drive):
+    again = Plant(TRUCK).drive(lane_changes(count=1))
+    for name, values in lane_change.truth.items():
+        np.testing.assert_array_equal(values, again.truth[name], err_msg=name)
+    assert lane_change.record(seed=3) == again.record(seed=3)
+    assert lane_change.record(seed=3) != again.record(seed=4)
+
+
+def test_rates(lane_change: Drive):
+    coarse = Plant(TRUCK).drive(lane_changes(count=1), rate=50)
+    np.testing.assert_array_equal(coarse.truth["yaw_rate.tractor"], lane_change.truth["yaw_rate.tractor"][::2])
+    with pytest.raises(SignalError, match="rate"):
+        Plant(TRUCK).drive(lane_changes(count=1), rate=60)
+
+
+def test_a_truck_that_falls_over_is_told():
+    high = TRUCK.replace({"semitrailer.payload.height": 4.5})
+    with pytest.raises(SignalError, match=r"(tractor|semitrailer): rolled over at \d"):
+        Plant(high).drive(sine(0.12, frequency=0.15))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"roll_centre": {"trailer": 1.0}}, "trailer: no such axle group"),
+        ({"friction": 0.0}, "friction: expected above 0"),
+        ({"bank": 2.0}, "bank: .*degrees"),
+        ({"relaxation": 0.0}, "relaxation: expected 0.001"),
+        ({"frame_torsion": -1.0}, "frame_torsion: expected above 0"),
+        ({"wheel_mass": 0.7}, "wheel_mass"),
+    ],
+)
+def test_properties_that_cannot_be(changes: dict[str, object], message: str):
+    with pytest.raises(VehicleError, match=message):
+        Plant(TRUCK, Properties(**changes))  # type: ignore[arg-type]
+
+
+def test_a_truck_that_cannot_be_steered():
+    locked = TRUCK.model_dump()
+    locked["units"][0]["axle_groups"][0]["axles"][0]["steerable"] = False
+    with pytest.raises(VehicleError, match="steerable"):
+        Plant(Vehicle(**locked))
+
+
+def test_truth_names_are_signals(lane_change: Drive):
+    record = lane_change.record(everything=True)
+    assert set(record.reference) == set(lane_change.truth)
+    assert all(a != b for a, b in pairwise(sorted(record.reference)))
