@@ -236,6 +236,8 @@ def test_observer(case):
         assert np.isnan(found.values[name][~good]).all(), name
     if case.fault is Fault.ZERO_SPEED:
         assert (found.status[record.signals[SPEED] < 5] == Status.TOO_SLOW).all()
+    if case.fault is Fault.OUT_OF_RANGE and case.signal == SPEED:
+        assert (found.status == Status.INPUT_MISSING).all()
     if case.fault is Fault.DROPOUT and case.what == "all":
         lost = case.signal in (SPEED, STEER)
         assert (found.status == (Status.INPUT_MISSING if lost else Status.OK)).all()

@@ -11,14 +11,17 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.logs import Record
+from fifthwheel.logs.noise import article_gyros
 from fifthwheel.native import Scan
-from fifthwheel.observe.noise import GYROS
 from fifthwheel.observe.prepare import locked_but
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 MANOEUVRES = ("lane_changes", "sweep", "random", "straight")
+
+AFTER = 20.0
+"""Seconds straight behind every manoeuvre while its steer angles are reckoned."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,18 +56,20 @@ class LaneChange:
 def steer_for(vehicle: Vehicle, speed: float, time: Array, acceleration: Array, *, roll: bool = True) -> Array:
     """Steer angle (N,), rad, of the first steered axle for a lateral acceleration (N,) of the first unit's CoG.
 
-    The linear model inverted in the frequency domain; `time` is regular and ends with the vehicle running straight.
+    The linear model inverted in the frequency domain; `time` is regular. What the steer angle still swings after its
+    end dies out in `AFTER` seconds without acceleration, else it would come round to the begin.
     """
     step = float(time[1] - time[0])
-    wanted = np.fft.rfft(acceleration)
-    frequency = np.fft.rfftfreq(len(time), step)
+    whole = len(time) + round(AFTER / step)
+    wanted = np.fft.rfft(acceleration, whole)
+    frequency = np.fft.rfftfreq(whole, step)
     m = dynamics.matrices(vehicle, speed, roll=roll)
     response = dynamics.frequency_response(vehicle, speed, frequency, roll=roll)[:, :, 0]
     lateral = m.states.index(f"lateral_velocity.{vehicle.units[0].name}")
     yaw = m.states.index(f"yaw_rate.{vehicle.units[0].name}")
     gain = 2j * np.pi * frequency * response[:, lateral] + speed * response[:, yaw]
     smooth = 1 / (1 + (frequency / 10.0) ** 4)  # a driver has no use for more than 10 Hz
-    return np.fft.irfft(wanted / gain * smooth, len(time))
+    return np.fft.irfft(wanted / gain * smooth, whole)[: len(time)]
 
 
 def steer_of(
@@ -87,15 +92,6 @@ def steer_of(
     else:
         raise SignalError(f"manoeuvre: {manoeuvre!r} is not known; choose one of {', '.join(MANOEUVRES)}")
     return steer_for(vehicle, speed, time, wanted, roll=roll)
-
-
-def default_sensors(vehicle: Vehicle) -> dict[str, float]:
-    """The article's sensors: yaw and roll rate of every unit, with their variances."""
-    return {
-        f"{quantity}.{unit.name}": variances[min(i, 1)]
-        for quantity, variances in GYROS.items()
-        for i, unit in enumerate(vehicle.units)
-    }
 
 
 def response(
@@ -172,9 +168,9 @@ def simulate(
     steer = steer_of(manoeuvre, vehicle, speed, time, count=count, seed=seed, roll=roll)
     inputs = {n: steer if n == first else np.zeros_like(time) for n in vehicle.steer_signals()}
     inputs["speed"] = np.full_like(time, speed)
-    sensors = default_sensors(vehicle) if sensors is None else sensors
-    sensors = {n: variance for n, variance in sensors.items() if roll or not n.startswith("roll")}
     units = [unit.name for unit in vehicle.units]
+    sensors = article_gyros(units) if sensors is None else sensors
+    sensors = {n: variance for n, variance in sensors.items() if roll or not n.startswith("roll")}
     truth = [f"sideslip.{u}" for u in units] + [f"roll.{u}" for u in units if roll]
     truth += [f"articulation.{u}" for u in units[1:]]
     outputs = (*sensors, *truth)

@@ -4,6 +4,11 @@ Unit i yaws by psi_i about the vertical, its sprung body rolls by phi_i about th
 X = u t + ..., Y = y; each of the others hangs in plan view on a point fixed to the sprung body in front and to its own.
 Positions are exact up to the second order of the small coordinates, so that the equations are exact up to the first.
 
+Sympy gives the motion under a side force at every axle, and the slip angle there. What force a slip angle makes is put
+to it in numbers: at once, or with a lag, where the force F of a group (not the slip angle that it stands for) is a
+state, sigma F' + u F = u sum C_k alpha_k; every axle has its equal part of F, and at once what its own C_k alpha_k is
+off the mean.
+
 Three numbers that the library does not ask for, and that therefore must not matter, are given at random: how far the
 sprung CoG is ahead of the unit's CoG, the sprung pitch inertia, and the sprung part of the yaw inertia.
 """
@@ -15,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from sympy.physics.mechanics import (
     LagrangesMethod,
     Point,
@@ -25,7 +31,7 @@ from sympy.physics.mechanics import (
     inertia,
 )
 
-from fifthwheel.vehicle import Unit, Vehicle
+from fifthwheel.vehicle import AxleGroup, Unit, Vehicle
 
 Array = NDArray[np.float64]
 S = sp.Symbol
@@ -61,16 +67,16 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
     """The linear equations of a vehicle at a speed."""
     units, n = vehicle.units, len(vehicle.units)
     values: dict[str, float] = {"u": speed, "g": GRAVITY}
-    steer: list[int] = []  # columns of the axles that are steered
+    groups: list[tuple[str, AxleGroup, list[int]]] = []  # path, and the places of the group's axles among all
+    steer: list[int] = []  # places of the axles that are steered
+    count = 0
     for i, unit in enumerate(units):
         values |= {f"{word}{i}": value for word, value in (_numbers(vehicle, unit) | IRRELEVANT).items()}
+        values |= {f"x{i}_{k}": axle.position - unit.cog for k, axle in enumerate(unit.axles)}
+        steer += [count + k for k, axle in enumerate(unit.axles) if axle.steerable]
         for group in unit.axle_groups:
-            for axle in group.axles:
-                k = sum(key.startswith(f"Ca{i}_") for key in values)
-                values |= {f"Ca{i}_{k}": group.cornering_stiffness / len(group.axles)}
-                values |= {f"x{i}_{k}": axle.position - unit.cog}
-                if axle.steerable:
-                    steer.append(sum(key.startswith("Ca") for key in values) - 1)
+            groups.append((unit.group_path(group), group, list(range(count, count + len(group.axles)))))
+            count += len(group.axles)
     for i, coupling in enumerate(vehicle.couplings):
         values |= {
             f"lead{i}": coupling.leading_position - units[i].cog,
@@ -81,9 +87,18 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
             f"Cc{i + 1}": coupling.roll_damping,
         }
     function, arguments = lagrangian(tuple(len(unit.axles) for unit in units), roll)
-    M, D, K, H = (np.array(m, dtype=float) for m in function(*(values[name] for name in arguments)))
+    M, D, K, H, P, R = (np.array(m, dtype=float) for m in function(*(values[name] for name in arguments)))
+    T = side_forces([(group, places) for _, group, places in groups], speed)
+    lagging = [(path, group.cornering_stiffness) for path, group, _ in groups if group.relaxation_length]
+    g = len(lagging)
 
-    # M q'' + D q' + K q = H d  in q = y, psi, phi, with y' = v + u psi_0, y'' = v' + u r_0, psi_i = psi_0 + their sum
+    # M q'' + D q' + K q = H f, slip angles P q' + R q + S d, and (f, F') = T (slip angles, F); f goes into the former
+    # and F' under it
+    by_slip, by_force = np.split(block_diag(H, np.eye(g)) @ T, [count], axis=1)
+    M, D, K = (np.vstack([matrix, np.zeros((g, len(M)))]) for matrix in (M, D, K))
+    D, K, driven = D - by_slip @ P, K - by_slip @ R, by_slip[:, steer]
+
+    # q = y, psi, phi, with y' = v + u psi_0, y'' = v' + u r_0, psi_i = psi_0 + their sum
     yaw, rolls = slice(1, n + 1), slice(n + 1, None)
     adrift = D[:, 0] * speed + K[:, yaw].sum(axis=1)
     assert not K[:, 0].any()
@@ -100,10 +115,36 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
         angles += [f"roll.{unit.name}" for unit in units]
         stiffness = np.column_stack([stiffness, K[:, rolls]])
         rates = np.block([[rates, np.zeros((n - 1, n))], [np.zeros((n, n + 1)), np.eye(n)]])
-    E = np.block([[M, np.zeros_like(stiffness)], [np.zeros_like(rates), np.eye(len(angles))]])
-    F = np.block([[-damping, -stiffness], [rates, np.zeros((len(angles), len(angles)))]])
-    G = np.vstack([H[:, steer], np.zeros((len(angles), len(steer)))])
-    return Linear((*dynamic, *angles), E, F, G)
+    m, a = len(dynamic), len(angles)
+    right = np.column_stack([-damping, -stiffness, by_force])
+    E = block_diag(M[:m], np.eye(a + g))
+    F = np.vstack([right[:m], np.column_stack([rates, np.zeros((a, a + g))]), right[m:]])
+    G = np.vstack([driven[:m], np.zeros((a, len(steer))), driven[m:]])
+    unit_of_force = np.r_[np.ones(m + a), [C for _, C in lagging]]  # F = C s
+    F, G = F * unit_of_force / unit_of_force[:, None], G / unit_of_force[:, None]
+    return Linear((*dynamic, *angles, *(f"slip_angle.{path}" for path, _ in lagging)), E, F, G)
+
+
+def side_forces(groups: Sequence[tuple[AxleGroup, list[int]]], speed: float) -> Array:
+    """(side force of every axle, F' of every group with a lag) by (slip angle of every axle, F of every such group).
+
+    A group without a lag has C alpha on each axle. With one, F goes to what C alpha would be for all its axles
+    together; each axle has an equal part of F, and what its own C alpha is more than their mean.
+    """
+    count = sum(len(places) for _, places in groups)
+    T = np.zeros((count, count))
+    for group, places in groups:
+        T[places, places] = group.cornering_stiffness / len(places)
+    for group, places in groups:
+        if not group.relaxation_length:
+            continue
+        k, n = len(T), len(places)
+        own, rate = T[places, :].copy(), speed / group.relaxation_length
+        T = block_diag(T, np.array([[-rate]]))
+        T[k, :k] = rate * own.sum(axis=0)
+        T[places, :k] -= own.mean(axis=0)
+        T[places, k] = 1 / n
+    return T
 
 
 def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
@@ -118,13 +159,18 @@ def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
         "Ixx": derived[f"{unit.name}.roll_inertia"] - sprung * up**2,
         "Ixz": unit.sprung.roll_yaw_product,
         "K": sum(1 / (1 / group.roll_stiffness + 1 / group.tyre_roll_stiffness) for group in unit.axle_groups),
-        "C": sum(group.roll_damping for group in unit.axle_groups),
+        "C": sum(  # to first order in frequency, behind the tyres' spring: see test_damper_in_series
+            group.roll_damping / (1 + group.roll_stiffness / group.tyre_roll_stiffness) ** 2
+            for group in unit.axle_groups
+        ),
     }
 
 
 @lru_cache
 def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]]:
-    """M, D, K, H of M q'' + D q' + K q = H d, for a chain of units with so many axles, and the names of the arguments.
+    """M, D, K, H, P, R for a chain of units with so many axles, and the names of the arguments.
+
+    M q'' + D q' + K q = H f with f the side force of every axle, whose slip angle is P q' + R q and its steer angle.
 
     q: y of the first unit's CoG, all yaw angles, and all roll angles unless the suspensions are rigid (roll False).
     """
@@ -145,7 +191,7 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
         p.set_vel(ground, second_order(r).dt(ground))
         return p
 
-    energy, loads, steer = sp.Integer(0), [], []
+    energy, loads, forces, slips = sp.Integer(0), [], [], []
     here = S("u") * t * ground.x + y * ground.y  # the roll axis under the CoG of the unit
     yawed, rolled = [], []
     for i in range(n):
@@ -175,21 +221,23 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
             loads += [(body, -moment * unit.x), (rolled[i - 1], moment * yawed[i - 1].x)]
 
         for k in range(axles[i]):
-            axle, angle = point(f"axle{i}_{k}", here + S(f"x{i}_{k}") * unit.x), S(f"d{i}_{k}")
+            axle, force = point(f"axle{i}_{k}", here + S(f"x{i}_{k}") * unit.x), S(f"f{i}_{k}")
             v = axle.vel(ground)
-            slip = angle - sp.atan(v.dot(unit.y) / v.dot(unit.x))
-            loads.append((axle, truncated(S(f"Ca{i}_{k}") * slip, [*small, angle], 1) * unit.y))
-            steer.append(angle)
+            slips.append(truncated(-sp.atan(v.dot(unit.y) / v.dot(unit.x)), small, 1))
+            loads.append((axle, force * unit.y))
+            forces.append(force)
         if i + 1 < n:
             here = second_order(here + S(f"lead{i}") * unit.x - S(f"lead_up{i}") * sp.sin(phi[i]) * unit.y)
 
     equations = LagrangesMethod(energy, q, forcelist=loads, frame=ground).form_lagranges_equations()
-    orders = [[x.diff(t, 2) for x in q], [x.diff(t) for x in q], q, steer]
+    orders = [[x.diff(t, 2) for x in q], [x.diff(t) for x in q], q, forces]
     plain = {x: sp.Dummy() for order in orders for x in order}  # no derivative is left to hold a coordinate
     scaled = equations.xreplace({x: EPS * symbol for x, symbol in plain.items()})
     linearised = scaled.diff(EPS).xreplace({EPS: sp.Integer(0)})
     found = [linearised.jacobian([plain[x] for x in order]) for order in orders]
     found[3] = -found[3]
+    angles = sp.Matrix(slips).xreplace(plain)
+    found += [angles.jacobian([plain[x] for x in order]) for order in orders[1:3]]
     arguments = sorted(set().union(*(m.free_symbols for m in found)), key=str)
     return sp.lambdify(arguments, found, modules="numpy", cse=True), tuple(str(a) for a in arguments)
 

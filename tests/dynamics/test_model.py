@@ -12,9 +12,16 @@ from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 
 from .lagrangian import GRAVITY, Array, linear
-from .test_lagrangian import ARTICLE, VEHICLES, b_double, changed
+from .test_lagrangian import ARTICLE, TRUCK, VEHICLES, b_double, changed, lagging
 
-TYPICAL = {"lateral_velocity": 0.5, "yaw_rate": 0.1, "articulation": 0.05, "roll": 0.03, "roll_rate": 0.15}
+TYPICAL = {
+    "lateral_velocity": 0.5,
+    "yaw_rate": 0.1,
+    "articulation": 0.05,
+    "roll": 0.03,
+    "roll_rate": 0.15,
+    "slip_angle": 0.02,
+}
 
 
 def typical(states: tuple[str, ...]) -> Array:
@@ -61,6 +68,39 @@ def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) 
             assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
+@pytest.mark.parametrize(
+    "lengths", [(0.0,), (0.1,), (0.3,), (0.45,), (0.8,), (0.45, 0.0, 0.0), (0.0, 0.3, 0.2)], ids=str
+)
+def test_longest_step_with_any_lag(lengths: tuple[float, ...], roll: bool) -> None:
+    """The promise of `steps.REACH`: at every speed, for many states, of the largest state at either end of the step."""
+    vehicle = lagging(TRUCK, *lengths)
+    chain = model(vehicle, (), roll=roll)
+    constants = chain.known_values(all_parameters(vehicle, ()))
+    scale, count = typical(chain.states), 100
+    n, k = len(scale), len(chain.inputs) - 1
+    transition = chain.transition.map(count)
+    x, before, after = (np.column_stack(draws) for draws in zip(*[drawn(i, chain) for i in range(count)], strict=True))
+    for speed in (3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0, 35.0):
+        A, B = by_lagrange(vehicle, chain.states, speed)
+        dt = float(steps.longest(vehicle, np.array([speed]), roll=roll)[0])
+        ones = (np.split(row, [n, n + k]) for row in np.eye(n + 2 * k))
+        exact = np.column_stack([later(A, B, start, first, last, dt) for start, first, last in ones])
+        row = np.full((1, count), speed)
+        found = np.array(transition(x, dt, np.vstack([row, before, row, after]), np.zeros((0, count)), constants))
+        found, expected = found.T / scale, (exact @ np.vstack([x, before, after])).T / scale
+        largest = np.maximum(np.abs(expected).max(axis=1), np.abs(x.T / scale).max(axis=1))
+        assert (np.abs(found - expected).max(axis=1) <= 1e-6 * largest).all(), speed
+
+
+def test_steps_beyond_the_table() -> None:
+    """Eigenvalues grow with 1/u below it, and with u above it; so the product of step and eigenvalue stays."""
+    for speed in (0.2, 300.0):
+        longest = float(steps.longest(TRUCK, np.array([speed]), roll=True)[0])
+        fastest = np.abs(np.linalg.eigvals(by_lagrange(TRUCK, model(TRUCK, (), roll=True).states, speed)[0])).max()
+        assert longest * fastest <= 1.01 * steps.REACH[True, True] / 1.25
+
+
 def test_speed_of_a_step_is_its_mean() -> None:
     chain = model(ARTICLE, (), roll=True)
     x, before, after = drawn(1, chain)
@@ -80,7 +120,7 @@ def test_no_step_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", ["article", "b_double, all changed"])
+@pytest.mark.parametrize("name", ["article", "truck", "b_double, all changed", "b_double, some late, all changed"])
 def test_irregular_samples(name: str, roll: bool) -> None:
     """A record sampled every 2 ms to 0.2 s: enough steps between, and the exact state at every sample."""
     vehicle, speed = VEHICLES[name], 22.0
@@ -114,7 +154,7 @@ def test_irregular_samples(name: str, roll: bool) -> None:
     assert (np.abs(found - expected).max(axis=0) <= 1e-6 * np.abs(expected).max(axis=0)).all()
 
 
-@pytest.mark.parametrize("name", ["article, all changed", "b_double, all changed"])
+@pytest.mark.parametrize("name", ["truck, all changed", "b_double, all changed", "b_double, some late, all changed"])
 def test_derivatives_of_the_transition(name: str) -> None:
     """By the state and by every parameter, against central differences of the exact solution."""
     vehicle, dt, speeds = VEHICLES[name], 0.005, (17.0, 18.0)
@@ -149,6 +189,9 @@ def test_derivatives_of_the_transition(name: str) -> None:
         assert np.abs((by_state[:, i] - expected) / scale).max() <= 1e-7 * np.abs(expected / scale).max()
     response = np.abs(exact(x, values) / scale).max()
     for i, (path, value) in enumerate(values.items()):
+        if path.endswith(".relaxation_length") and not value:
+            assert not by_parameters[:, i].any()  # without a lag there is none to change
+            continue
         h = 1e-4 * (abs(value) or 1.0)
         plus, minus = (exact(x, values | {path: value + s * h}) for s in (1, -1))
         expected = (plus - minus) / (2 * h) / scale * (abs(value) or 1.0)
@@ -175,7 +218,7 @@ def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: floa
 
 
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", ["article, all changed", "b_double"])
+@pytest.mark.parametrize("name", ["article, all changed", "truck, all changed", "b_double", "b_double, some late"])
 class TestSensors:
     """What sensors show while every steered axle swings, against a simulation by Lagrange's equations."""
 
@@ -257,16 +300,17 @@ class TestSensors:
             rate = [(values[2] - values[0]) / (2 * self.h) for values in (v, r, p)]
             up = vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
             needed = unit.mass * (rate[0] + self.speed * r[1]) - unit.laden_sprung_mass * up * rate[2]
-            tyres = sum(
-                group.cornering_stiffness
-                / len(group.axles)
-                * (
-                    angles.get(f"steer.{unit.name}.{axle.name}", 0.0)
-                    - (v[1] + (axle.position - unit.cog) * r[1]) / self.speed
+            tyres = 0.0
+            for group in unit.axle_groups:
+                slip = np.mean(
+                    [
+                        angles.get(f"steer.{unit.name}.{axle.name}", 0.0)
+                        - (v[1] + (axle.position - unit.cog) * r[1]) / self.speed
+                        for axle in group.axles
+                    ]
                 )
-                for group in unit.axle_groups
-                for axle in group.axles
-            )
+                late = f"slip_angle.{unit.group_path(group)}"
+                tyres += group.cornering_stiffness * (x[1, states.index(late)] if late in states else slip)
             carried = tyres + carried - needed
             assert found[i] == pytest.approx(carried, rel=1e-4)
 

@@ -99,7 +99,7 @@ class Article:
 
     vehicle: Vehicle
     model: ChainModel
-    rows: Array  # (N, 1 + 4 + 8), nothing missing
+    rows: Array  # (N, 1 + 4 + 8), nothing missing; 8 states, no lag of side forces
     c: Array
     linear: Linear
     noise: Noise
@@ -117,7 +117,8 @@ class Article:
 
 def lane_change(rng: np.random.Generator) -> Article:
     """Steered through a lane change, sampled irregularly; every row is measured, as the model itself moves."""
-    whole = vehicle.get("cheng_cebon_2011")
+    truck = vehicle.get("cheng_cebon_2011")
+    whole = truck.replace({path: 0.0 for path in truck.parameters() if path.endswith(".relaxation_length")})
     record = simulate(whole, count=1, duration=9.0, sensors=dict(zip(GYROS, NOISE, strict=True)))
     some = np.sort(rng.choice(len(record), size=500, replace=False))
     time = record.time[some] + rng.uniform(-0.004, 0.004, 500)

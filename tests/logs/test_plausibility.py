@@ -78,7 +78,7 @@ def test_every_fault_is_injected():
 
 
 @pytest.mark.parametrize(
-    ("fault", "signal", "severity", "inject"), INJECTED, ids=lambda v: getattr(v, "name", str(v)[:24])
+    ("fault", "signal", "severity", "inject"), INJECTED, ids=lambda v: getattr(v, "name", getattr(v, "__name__", v))
 )
 def test_a_fault_is_found_and_nothing_else(a_drive, fault, signal, severity, inject):
     findings = check(inject(a_drive))

@@ -246,6 +246,17 @@ def test_an_input_missing_for_long(name, start):
     ).sum()
 
 
+def test_a_speed_that_no_truck_has_counts_as_missing():
+    """However large, it is held over like a missing one, and costs no time: no step is cut into thousands."""
+    wrong = put(put(DRIVE, "speed", 4.0, 4.3, 61.0), "speed", 8.0, 10.0, 1e6)
+    missing = put(put(DRIVE, "speed", 4.0, 4.3, np.nan), "speed", 8.0, 10.0, np.nan)
+    found = batched(observer(), wrong)
+    assert_same(found, batched(observer(), missing))
+    assert_same(found, pushed(observer(), wrong))
+    assert (found["status"][(DRIVE.time >= 8.6) & (DRIVE.time < 10.0)] == Status.INPUT_MISSING).all()
+    assert (found["status"][DRIVE.time < 8.4] == Status.OK).all()
+
+
 def test_an_input_not_seen_yet_is_missing():
     found = observer().batch(SCENARIOS["steer missing at first"])
     early = found.time < 0.2 - 1e-9

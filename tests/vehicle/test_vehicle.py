@@ -56,7 +56,7 @@ def test_paths() -> None:
         "fifth_wheel.leading_position",
     ):
         assert path in PATHS
-    assert len(PATHS) == 8 + 2 * 5 + 8 + 4 + 4 + 3 + 5
+    assert len(PATHS) == 8 + 2 * 6 + 8 + 4 + 5 + 3 + 5
     assert not any(".axles." in path for path in PATHS)
 
 

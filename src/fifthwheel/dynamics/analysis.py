@@ -39,7 +39,7 @@ def _function(vehicle: Vehicle, roll: bool) -> ca.Function:
         equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll)
         A, B = equations.state_space(u)
         F = equations.A0 + equations.A1 / u + equations.A2 * u
-        outputs = [ca.densify(m) for m in (equations.E(), F, equations.B, A, B)]
+        outputs = [ca.densify(m) for m in (equations.E(), F, equations.B0 + equations.B2 * u, A, B)]
         _functions[key] = ca.Function("matrices", [p, u], outputs)
     return _functions[key]
 

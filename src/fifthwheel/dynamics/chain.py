@@ -8,6 +8,10 @@ chain's mass matrix sum J_i' M_i J_i is symmetric and positive definite.
 The state is x = (w without roll, articulation angles, roll angles, roll rates). The article's sideslip angles are
 outputs, v_i / u: as states they would need the derivative of the speed.
 
+Where an axle group has a relaxation length sigma, its side force follows the mean slip angle alpha of its axles late,
+sigma s' = u (alpha - s), and s is one more state (first-order lag: H. B. Pacejka, Tyre and Vehicle Dynamics, 2006,
+7.1); what the axles' slip angles differ by acts at once.
+
 Range: small angles, linear tyres, speed that changes slowly, each unit braked or driven in proportion to its own mass
 (no longitudinal force through the couplings).
 """
@@ -22,7 +26,7 @@ from fifthwheel.vehicle import Vehicle
 
 
 def state_names(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
-    """The state's signals in order: 2 n of them for n units, 4 n with roll."""
+    """The state's signals in order: 2 n of them for n units, 4 n with roll, and one for each group with a lag."""
     units = [unit.name for unit in vehicle.units]
     names = [
         f"lateral_velocity.{units[0]}",
@@ -31,7 +35,12 @@ def state_names(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
     ]
     if roll:
         names += [f"roll.{u}" for u in units] + [f"roll_rate.{u}" for u in units]
-    return tuple(names)
+    return (*names, *[f"slip_angle.{path}" for path in lagging_groups(vehicle)])
+
+
+def lagging_groups(vehicle: Vehicle) -> tuple[str, ...]:
+    """Paths of the axle groups whose side force builds up on the way, front to rear."""
+    return tuple(unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups if group.lagging)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,28 +48,31 @@ class Motion:
     """What every unit is doing, as expressions of the state: one entry a unit."""
 
     v: tuple[ca.SX, ...]  # m/s, lateral velocity on the roll axis under the CoG
+    across: tuple[ca.SX, ...]  # m/s, the same in the axes of the first unit: v + u heading
     r: tuple[ca.SX, ...]  # rad/s
     heading: tuple[ca.SX, ...]  # rad, psi_i - psi_1
     roll: tuple[ca.SX, ...]  # rad, zeros without roll
     roll_rate: tuple[ca.SX, ...]  # rad/s
     jacobian: tuple[ca.SX, ...]  # J_i: (v, r[, p]) of unit i per generalised velocity
+    slip: Mapping[str, ca.SX]  # rad, that the side forces have reached, by group; none where they have no lag
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """E x' = A x + B d with A = A0 + A1/u + A2 u; everything symbolic in the parameters."""
+    """E x' = A x + B d with A = A0 + A1/u + A2 u, B = B0 + B2 u; everything symbolic in the parameters."""
 
     mass: ca.SX  # (m, m) of the generalised velocities, symmetric positive definite
     A0: ca.SX  # (n, n), rows in the order of E x'
     A1: ca.SX
     A2: ca.SX
-    B: ca.SX  # (n, steered axles)
+    B0: ca.SX  # (n, steered axles)
+    B2: ca.SX
     velocities: tuple[int, ...]  # places of the generalised velocities in the state
 
     def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
         """x' = A x + B d: A (n, n) and B (n, steered axles), at `speed` m/s."""
-        A0, A1, A2, B = (self._solved(matrix) for matrix in (self.A0, self.A1, self.A2, self.B))
-        return A0 + A1 / speed + A2 * speed, B
+        A0, A1, A2, B0, B2 = (self._solved(matrix) for matrix in (self.A0, self.A1, self.A2, self.B0, self.B2))
+        return A0 + A1 / speed + A2 * speed, B0 + B2 * speed
 
     def E(self) -> ca.SX:
         """The left-hand side, (n, n): the mass matrix at the velocities, ones elsewhere."""
@@ -124,11 +136,13 @@ def motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, 
     w = x[velocity_places(vehicle, roll=roll)]
     return Motion(
         v=tuple(lateral[i] @ w - speed * heading[i] for i in range(n)),
+        across=tuple(lateral[i] @ w for i in range(n)),
         r=tuple(x[places[f"yaw_rate.{u.name}"]] for u in units),
         heading=tuple(heading),
         roll=tuple(x[places[f"roll.{u.name}"]] if roll else ca.SX(0) for u in units),
         roll_rate=tuple(x[places[f"roll_rate.{u.name}"]] if roll else ca.SX(0) for u in units),
         jacobian=tuple(ca.vertcat(lateral[i], yaw[i], *([rolling[i]] if roll else [])) for i in range(n)),
+        slip={path: x[places[f"slip_angle.{path}"]] for path in lagging_groups(vehicle)},
     )
 
 
@@ -153,13 +167,18 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool) -> Equati
     size = 3 if roll else 2
     m = 1 + (2 if roll else 1) * len(vehicle.units)
     M, force = ca.SX(m, m), ca.SX(m, 1)
+    slipping: dict[str, ca.SX] = {}  # u times the slip angle that a group's forces tend to
     for i, unit in enumerate(vehicle.units):
         J, inertia = moving.jacobian[i], one.mass_matrix(p, unit, roll=roll)
         M += ca.mtimes([J.T, inertia, J])
-        applied = one.tyre_forces(p, unit, moving.v[i], moving.r[i], slowness, steer)
+        going = (moving.across[i], moving.heading[i], moving.r[i], steer)
+        applied = one.tyre_forces(p, unit, *going, slowness, moving.slip)
         if roll:
             own = one.roll_moment(one.roll_body(p, unit), moving.roll[i], moving.roll_rate[i])
             applied = ca.vertcat(applied, own)
+        for group in unit.axle_groups:
+            towards = one.mean_slip(p, unit, group, *going)
+            slipping[unit.group_path(group)] = u * towards.turned - towards.drift
         # a_i = J_i w' + u r_1 for every unit: v_i' holds -u (r_i - r_1), the turning axes add u r_i
         carried = inertia[:, 0] * u * moving.r[0]
         force += J.T @ (applied - carried[:size])
@@ -175,19 +194,20 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool) -> Equati
     for row, place in enumerate(places):
         right[place] = force[row]
     for k, name in enumerate(names):
-        quantity, unit_name = name.split(".")
+        quantity, unit_name = name.split(".")[:2]
         if quantity == "articulation":
             i = [unit.name for unit in vehicle.units].index(unit_name)
             right[k] = moving.r[i] - moving.r[i - 1]
         elif quantity == "roll":
             right[k] = moving.roll_rate[[unit.name for unit in vehicle.units].index(unit_name)]
+    for path, reached in moving.slip.items():
+        right[names.index(f"slip_angle.{path}")] = (slipping[path] - u * reached) / p[f"{path}.relaxation_length"]
     whole = ca.vertcat(*right)
-    # v_i holds u, so tyre terms hold u * slowness = 1: expand by hand, u and slowness being separate symbols
-    at_rest = ca.jacobian(whole, x)
-    product = ca.jacobian(ca.jacobian(at_rest, u), slowness)
-    A1 = ca.substitute(ca.reshape(ca.jacobian(at_rest, slowness), at_rest.shape), u, 0)
-    A2 = ca.substitute(ca.reshape(ca.jacobian(at_rest, u), at_rest.shape), slowness, 0)
-    A0 = ca.substitute(at_rest, ca.vertcat(u, slowness), ca.DM([0, 0])) + ca.reshape(product, at_rest.shape)
-    B = ca.jacobian(whole, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
-    sparse = [ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, B)]
-    return Equations(mass=M, A0=sparse[0], A1=sparse[1], A2=sparse[2], B=sparse[3], velocities=tuple(places))
+    none = ca.vertcat(u, slowness), ca.DM([0, 0])
+    by_state = ca.jacobian(whole, x)
+    by_steer = ca.jacobian(whole, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
+    A1, A2 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in (slowness, u))
+    B2 = ca.reshape(ca.jacobian(by_steer, u), by_steer.shape)
+    A0, B0 = (ca.substitute(matrix, *none) for matrix in (by_state, by_steer))
+    A0, A1, A2, B0, B2 = (ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, B0, B2))
+    return Equations(mass=M, A0=A0, A1=A1, A2=A2, B0=B0, B2=B2, velocities=tuple(places))

@@ -71,7 +71,7 @@ def all_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, float]
 def topology(vehicle: Vehicle) -> tuple[object, ...]:
     """What makes two vehicles share one model: all but the numbers."""
     payloads = tuple(unit.payload.shape if unit.payload else None for unit in vehicle.units)
-    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads)
+    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads, chain.lagging_groups(vehicle))
 
 
 _models: dict[tuple[object, ...], ChainModel] = {}

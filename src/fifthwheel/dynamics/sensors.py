@@ -63,7 +63,8 @@ def _coupling_force(view: View, i: int, name: str) -> ca.SX:
     for k in range(i, len(view.vehicle.units)):
         unit, motion = view.vehicle.units[k], view.motion
         inertia = mass_matrix(view.p, unit, roll=view.roll)[0, :] @ view.acceleration[k]
-        tyres = tyre_forces(view.p, unit, motion.v[k], motion.r[k], 1 / view.speed, view.steer)[0]
+        going = (motion.across[k], motion.heading[k], motion.r[k], view.steer)
+        tyres = tyre_forces(view.p, unit, *going, 1 / view.speed, motion.slip)[0]
         total += inertia - tyres
     return total
 

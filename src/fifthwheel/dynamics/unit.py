@@ -6,12 +6,14 @@ here are mended: (A3) and (A6) count m_s h^2 phi'' twice, and (A2) writes I_1szz
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
-from fifthwheel.vehicle import Unit, laden
+from fifthwheel.vehicle import Axle, AxleGroup, Unit, laden
 from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
+
+Steer = Mapping[str, ca.SX]
 
 
 class RollBody(NamedTuple):
@@ -21,18 +23,24 @@ class RollBody(NamedTuple):
     inertia: ca.SX  # I_sx'x', kg m^2, about the roll axis
     product: ca.SX  # I_sxz, kg m^2
     stiffness: ca.SX  # K*, N m/rad, suspensions and tyres in series
-    damping: ca.SX  # N m s/rad
+    damping: ca.SX  # C*, N m s/rad, the same
 
 
 def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
-    """m_s h, I_sx'x', I_sxz, K*, C of a unit; the laden ones by the article's (8) and (9)."""
+    """m_s h, I_sx'x', I_sxz, K*, C* of a unit; the laden ones by the article's (8) and (9).
+
+    The body rolls on suspension and tyres in a row, and the damper sees only the suspension's part of the roll angle,
+    K_t / (K + K_t). Work and force leave C* = C (K_t / (K + K_t))^2 for the whole angle, to first order in frequency;
+    the article reduces the stiffness so, but not the damping.
+    """
     load = laden(p, unit)
     stiffness, damping = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
         path = unit.group_path(group)
         suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
         stiffness += suspension * tyres / (suspension + tyres)
-        damping += p[f"{path}.roll_damping"]
+        part = tyres / (suspension + tyres)
+        damping += p[f"{path}.roll_damping"] * part * part
     return RollBody(
         moment=load.mass * (load.cog_height - p[f"{unit.name}.roll_axis_height"]),
         inertia=load.roll_inertia,
@@ -55,23 +63,56 @@ def mass_matrix(p: Mapping[str, ca.SX], unit: Unit, *, roll: bool) -> ca.SX:
     )
 
 
+class Slip(NamedTuple):
+    """Slip angle of an axle: `turned` - `drift` / u."""
+
+    turned: ca.SX  # steer angle and heading, rad
+    drift: ca.SX  # m/s, to the left of the first unit's heading
+
+
+def slip(p: Mapping[str, ca.SX], unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: Steer) -> Slip:
+    """Of one axle; arguments as in `tyre_forces`."""
+    arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
+    delta = steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else 0
+    return Slip(delta + heading, across + arm * r)
+
+
+def mean_slip(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motion: Any) -> Slip:
+    """Of a group's axles."""
+    slips = [slip(p, unit, axle, *motion) for axle in group.axles]
+    n = len(slips)
+    return Slip(sum((s.turned for s in slips), ca.SX(0)) / n, sum((s.drift for s in slips), ca.SX(0)) / n)
+
+
 def tyre_forces(
-    p: Mapping[str, ca.SX], unit: Unit, v: ca.SX, r: ca.SX, slowness: ca.SX, steer: Mapping[str, ca.SX]
+    p: Mapping[str, ca.SX],
+    unit: Unit,
+    across: ca.SX,
+    heading: ca.SX,
+    r: ca.SX,
+    steer: Steer,
+    slowness: ca.SX,
+    lagging: Mapping[str, ca.SX],
 ) -> ca.SX:
     """Side force (N) and yaw moment about the CoG (N m) of all tyres, linear in the slip angle.
 
     Args:
-        v, r: lateral velocity and yaw rate of the unit.
-        slowness: 1/u, s/m.
+        across, heading: v + u heading and the heading, both from the first unit's.
+        r: yaw rate of the unit.
         steer: steer angle of each steered axle by its signal's name, rad, positive left.
+        slowness: 1/u, s/m.
+        lagging: slip angle that the forces of a group have reached, by its path; groups without it have no lag.
     """
     force, moment = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
-        stiffness = p[f"{unit.group_path(group)}.cornering_stiffness"] / len(group.axles)
+        path = unit.group_path(group)
+        stiffness = p[f"{path}.cornering_stiffness"] / len(group.axles)
+        mean = mean_slip(p, unit, group, across, heading, r, steer)
+        late = lagging[path] - (mean.turned - mean.drift * slowness) if path in lagging else 0
         for axle in group.axles:
             arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-            delta = steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else 0
-            side = stiffness * (delta - (v + arm * r) * slowness)
+            own = slip(p, unit, axle, across, heading, r, steer)
+            side = stiffness * (own.turned - own.drift * slowness + late)
             force += side
             moment += arm * side
     return ca.vertcat(force, moment)

@@ -35,9 +35,14 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
     )
 
 
+def group_paths(vehicle: Vehicle) -> list[str]:
+    """Of every axle group, front to rear."""
+    return [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+
+
 def stage_1_names(vehicle: Vehicle) -> tuple[str, ...]:
     """Cornering stiffness of every axle group, yaw inertia of every unit behind the first."""
-    groups = [f"{unit.group_path(group)}.cornering_stiffness" for unit in vehicle.units for group in unit.axle_groups]
+    groups = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)]
     return (*groups, *[f"{unit.name}.yaw_inertia" for unit in vehicle.units[1:]])
 
 

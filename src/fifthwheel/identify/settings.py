@@ -48,6 +48,8 @@ class Settings:
     """Begin every pass with the prior covariance, so that no sample is counted twice; the article carries it on."""
     forgetting: float = 1.0
     """The article's lambda: the random walk shrinks by this factor at every sample."""
+    relaxation: bool = True
+    """Let side forces build up over the relaxation lengths of the vehicle file; the article's do at once."""
     nuisances: bool = True
     """Estimate steer zero, steer gain and delay, and the sensors' zeros beside the parameters."""
     steer_offset_prior: float = 0.01
@@ -112,6 +114,7 @@ def article(**changes: Any) -> Settings:
         height_walk=0.005,
         restart=False,
         forgetting=0.999,
+        relaxation=False,
         nuisances=False,
         adapt_noise=False,
         process_noise=0.0,

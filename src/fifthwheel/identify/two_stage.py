@@ -55,6 +55,8 @@ def identify(
         VehicleError: a held parameter that is not estimated.
     """
     settings = settings or Settings()
+    if not settings.relaxation:
+        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in parameters.group_paths(vehicle)})
     return _TwoStage(records, vehicle, settings, validate, progress).run()
 
 

@@ -30,6 +30,8 @@ from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 MEASURED = ("yaw_rate", "articulation", "roll_rate", "roll")
+FASTEST = float(steps.SPEEDS[-1])
+"""A speed above this, m/s, counts as missing: no truck has it, and the model's steps would have to be ever shorter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +233,7 @@ class Observer:
         missing = False
         for i, name in enumerate(self.inputs):
             value = sample.get(name)
-            if value is not None and math.isfinite(value):
+            if value is not None and math.isfinite(value) and (i or value <= FASTEST):
                 self._inputs[i], self._seen[i] = float(value), time
             elif not time - self._seen[i] <= self.settings.hold:
                 missing = True
@@ -306,7 +308,7 @@ class Observer:
         columns, fresh = [], np.ones(len(record.time), dtype=bool)
         for name in self.inputs:
             values = record.signals[name]
-            seen = np.isfinite(values)
+            seen = np.isfinite(values) & ((name != "speed") | (values <= FASTEST))
             last = np.maximum.accumulate(np.where(seen, np.arange(len(values)), -1))
             age = record.time - record.time[np.maximum(last, 0)]
             fresh &= (last >= 0) & (age <= self.settings.hold)

@@ -21,6 +21,7 @@ SI_UNITS = {
     "roll_stiffness": "N m/rad",
     "tyre_roll_stiffness": "N m/rad",
     "roll_damping": "N m s/rad",
+    "relaxation_length": "m",
     "position": "m",
     "leading_position": "m",
     "trailing_position": "m",

@@ -38,6 +38,9 @@ class AxleGroup(Part):
     roll_stiffness: Positive = Field(description="Suspension, total of the group, N m/rad.")
     tyre_roll_stiffness: Positive = Field(description="Tyres, total of the group, N m/rad.")
     roll_damping: NotNegative = Field(description="Suspension, total of the group, N m s/rad.")
+    relaxation_length: NotNegative = Field(
+        default=0.0, le=5.0, description="Way on which a side force builds up, m; 0: at once, as in the article."
+    )
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:
@@ -60,6 +63,11 @@ class AxleGroup(Part):
     def total_roll_stiffness(self) -> float:
         """K*, N m/rad: suspension and tyres in series, 1/K* = 1/K + 1/K_t (appendix of Cheng and Cebon, 2011)."""
         return 1 / (1 / self.roll_stiffness + 1 / self.tyre_roll_stiffness)
+
+    @property
+    def lagging(self) -> bool:
+        """Whether the side force follows the slip angle late."""
+        return self.relaxation_length > 0
 
 
 class SprungMass(Part):

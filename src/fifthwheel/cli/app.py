@@ -1,0 +1,96 @@
+"""What the commands share: the application, its options, reading trucks and logs, a progress bar."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from fifthwheel.logs import Record
+    from fifthwheel.vehicle import Vehicle
+
+app = typer.Typer(
+    name="fifthwheel",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Parameters and states of articulated heavy vehicles, from the sensors they have.",
+)
+
+Logs = Annotated[list[Path], typer.Argument(help="Logs of one truck: CSV or Parquet.", show_default=False)]
+VehicleOption = Annotated[
+    str, typer.Option("--vehicle", "-v", help="The truck: a TOML file, or a name that `fifthwheel vehicle` lists.")
+]
+SignalsOption = Annotated[
+    Path | None,
+    typer.Option("--signals", "-s", help="Which column is which signal; needed where columns have names of their own."),
+]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if missing.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
+CheckOption = Annotated[
+    bool, typer.Option("--check/--no-check", help="Refuse signals that cannot be what they are called.")
+]
+
+
+def example(*lines: str) -> str:
+    """Examples for the end of a command's help."""
+    return "**Examples**\n\n" + "\n\n".join(f"`{line}`" for line in lines)
+
+
+def read_vehicle(name: str) -> "Vehicle":
+    from fifthwheel.errors import VehicleError
+    from fifthwheel.vehicle import catalogue, load
+
+    if name in catalogue.names():
+        return catalogue.get(name)
+    if not Path(name).is_file():
+        raise VehicleError(f"{name}: no such file, nor in the catalogue, which has {', '.join(catalogue.names())}")
+    return load(Path(name))
+
+
+def read_records(paths: list[Path], signals: Path | None) -> "list[Record]":
+    """The logs, each under a name of its own."""
+    from fifthwheel.logs import SignalMap, read
+
+    signal_map = SignalMap.load(signals) if signals else None
+    stems = [path.stem for path in paths]
+    names = [path.stem if stems.count(path.stem) == 1 else str(path) for path in paths]
+    return [read(path, signal_map, name=name) for path, name in zip(paths, names, strict=True)]
+
+
+def made_folder(path: Path) -> Path:
+    from fifthwheel.errors import FifthwheelError
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FifthwheelError(f"{path}: {error.strerror}; choose another folder with --out") from error
+    return path
+
+
+def say_files(files: dict[str, str]) -> None:
+    typer.echo("Written: " + ", ".join(files.values()))
+
+
+@contextmanager
+def progress_bar(*, quiet: bool) -> "Iterator[Callable[[str, int, int], None]]":
+    """A bar on the terminal that follows calls with title, done and total; nothing where there is no terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda title, done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        tasks: dict[str, Any] = {}
+
+        def show(title: str, done: int, total: int) -> None:
+            if title not in tasks:
+                tasks[title] = bar.add_task(title, total=total)
+            bar.update(tasks[title], completed=done, total=total)
+
+        yield show

@@ -1,0 +1,124 @@
+"""fifthwheel states"""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fifthwheel import __version__
+from fifthwheel.cli.app import (
+    CheckOption,
+    JsonOption,
+    Logs,
+    OutOption,
+    SignalsOption,
+    VehicleOption,
+    app,
+    example,
+    made_folder,
+    progress_bar,
+    read_records,
+    read_vehicle,
+    say_files,
+)
+
+if TYPE_CHECKING:
+    from fifthwheel.observe import States
+
+
+@app.command(
+    epilog=example(
+        "fifthwheel states drive.csv --vehicle fifthwheel-out/vehicle.toml",
+        "fifthwheel states drive.csv -v fifthwheel-out/vehicle.toml -i fifthwheel-out/identification.json",
+        "fifthwheel states drive.parquet -v truck.toml --json > states.json",
+        "fifthwheel states drive.csv -v truck.toml --at sideslip.semitrailer=-2.34",
+    )
+)
+def states(
+    logs: Logs,
+    vehicle: VehicleOption,
+    signals: SignalsOption = None,
+    out: OutOption = Path("fifthwheel-states"),
+    min_speed: Annotated[float, typer.Option(min=0.5, help="Below this the model does not hold, m/s.")] = 5.0,
+    identification: Annotated[
+        Path | None,
+        typer.Option("--identification", "-i", help="identification.json, for the sensors' zeros, delays and noise."),
+    ] = None,
+    at: Annotated[
+        list[str] | None, typer.Option("--at", help="Where a sideslip is told, x on its unit in m; may be repeated.")
+    ] = None,
+    check: CheckOption = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Sideslip, roll and articulation of a known truck: states.parquet and report.html."""
+    from dataclasses import replace
+
+    from fifthwheel.identify.result import sensors_told
+    from fifthwheel.logs import check as plausibility
+    from fifthwheel.logs import raise_errors
+    from fifthwheel.observe import Observer, ObserverSettings, save
+
+    truck, records = read_vehicle(vehicle), read_records(logs, signals)
+    told = _identification(identification)
+    settings = ObserverSettings(min_speed=min_speed, places=_places(at or []))
+    folder = made_folder(out)
+    found = []
+    with progress_bar(quiet=as_json) as progress:
+        for i, record in enumerate(records):
+            progress("states", i, len(records))
+            if check:
+                raise_errors(plausibility(record, wheelbase=truck.wheelbase))
+            own = replace(settings, **sensors_told(told, record.name)) if told else settings
+            found.append(Observer(truck, record.signals, own).batch(record))
+        progress("states", len(records), len(records))
+    save(found, folder / "states.parquet")
+    from fifthwheel.report import show_states, write_report
+
+    write_report(folder / "report.html", None, records, found, title=truck.name)
+    files = {name: str(folder / name) for name in ("states.parquet", "report.html")}
+    if as_json:
+        print(
+            json.dumps({"version": __version__, "logs": [_states_summary(s) for s in found], "files": files}, indent=2)
+        )
+    else:
+        show_states(found, records)
+        say_files(files)
+
+
+def _identification(path: Path | None) -> Any:
+    """What an identification.json holds."""
+    from fifthwheel.errors import SignalError
+
+    if path is None:
+        return None
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        told["sensors"], told["logs"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise SignalError(f"{path}: not an identification.json ({error!r}); give the one that identify wrote") from None
+    return told
+
+
+def _places(texts: list[str]) -> dict[str, float]:
+    """ "signal=x" as signal: x."""
+    from fifthwheel.errors import SignalError
+
+    places = {}
+    for text in texts:
+        name, _, place = text.partition("=")
+        try:
+            places[name] = float(place)
+        except ValueError:
+            places[name] = math.nan
+        if not math.isfinite(places[name]):
+            raise SignalError(f"{text}: expected signal=x with x in m, such as sideslip.semitrailer=-2.34")
+    return places
+
+
+def _states_summary(found: "States") -> dict[str, Any]:
+    from fifthwheel.observe import Status
+
+    share = {status.name.lower(): float((found.status == status).mean()) for status in Status}
+    return {"name": found.name, "samples": len(found.time), "status": share, "states": list(found.values)}

@@ -1,0 +1,81 @@
+"""Figures 4 to 9 are drawn, and not blank."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.paper.experiments import LANDING_LEG
+
+from .conftest import TIME, experiment, outcome
+
+pytest.importorskip("matplotlib")
+from fifthwheel.paper import figures
+
+ARMS = ("article", "default", "default, front held")
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory, simulated):
+    folder = tmp_path_factory.mktemp("figures")
+    experiments, outcomes = simulated
+    others = {name: experiment(name, ARMS) for name in ("point payload", "test vehicle")}
+    more = [outcome(e, arm, seed, passes=2) for e in others.values() for arm in ARMS for seed in (0, 1)]
+    return folder, figures.draw(experiments | others, [*outcomes, *more], folder)
+
+
+def test_files(drawn):
+    folder, files = drawn
+    assert [file.name for file in files] == [f"figure_{n}.{form}" for n in range(4, 10) for form in ("png", "svg")]
+    assert sorted(folder.iterdir()) == sorted(files)
+
+
+def test_not_blank(drawn):
+    from matplotlib.image import imread
+
+    for file in drawn[1]:
+        if file.suffix == ".png":
+            image = imread(file)
+            assert image.shape[1] == 7.2 * figures.DOTS
+            ink = image[..., :3].min(axis=2) < 0.9
+            assert 0.01 < ink.mean() < 0.5
+            for half in np.array_split(ink, 2, axis=1):
+                assert half.mean() > 0.005
+        else:
+            assert file.read_text(encoding="utf-8").count("<path") > 50
+
+
+def test_the_same_again(drawn, tmp_path, simulated):
+    figures.draw(*simulated, tmp_path)
+    again = (tmp_path / "figure_6.svg").read_bytes()
+    assert again == (drawn[0] / "figure_6.svg").read_bytes()
+    assert not (tmp_path / "figure_7.png").exists()
+
+
+def test_arms_truth_and_published_are_told_apart(simulated):
+    experiments, outcomes = simulated
+    kept = [o for o in outcomes if o.traces]
+    figure = figures._stage_1(experiments["simulation"], kept, "title")
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [*figures.LEVELS, "article's preset", "our default"]
+
+
+def test_each_pass_ends_where_its_dot_is(simulated):
+    experiments, outcomes = simulated
+    kept = [o for o in outcomes if o.traces and o.arm == "default"]
+    figure = figures._stage_1(experiments["simulation"], kept, "title")
+    later = figure.axes[1]
+    dots = next(line for line in later.lines if line.get_marker() == ".")
+    assert list(dots.get_xdata()) == [1, 2, 3, 4]
+    assert dots.get_ydata()[-1] == kept[0].values["semitrailer.cornering_stiffness"] / 1e3
+
+
+def test_the_middle_manoeuvre():
+    wave = experiment("simulation").drive.truth[LANDING_LEG]
+    start, end = figures.one_manoeuvre(TIME, wave)
+    assert start == pytest.approx(9, abs=0.2)
+    assert end == pytest.approx(15, abs=0.2)
+    assert figures.one_manoeuvre(TIME, np.zeros_like(TIME)) == (TIME[0], TIME[-1])
+
+
+def test_nothing_kept_nothing_drawn(tmp_path):
+    made = experiment("simulation")
+    assert figures.draw({made.name: made}, [outcome(made, "article", 1)], tmp_path) == []
