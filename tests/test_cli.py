@@ -29,7 +29,7 @@ SOUGHT = [
     "semitrailer.yaw_inertia",
     "semitrailer.payload.height",
 ]
-COMMANDS = ["identify", "states", "simulate", "vehicle"]
+COMMANDS = ["identify", "reproduce", "simulate", "states", "vehicle"]
 
 
 class Outcome:
@@ -481,3 +481,39 @@ def test_the_command_is_installed():
     pyproject = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())
     assert pyproject["project"]["scripts"]["fifthwheel"] == "fifthwheel.cli:main"
     assert pyproject["project"]["version"] == fifthwheel.__version__
+
+
+def test_simulates_the_nonlinear_truck(run, tmp_path):
+    """A log of the plant is one that identify takes, with the truth beside it; each wrong call is refused by name."""
+    sensors = tmp_path / "sensors.toml"
+    sensors.write_text('[speed]\n["steer.tractor.front"]\n["yaw_rate.tractor"]\nnoise = "0.2 deg/s"\n')
+    told = run(
+        "simulate", "a.csv", "--model", "nonlinear", "--count", 1, "--sensors", sensors, "--with", "bank=1 deg",
+        "--film", "strip.png", "--json",
+    )  # fmt: skip
+    assert told.code == 0
+    assert set(told.json()["signals"]) == {"speed", "steer.tractor.front", "yaw_rate.tractor"}
+    assert "sideslip.semitrailer.landing_leg" in told.json()["reference"]
+    assert all((tmp_path / name).stat().st_size for name in ("a.csv", "strip.png"))
+    for arguments, said in (
+        (["--film", "x.png"], "--model nonlinear"),
+        (["--model", "nonlinear", "--with", "bnk=1"], "did you mean bank"),
+        (["--model", "nonlinear", "--with", "bank"], "property=value"),
+        (["--model", "nonlinear", "--manoeuvre", "loop"], "loop"),
+        (["--model", "nonlinear", "--yaw-only"], "--yaw-only"),
+        (["--model", "nonlinear", "--film", "x.mpeg"], ".gif"),
+        (["--model", "nonlinear", "--rate", "60"], "rate"),
+    ):
+        refused = run("simulate", "b.csv", *arguments)
+        assert refused.code == 2
+        assert said in refused.err
+    assert not (tmp_path / "b.csv").exists()
+
+
+@pytest.mark.slow
+def test_reproduces_the_article_in_short(run, tmp_path):
+    told = run("reproduce", "--quick", "--out", "r", "--json")
+    assert told.code == 0
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert {"reproduction.md", "reproduction.csv"} | {f"figure_{n}.png" for n in range(4, 10)} <= names
+    assert len(told.json()["rows"]) > 20

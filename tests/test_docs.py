@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from fifthwheel import dynamics, vehicle
+from fifthwheel import dynamics, plant, vehicle
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
 from fifthwheel.identify import Settings, Verdict, article
@@ -188,13 +188,17 @@ def test_examples_run(
 
 
 @pytest.mark.parametrize("block", examples("toml"))
-def test_toml_is_read(block: str) -> None:
+def test_toml_is_read(block: str, tmp_path: Path) -> None:
     if "[[unit]]" in block:
         truck = loads(block)
         assert [unit.name for unit in truck.units] == ["tractor", "semitrailer"]
         assert truck.axle_loads()
-    else:
+    elif "[signals" in block:
         assert SignalMap.parse(block).signals
+    else:
+        file = tmp_path / "sensors.toml"
+        file.write_text(block, encoding="utf-8")
+        assert plant.sensors.load(file)
 
 
 def anchors(path: Path) -> set[str]:
@@ -217,3 +221,13 @@ def test_links_lead_somewhere(path: Path) -> None:
 def test_every_page_is_in_the_contents() -> None:
     for path in PAGES[1:]:
         assert path.name == "index.md" or f"({path.name})" in page("index.md")
+
+
+def test_every_course_property_and_sensor_field_is_told() -> None:
+    text = page("plant.md")
+    told = {cells[0].strip("`") for cells in rows(section(text, "Courses"))}
+    assert set(plant.COURSES) <= told
+    told = {cells[0].strip("`") for cells in rows(section(text, "Properties"))}
+    assert {field.name for field in fields(plant.Properties)} <= told
+    for field in fields(plant.Sensor):
+        assert re.search(rf"^{field.name} = ", text, re.MULTILINE), field.name

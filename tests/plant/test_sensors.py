@@ -195,7 +195,7 @@ def test_a_file_of_sensors(tmp_path):
         ("[yaw_rate.tractor]\nbias = true", r"yaw_rate\.tractor\.bias: expected a number, or a text .* got True"),
         ("[yaw_rate.tractor]\nnoise = 1\nvariance = 1", "noise and variance say the same thing; keep one"),
         ("[yaw_rate.tractor]\nnoise = '-1 deg/s'", r"yaw_rate\.tractor\.noise: expected a standard deviation of 0"),
-        ("[yaw_rate.tractor]\nrate = '10 kHz'", r"yaw_rate\.tractor\.rate"),
+        ("[yaw_rate.tractor]\nrate = '10 ms'", r"yaw_rate\.tractor\.rate"),
         ("[speed]\nmisalignment = 0.1", "speed: misalignment is of yaw_rate and roll_rate only"),
         ("[speed]\nlatency = '-1 s'", r"speed\.latency: got -1\.0, expected 0 s or more"),
         ("speed = 3", "speed: expected a table for each signal, got 3"),
