@@ -7,6 +7,7 @@
 * both alone and in a batch of vehicles (several to a vector register);
 * statsmodels and filterpy: the same 8-state filter with its matrices given, not recomputed;
 * Observer.push: one sample at a time, from a dict to a dict;
+* the nonlinear truck at 1 ms: seconds driven by seconds taken;
 * the command line: `fifthwheel identify` on 120 s at 100 Hz, 15 lane changes, both stages, as a whole process with the
   compiled steps on disk and without; `fifthwheel --help`.
 
@@ -174,6 +175,14 @@ def push_figures() -> tuple[float, float]:
     return float(median), float(high)
 
 
+def plant_figure() -> float:
+    """How many times faster than the drive itself the nonlinear truck is."""
+    from fifthwheel.plant import Plant, course
+
+    plant, lanes = Plant(TRUCK), course("lane_changes", TRUCK, count=2)
+    return lanes.duration / best(lambda: plant.drive(lanes), runs=3)
+
+
 def command_figures() -> dict[str, float]:
     """Seconds of whole processes."""
     with tempfile.TemporaryDirectory() as folder:
@@ -206,6 +215,7 @@ def main() -> None:
         print(f"{'  ' + name + ', matrices given':36s} {peer:8.3f}          ours: {ratios}")
     median, high = push_figures()
     print(f"{'Observer.push, us':36s} median {median:.1f}, 99 % {high:.1f}")
+    print(f"{'nonlinear truck, times real time':36s} {plant_figure():8.1f}")
     for name, seconds in command_figures().items():
         print(f"{'fifthwheel ' + name + ', s':36s} {seconds:8.2f}")
 

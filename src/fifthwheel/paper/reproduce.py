@@ -27,7 +27,7 @@ class Extent:
 
     seeds: int = 20
     """Of noise and of starts, for every experiment and arm."""
-    repetitions: int = 15
+    repetitions: int = 12
     """Of the lane change; the article needs more than 10."""
     variant_seeds: Mapping[str, int]
     """Of each variant, by arm."""

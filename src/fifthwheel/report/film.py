@@ -1,7 +1,7 @@
 """A drive to look at: the truck from above and from behind, as a strip of instants or as an animation.
 
-A picture tells what no table does: whether the trailer cuts in when it is slow and swings out when it is fast, and
-whether its body leans out of the bend. Points of the road are complex, x + iy, those of a picture right + i up.
+It shows whether the trailer cuts in when slow and swings out when fast, and whether its body leans out of the bend.
+Points of the road are complex, x + iy, those of a picture right + i up.
 """
 
 import io
@@ -41,7 +41,6 @@ def film(
     """Draw the truck as it moves, from the truth of its drive.
 
     Args:
-        drive: of the plant.
         path: a strip of six instants (.png, .svg) or an animation in real time (.gif; beyond 8 s it runs faster).
         start, stop: of the window, s; without them 4 s, of an animation 6 s, around what is liveliest in the last unit.
         exaggerate: factor on roll and on the squash of tyres from behind; from above all is true to scale.
@@ -55,9 +54,9 @@ def film(
         raise SignalError(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, got {kind or 'no suffix'}")
     if not 0 < exaggerate <= 30:
         raise SignalError(f"exaggerate: expected above 0 and up to 30, got {exaggerate:g}; 1 draws angles as they are")
-    vehicle, unit = drive.vehicle, drive.vehicle.units[-1]
-    needed = ["speed", *(f"{quantity}.{u.name}" for u in vehicle.units for quantity in QUANTITIES)]
-    needed += [f"{q}.{unit.name}.{axle.name}" for axle in unit.axle_groups[-1].axles for q in LOADS]
+    units, group = drive.vehicle.units, drive.vehicle.units[-1].axle_groups[-1]
+    needed = ["speed", *(f"{quantity}.{u.name}" for u in units for quantity in QUANTITIES)]
+    needed += [f"{q}.{units[-1].name}.{axle.name}" for axle in group.axles for q in LOADS]
     if missing := [name for name in needed if name not in drive.truth]:
         raise SignalError(f"{missing[0]}: missing in the truth of {drive.name}; take a drive of Plant.drive")
     try:
@@ -74,12 +73,10 @@ def film(
             pictures = []
             for k in range(count):
                 scene.page(Figure(), range(k, k + 1), aside=True).savefig(drawn := io.BytesIO(), format="png", dpi=100)
-                colours = Image.open(drawn).convert("RGB")
-                pictures.append(colours.quantize(64, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE))
+                pictures.append(Image.open(drawn).convert("RGB").quantize(64, Image.Quantize.FASTOCTREE))
             pictures[0].save(part, "GIF", save_all=True, append_images=pictures[1:], duration=1000 // RATE, loop=0)
         else:
-            data = {"Date": None} if kind == ".svg" else None  # the same drive, the same file
-            scene.page(Figure(), range(count)).savefig(part, format=kind[1:], dpi=150, metadata=data)
+            scene.page(Figure(), range(count)).savefig(part, format=kind[1:], dpi=150, metadata={"Date": None})
     return Path(path)
 
 
@@ -99,10 +96,8 @@ def _window(drive: "Drive", start: float | None, stop: float | None, span: float
 
 def _parts(vehicle: "Vehicle", i: int) -> list[tuple[str, float, float, float]]:
     """Shade, rear and front (x on the unit) and width, m, of a unit's parts: from its axles, with usual overhangs."""
-    beyond = [
-        u.axles[-1].position - c.leading_position for u, c in zip(vehicle.units[:-1], vehicle.couplings, strict=True)
-    ]
-    barred = [gap > 0.5 for gap in beyond]  # by a drawbar's eye behind the axles, not a fifth wheel between them
+    pairs = zip(vehicle.units[:-1], vehicle.couplings, strict=True)  # a drawbar's eye is behind all axles
+    barred = [coupling.leading_position < unit.axles[-1].position - 0.5 for unit, coupling in pairs]
     axles, last = [axle.position for axle in vehicle.units[i].axles], i == len(vehicle.couplings)
     rear = body = min(axles) - (TAIL if last else 0.9)
     if not last:
@@ -138,7 +133,7 @@ def _stage(axes: "Axes", right: float, low: float, high: float, bar: float) -> N
     axes.spines[:].set(color="#c8c8c8", linewidth=0.6)
     left, foot = 0.1 * right - right, low + 0.07 * right
     axes.plot([left, left + bar], [foot, foot], color=DARK, lw=2, solid_capstyle="butt", zorder=9)
-    axes.text(left + bar + 0.08 * right, foot, f"{bar:g} m", size=7, va="center", backgroundcolor="white")
+    axes.text(left + bar + 0.08 * right, foot, f"{bar:g} m", size=7, va="center", zorder=9)
 
 
 class _Scene:
@@ -163,10 +158,8 @@ class _Scene:
         else:  # a bend: as if the first axle had kept to the middle of its lane
             centre, side, width, heading = paths[0], (0.0, 0.0), 0.5 * length, np.angle(ends[0] - ends[1])
         low, high = math.floor(side[0] / LANE + 0.3), math.ceil(side[1] / LANE - 0.3)
-        lines, left = (
-            [(paths[0], FIRST, "-", 6), (paths[1], LAST, "--", 6)],
-            1j * np.exp(1j * np.angle(np.gradient(centre))),
-        )
+        lines = [(paths[0], FIRST, "-", 6), (paths[1], LAST, "--", 6)]
+        left = 1j * np.exp(1j * np.angle(np.gradient(centre)))
         for k in range(low, high + 2):
             gap = (np.arange(len(centre)) * 0.5 % EVERY > DASH) & (low < k <= high)
             lines.append((np.where(gap, np.nan, centre + left * LANE * (k - 0.5)), MIDDLE, "-", 1))
@@ -177,10 +170,8 @@ class _Scene:
     def page(self, figure: "Figure", instants: range, *, aside: bool = False) -> "Figure":
         """Instants side by side, the view from behind below that from above, or on its right."""
         wide, names = TALL * self.size[0] / self.size[1], [unit.name for unit in self.drive.vehicle.units]
-        right, square, low, top = (
-            (wide + 0.1, 4.5, 0.5, 0.05) if aside else (0.0, wide, wide + 0.55, 0.27 + 0.17 * len(names))
-        )
-        column, high = right + square + 0.08, low + TALL + top
+        right, square, low = (wide + 0.1, 4.5, 0.5) if aside else (0.0, wide, wide + 0.55)
+        column, high = right + square + 0.08, low + TALL + (0.05 if aside else 0.27 + 0.17 * len(names))
         across = column * len(instants)
         figure.set_size_inches(across, high)
         for n, k in enumerate(instants):
@@ -188,22 +179,17 @@ class _Scene:
             self.above(figure.add_axes((left / across, low / high, wide / across, TALL / high)), k)
             left += right
             self.behind(figure.add_axes((left / across, 0.5 / high, square / across, square / high)), k)
-            text = [f"{self.time[k]:.2f} s   {3.6 * self.truth['speed'][k]:.0f} km/h"]
-            text += [f"{self.truth[f'lateral_acceleration.{name}'][k]:+.1f} m/s² {name}" for name in names]
-            figure.text(left / across, 1 - 0.06 / high, "\n".join(text), va="top", linespacing=1.3)
-        figure.text(0.04 / across, 0.43 / high, self.caption(across), va="top", size=7)
-        return figure
-
-    def caption(self, across: float) -> str:
-        """What is drawn how, in lines for a picture so many inches wide."""
-        factor = f"drawn {self.exaggerate:g} times as large" if self.exaggerate != 1 else "as they are"
-        return textwrap.fill(
+            words = [f"{self.time[k]:.2f} s   {3.6 * self.truth['speed'][k]:.0f} km/h"]
+            words += [f"{self.truth[f'lateral_acceleration.{name}'][k]:+z.1f} m/s² {name}" for name in names]
+            figure.text(left / across, 1 - 0.06 / high, "\n".join(words), va="top", linespacing=1.3)
+        text = (
             f"{self.drive.vehicle.name}, {self.drive.name}. Lateral accelerations left positive. From above, true to"
-            " scale: solid the path of the first axle, dashed that of the last. From behind: roll angles and squash of"
-            f" tyres {factor}; a darker tyre bears more; dots: roll axis and CoG of the body; arrow: lateral"
-            " acceleration; dashed: the units in front.",
-            int(19.5 * across),
+            " scale; solid: path of the first axle, dashed: of the last. From behind, roll angles and squash of tyres"
+            f" times {self.exaggerate:g}; a darker tyre bears more; dots: roll axis and CoG of the body; arrow: lateral"
+            " acceleration; dashed outlines: units in front."
         )
+        figure.text(0.04 / across, 0.43 / high, textwrap.fill(text, int(19.5 * across)), va="top", size=7)
+        return figure
 
     def above(self, axes: "Axes", k: int) -> None:
         """From above, the way ahead up the page."""
@@ -232,7 +218,7 @@ class _Scene:
         vehicle, unit, t = self.drive.vehicle, self.drive.vehicle.units[-1], self.truth
         _stage(axes, 2.65, -0.75, 4.55, 1.0)
         axes.plot([-2.65, 0, 0, 0, 2.65], [0, 0, TOP + 0.2, 0, 0], color=DARK, lw=0.8, zorder=1)
-        axes.text(2.5, 4.4, f"roll {math.degrees(t[f'roll.{unit.name}'][k]):+.1f}°", size=7, ha="right", va="top")
+        axes.text(2.5, 4.4, f"roll {math.degrees(t[f'roll.{unit.name}'][k]):+z.1f}°", size=7, ha="right", va="top")
         here, ahead = _point(t, unit, unit.cog)[k], np.exp(1j * t[f"yaw.{unit.name}"][k])
         for i, other in enumerate(vehicle.units):
             load, axis, shades = other.payload, 1j * other.roll_axis_height, [part[0] for part in _parts(vehicle, i)]
@@ -249,7 +235,7 @@ class _Scene:
         cog = axis + 1j * (vehicle.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height) * lean
         axes.plot([0, cog.real], [axis.imag, cog.imag], "o", color=DARK, ms=3, zorder=7)
         pull = -0.6 * t[f"lateral_acceleration.{unit.name}"][k]
-        axes.arrow(cog.real, cog.imag, pull, 0, color=LAST, head_width=0.15, length_includes_head=True, zorder=8)
+        axes.quiver(cog.real, cog.imag, pull, 0, color=LAST, scale_units="xy", scale=1, width=0.012, zorder=8)
         group, track = unit.axle_groups[-1], self.drive.properties.half_track  # its tyres, squashed by their load
         loads = np.array([t[f"vertical_force.{unit.name}.{axle.name}"][k] for axle in group.axles])
         shift = float(loads @ [t[f"load_transfer.{unit.name}.{axle.name}"][k] for axle in group.axles])
