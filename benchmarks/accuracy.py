@@ -60,7 +60,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--lane-changes", type=int, nargs="+", default=[1, 2, 5, 10, 15])
     options = parser.parse_args()
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = vehicle.get("cheng_cebon_2011")  # as the article models it: side forces act at once
+    truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
     for settings in (Settings(), Settings(preset="default, one round", rounds=1), article()):
         for count in options.lane_changes:
             print(f"\n{settings.preset}, {count} lane changes, {options.seeds} seeds")
