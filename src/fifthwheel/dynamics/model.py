@@ -17,8 +17,8 @@ from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-ORDER = {False: 5, True: 6}
-"""Of the Taylor series, without and with roll."""
+ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
+"""Of the Taylor series, by (with roll, side forces with a lag): one step to a sample of 100 Hz up to motorway speeds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,8 +119,9 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     equations = chain.equations(value, vehicle, roll=roll)
     A, B = equations.state_space((d[0] + d[k]) / 2)
     advance = sensor["gain"] * late
-    transition = taylor(A, B, x, before + advance, after + advance, dt, ORDER[roll])
-    matrix = transition_matrix(A, dt, ORDER[roll])
+    order = ORDER[roll, bool(chain.lagging_groups(vehicle))]
+    transition = taylor(A, B, x, before + advance, after + advance, dt, order)
+    matrix = transition_matrix(A, dt, order)
 
     speed = d[k]
     A, B = equations.state_space(speed)
@@ -164,19 +165,20 @@ def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX,
 
 
 def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """The Taylor series of exp(A dt), of which `taylor` is the product with x, with half the products of matrices.
+    """The Taylor series of exp(A dt), of which `taylor` is the product with x, with far fewer products of matrices.
 
-    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + ...).
+    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + M^3 (I/6! + ...)).
     """
     n = A.shape[0]
     M = A * dt
     powers = [ca.SX.eye(n), M, M @ M]
     cube = powers[2] @ M
-
-    def part(first: int, last: int) -> ca.SX:
-        return sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
-
-    high = part(3, min(order, 5))
-    if order == 6:
-        high += cube / math.factorial(6)
-    return ca.densify(part(0, 2) + cube @ high)
+    total = ca.SX(n, n)
+    for first in reversed(range(0, order + 1, 3)):
+        last = min(first + 2, order)
+        part = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
+        if first == order:
+            total = powers[0] / math.factorial(order)
+        else:
+            total = part + (cube @ total if last < order else 0)
+    return ca.densify(total)

@@ -12,11 +12,11 @@ from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-REACH = {(False, False): 0.11, (False, True): 0.14, (True, False): 0.45, (True, True): 0.35}
+REACH = {(False, False): 0.11, (False, True): 0.76, (True, False): 0.45, (True, True): 0.88}
 """Largest product of step and fastest eigenvalue, that with its margin of 1.25, by (with roll, side forces with a lag):
-a step then errs by less than 1e-6 of the largest state. The yaw model's series is shorter, and its matrix farther from
-normal than its eigenvalues tell; so is that of side forces with a lag. 1e-6 is reached near 0.121, 0.142, 0.469 and
-0.359: the catalogue's trucks and two trains of three units, 3 to 35 m/s, relaxation lengths of 0.1 to 0.8 m on all
+a step then errs by less than 1e-6 of the largest state. Series differ in length, see `model.ORDER`; the yaw model's
+matrix is farther from normal than its eigenvalues tell, and so is that of side forces with a lag. 1e-6 is reached near
+0.121, 0.78, 0.469 and 0.90: the catalogue's trucks and two trains of three units, 3 to 35 m/s, relaxation lengths of 0.1 to 0.8 m on all
 groups or on some, 400 random states and steer angles each."""
 
 SPEEDS = np.geomspace(1.0, 60.0, 32)
