@@ -12,6 +12,9 @@ Where an axle group has a relaxation length sigma, its side force follows the me
 sigma s' = u (alpha - s), and s is one more state (first-order lag: H. B. Pacejka, Tyre and Vehicle Dynamics, 2006,
 7.1); what the axles' slip angles differ by acts at once.
 
+A road that leans sideways by an angle, its left edge higher, pulls every mass to the right with g times that angle, as
+a lateral acceleration would. Unknown, it is a state more: one that nothing moves but process noise.
+
 Range: small angles, linear tyres, speed that changes slowly, each unit braked or driven in proportion to its own mass
 (no longitudinal force through the couplings).
 """
@@ -23,10 +26,15 @@ import casadi as ca
 
 from fifthwheel.dynamics import unit as one
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
 
-def state_names(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
-    """The state's signals in order: 2 n of them for n units, 4 n with roll, and one for each group with a lag."""
+BANK = "bank.road"
+"""Name of the state that is the road's lean, rad, left edge higher."""
+
+
+def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
+    """The state's signals in order: 2 n of them for n units, 4 n with roll, one for each group with a lag, the bank."""
     units = [unit.name for unit in vehicle.units]
     names = [
         f"lateral_velocity.{units[0]}",
@@ -35,7 +43,8 @@ def state_names(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
     ]
     if roll:
         names += [f"roll.{u}" for u in units] + [f"roll_rate.{u}" for u in units]
-    return (*names, *[f"slip_angle.{path}" for path in lagging_groups(vehicle)])
+    names += [f"slip_angle.{path}" for path in lagging_groups(vehicle)]
+    return (*names, BANK) if bank else tuple(names)
 
 
 def lagging_groups(vehicle: Vehicle) -> tuple[str, ...]:
@@ -55,6 +64,7 @@ class Motion:
     roll_rate: tuple[ca.SX, ...]  # rad/s
     jacobian: tuple[ca.SX, ...]  # J_i: (v, r[, p]) of unit i per generalised velocity
     slip: Mapping[str, ca.SX]  # rad, that the side forces have reached, by group; none where they have no lag
+    bank: ca.SX  # rad, of the road; zero where it is no state
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +120,9 @@ def solve_positive(M: ca.SX, right: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-def motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool) -> Motion:
+def motion(
+    p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool = False
+) -> Motion:
     """Kinematics of every unit from the chain's state, coupling by coupling from the front.
 
     A coupling's point has one lateral velocity whichever of its two units it is reckoned from:
@@ -118,7 +130,7 @@ def motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, 
     """
     units = vehicle.units
     n = len(units)
-    places = {name: i for i, name in enumerate(state_names(vehicle, roll=roll))}
+    places = {name: i for i, name in enumerate(state_names(vehicle, roll=roll, bank=bank))}
     m = 1 + (2 if roll else 1) * n
     basis = ca.SX.eye(m)
     yaw, rolling = [basis[1 + i, :] for i in range(n)], [basis[1 + n + i, :] if roll else ca.SX(1, m) for i in range(n)]
@@ -143,6 +155,7 @@ def motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, 
         roll_rate=tuple(x[places[f"roll_rate.{u.name}"]] if roll else ca.SX(0) for u in units),
         jacobian=tuple(ca.vertcat(lateral[i], yaw[i], *([rolling[i]] if roll else [])) for i in range(n)),
         slip={path: x[places[f"slip_angle.{path}"]] for path in lagging_groups(vehicle)},
+        bank=x[places[BANK]] if bank else ca.SX(0),
     )
 
 
@@ -152,18 +165,19 @@ def velocity_places(vehicle: Vehicle, *, roll: bool) -> list[int]:
     return [i for i, name in enumerate(names) if name.split(".")[0] in ("lateral_velocity", "yaw_rate", "roll_rate")]
 
 
-def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool) -> Equations:
+def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: bool = False) -> Equations:
     """The chain's equations of motion.
 
     Args:
         p: every path of `vehicle.parameters()`, each a number or a symbol.
         vehicle: units, axles and couplings; its numbers are not used.
         roll: yaw and roll (the article's 5 degrees of freedom for two units) or yaw only (3).
+        bank: the road's lean is a state.
     """
-    names = state_names(vehicle, roll=roll)
+    names = state_names(vehicle, roll=roll, bank=bank)
     x, u, slowness = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("slowness")
     steer = {name: ca.SX.sym(name) for name in vehicle.steer_signals()}
-    moving = motion(p, vehicle, x, u, roll=roll)
+    moving = motion(p, vehicle, x, u, roll=roll, bank=bank)
     size = 3 if roll else 2
     m = 1 + (2 if roll else 1) * len(vehicle.units)
     M, force = ca.SX(m, m), ca.SX(m, 1)
@@ -180,7 +194,7 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool) -> Equati
             towards = one.mean_slip(p, unit, group, *going)
             slipping[unit.group_path(group)] = u * towards.turned - towards.drift
         # a_i = J_i w' + u r_1 for every unit: v_i' holds -u (r_i - r_1), the turning axes add u r_i
-        carried = inertia[:, 0] * u * moving.r[0]
+        carried = inertia[:, 0] * (u * moving.r[0] + GRAVITY * moving.bank)
         force += J.T @ (applied - carried[:size])
     if roll:
         for i, coupling in enumerate(vehicle.couplings):

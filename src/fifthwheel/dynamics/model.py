@@ -30,6 +30,7 @@ class ChainModel:
 
     vehicle: Vehicle  # its topology; the numbers come through p and c
     roll: bool
+    bank: bool  # whether the road's lean is a state
     states: tuple[str, ...]
     inputs: tuple[str, ...]  # speed and steer signals
     outputs: tuple[str, ...]  # measured signals
@@ -77,7 +78,9 @@ def topology(vehicle: Vehicle) -> tuple[object, ...]:
 _models: dict[tuple[object, ...], ChainModel] = {}
 
 
-def model(vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, free: Sequence[str] = ()) -> ChainModel:
+def model(
+    vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, free: Sequence[str] = (), bank: bool = False
+) -> ChainModel:
     """The model of a vehicle whose sensors show `outputs`; the same one for every vehicle of the same make-up.
 
     Args:
@@ -85,6 +88,7 @@ def model(vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, free: Sequenc
         outputs: signals such as "yaw_rate.tractor".
         roll: yaw and roll, or yaw only.
         free: parameters for p, by the names in `all_parameters`; all others go to c.
+        bank: the road's lean is a state.
 
     Raises:
         SignalError: an output that the vehicle or the yaw-only model does not have.
@@ -94,13 +98,13 @@ def model(vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, free: Sequenc
         sensors.unit_index(vehicle, name)
         if not roll and name.partition(".")[0] in sensors.NEEDS_ROLL:
             raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or leave the signal out")
-    key = (topology(vehicle), tuple(outputs), roll, tuple(free))
+    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank)
     if key not in _models:
-        _models[key] = _build(vehicle, tuple(outputs), roll, tuple(free))
+        _models[key] = _build(vehicle, tuple(outputs), roll, tuple(free), bank)
     return _models[key]
 
 
-def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[str, ...]) -> ChainModel:
+def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[str, ...], bank: bool) -> ChainModel:
     names = tuple(all_parameters(vehicle, outputs))
     unknown = set(free) - set(names)
     if unknown:
@@ -109,14 +113,14 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     p, c = ca.SX.sym("p", len(free)), ca.SX.sym("c", len(known))
     value = dict(zip(free, ca.vertsplit(p), strict=True)) if free else {}
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
-    states, steers = chain.state_names(vehicle, roll=roll), vehicle.steer_signals()
+    states, steers = chain.state_names(vehicle, roll=roll, bank=bank), vehicle.steer_signals()
     n, k = len(states), 1 + len(steers)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
     shown, shown_after = d[1:k], d[k + 1 :]
     sensor = {word: ca.vertcat(*[value[f"{name}.{word}"] for name in steers]) for word in ("gain", "offset", "delay")}
     late = sensor["delay"] * (shown_after - shown) / ca.fmax(dt, 1e-3)
     before, after = (sensor["gain"] * (angle - sensor["offset"]) for angle in (shown, shown_after))
-    equations = chain.equations(value, vehicle, roll=roll)
+    equations = chain.equations(value, vehicle, roll=roll, bank=bank)
     A, B = equations.state_space((d[0] + d[k]) / 2)
     advance = sensor["gain"] * late
     order = ORDER[roll, bool(chain.lagging_groups(vehicle))]
@@ -126,7 +130,7 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     speed = d[k]
     A, B = equations.state_space(speed)
     rates = A @ x + B @ after
-    moving = chain.motion(value, vehicle, x, speed, roll=roll)
+    moving = chain.motion(value, vehicle, x, speed, roll=roll, bank=bank)
     w_rates = rates[list(equations.velocities)]
     turning = ca.vertcat(speed * moving.r[0], *([0] * (2 if roll else 1)))
     view = sensors.View(
@@ -142,6 +146,7 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     return ChainModel(
         vehicle=vehicle,
         roll=roll,
+        bank=bank,
         states=states,
         inputs=("speed", *steers),
         outputs=outputs,

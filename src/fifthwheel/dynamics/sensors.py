@@ -1,7 +1,8 @@
 """What sensors on a unit see of the chain's motion, as expressions of the state.
 
-A sensor is named quantity.unit. Its own errors are parameters too: <sensor>.offset is added to what it shows. Where a
-quantity depends on the place, <sensor>.position (x on the unit, m) and <sensor>.height (above the ground, m) say where.
+A sensor is named quantity.unit. Its own errors are parameters too: it shows <sensor>.gain times the quantity, plus
+<sensor>.offset. Where a quantity depends on the place, <sensor>.position (x on the unit, m) and <sensor>.height (above
+the ground, m) say where.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,12 +41,12 @@ def _sideslip(view: View, i: int, name: str) -> ca.SX:
 
 
 def _lateral_acceleration(view: View, i: int, name: str) -> ca.SX:
-    """As an accelerometer fixed to the sprung body shows it: it leans, and so sees g times the roll angle."""
+    """As an accelerometer fixed to the sprung body shows it: it leans, and so sees g times the roll angle and bank."""
     unit = view.vehicle.units[i].name
     arm = view.p[f"{name}.position"] - view.p[f"{unit}.cog"]
     above = view.p[f"{name}.height"] - view.p[f"{unit}.roll_axis_height"]
     a = view.acceleration[i]
-    seen = a[0] + arm * a[1]
+    seen = a[0] + arm * a[1] + GRAVITY * view.motion.bank
     return seen - above * a[2] + GRAVITY * view.motion.roll[i] if view.roll else seen
 
 
@@ -62,7 +63,8 @@ def _coupling_force(view: View, i: int, name: str) -> ca.SX:
     total = ca.SX(0)
     for k in range(i, len(view.vehicle.units)):
         unit, motion = view.vehicle.units[k], view.motion
-        inertia = mass_matrix(view.p, unit, roll=view.roll)[0, :] @ view.acceleration[k]
+        row = mass_matrix(view.p, unit, roll=view.roll)[0, :]
+        inertia = row @ view.acceleration[k] + row[0] * GRAVITY * motion.bank
         going = (motion.across[k], motion.heading[k], motion.r[k], view.steer)
         tyres = tyre_forces(view.p, unit, *going, 1 / view.speed, motion.slip)[0]
         total += inertia - tyres
@@ -101,15 +103,15 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 
 
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
-    """The sensor's own parameters and their defaults: no offset, on the roll axis under the CoG."""
+    """The sensor's own parameters and their defaults: no error, on the roll axis under the CoG."""
     unit = vehicle.units[unit_index(vehicle, name)]
-    own = {f"{name}.offset": 0.0}
+    own = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
     if QUANTITIES[name.partition(".")[0]][1]:
         own |= {f"{name}.position": unit.cog, f"{name}.height": unit.roll_axis_height}
     return own
 
 
 def reading(view: View, name: str) -> ca.SX:
-    """What the sensor shows, its offset included."""
+    """What the sensor shows, its errors included."""
     i = unit_index(view.vehicle, name)
-    return QUANTITIES[name.partition(".")[0]][2](view, i, name) + view.p[f"{name}.offset"]
+    return QUANTITIES[name.partition(".")[0]][2](view, i, name) * view.p[f"{name}.gain"] + view.p[f"{name}.offset"]
