@@ -11,7 +11,7 @@ from fifthwheel.dynamics.analysis import (
     steady_state,
 )
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.model import ChainModel, all_parameters, model
+from fifthwheel.dynamics.model import ChainModel, all_parameters, model, steer_parameters
 
 __all__ = [
     "ChainModel",
@@ -26,4 +26,5 @@ __all__ = [
     "rearward_amplification",
     "state_names",
     "steady_state",
+    "steer_parameters",
 ]

@@ -1,14 +1,16 @@
-"""What is unknown: the parameters that are sought and the sensors' errors beside them, each with prior and bounds."""
+"""What is unknown: the parameters that are sought, what is known only roughly, and the sensors' errors beside them,
+each with prior and bounds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.settings import Common, OneStage, Settings
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.part import suggestion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +25,8 @@ class Unknown:
     logarithmic: bool = False
     nuisance: bool = False  # has a known prior mean, to which every pass returns
     each_log: bool = False  # another one in every log
+    rough: bool = False  # known roughly by the vehicle file, and estimated beside what is sought
+    considered: bool = False  # never learned, but counted in every sigma
     start: float = 1.0  # standard deviation of z at the start of the filter
     walk: float = 0.0  # standard deviation of z gained per sample
 
@@ -95,7 +99,80 @@ def sought(vehicle: Vehicle, names: Sequence[str], settings: Settings) -> list[U
     return found
 
 
-def nuisances(vehicle: Vehicle, outputs: Sequence[str], settings: Settings) -> list[Unknown]:
+def one_stage_sought(vehicle: Vehicle, settings: OneStage) -> list[str]:
+    """Paths of what the one-stage estimator seeks.
+
+    Raises:
+        VehicleError: a name that is no parameter, or that cannot be held because it is not sought.
+    """
+    known = vehicle.parameters()
+    if settings.free is not None:
+        names = list(dict.fromkeys(settings.free))
+    else:
+        heights = stage_2_names(vehicle)
+        apart = [f"{unit.name}.sprung.{word}" for unit in vehicle.units[1:] for word in ("cog_height", "roll_inertia")]
+        names = [*stage_1_names(vehicle), *(heights if settings.uniform_payload else apart)]
+    for name in (*names, *settings.held):
+        if name not in known:
+            raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, known)}")
+    return [name for name in names if name not in settings.held]
+
+
+def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
+    """Everything but the initial states: what is sought, what is known roughly, what is considered, the sensors."""
+    sought = one_stage_sought(vehicle, settings)
+    values = vehicle.parameters()
+    found = []
+    for name in sought:
+        if name.endswith(".payload.height"):
+            start = settings.initial_payload_height
+            centre = values[name] if start is None else start
+            found.append(Unknown(name=name, centre=centre, scale=settings.height_prior, lower=0.01, upper=3.5))
+        else:
+            found.append(_logarithmic(name, values[name], settings.priors.get(name, settings.prior)))
+    taken = {*sought, *settings.held}
+    loads = tuple(f"{name.removesuffix('payload.height')}sprung." for name in sought if name.endswith(".payload.height"))
+    for table, considered in ((settings.priors, False), (settings.consider, True)):
+        for name, value in values.items():
+            key = longest_ending(name, table)
+            # under a load whose height is sought, the body's own height would only be the same unknown twice
+            vague = key != name and (value <= 0 or name.startswith(loads))
+            if key is None or name in taken or vague:
+                continue
+            taken.add(name)
+            found.append(_logarithmic(name, value, table[key], rough=not considered, considered=considered))
+    sensors = nuisances(vehicle, outputs, settings)
+    if settings.nuisances:
+        sensors += [
+            _error(f"{name}.gain", settings.rate_gain_prior, centre=1.0)
+            for name in outputs
+            if name.split(".")[0] in ("yaw_rate", "roll_rate")
+        ]
+    return found + sensors
+
+
+def longest_ending(path: str, table: Mapping[str, float]) -> str | None:
+    """The longest key of a table that is a path or the end of it, whole words only."""
+    fitting = [key for key in table if path == key or path.endswith(f".{key}")]
+    return max(fitting, key=len, default=None)
+
+
+def _logarithmic(name: str, value: float, sigma: float, *, rough: bool = False, considered: bool = False) -> Unknown:
+    if value <= 0:
+        raise VehicleError(f"{name}: expected above 0 to be estimated, got {value:g}; hold it, or give it a value")
+    return Unknown(
+        name=name,
+        centre=value,
+        scale=sigma,
+        lower=value / 8,
+        upper=value * 8,
+        logarithmic=True,
+        rough=rough,
+        considered=considered,
+    )
+
+
+def nuisances(vehicle: Vehicle, outputs: Sequence[str], settings: Common) -> list[Unknown]:
     """Errors of the steered axles' and the outputs' sensors."""
     if not settings.nuisances:
         return []

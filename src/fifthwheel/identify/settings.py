@@ -1,15 +1,16 @@
 """How an identification is done. Every number that steers it is a field here, with a sentence."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from fifthwheel.errors import SignalError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Settings of the two-stage identification; `Settings()` is our default, `article()` the published preset."""
+class Common:
+    """What both methods are told."""
 
     preset: str = "default"
     """Name under which the settings go into the result."""
@@ -18,36 +19,11 @@ class Settings:
     initial_payload_height: float | None = 0.1
     """Height from which the payload's is sought, m; None starts from the vehicle file."""
     prior: float = 0.3
-    """Prior standard deviation of a stiffness or an inertia, as a part of its initial value."""
+    """Prior standard deviation of a stiffness or an inertia that is sought, as a part of its initial value."""
     height_prior: float = 1.0
     """Prior standard deviation of a payload height, m."""
-    initial_sigma: float | None = None
-    """Where the filter's own P_p(0) starts, as a part of the initial value; None for the prior's."""
-    initial_height_sigma: float | None = None
-    """The same for a payload height, m."""
-    logarithmic: bool = True
-    """Seek stiffness and inertia by their logarithm, so that they stay positive."""
-    passes: int = 40
-    """At most so many times through the logs in each stage."""
-    rounds: int = 10
-    """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
     tolerance: float = 0.01
-    """Converged: a pass moves it by no more than a tenth of this part of it, or of its sigma. With `average`, the
-    article's rule: it stays within this part of its average."""
-    average: bool = False
-    """Take the average since convergence as the estimate (the article), or the last value, which holds all the data."""
-    consistent: bool = True
-    """Count the state's own uncertainty in the parameter filter's innovation variance."""
-    coupled: bool = True
-    """Carry a parameter's correction over to the state."""
-    random_walk: float = 0.0
-    """Standard deviation that a parameter gains at every sample, as a part of its initial value (the article's Q_p)."""
-    height_walk: float = 0.0
-    """The same for a payload height, m."""
-    restart: bool = True
-    """Begin every pass with the prior covariance, so that no sample is counted twice; the article carries it on."""
-    forgetting: float = 1.0
-    """The article's lambda: the random walk shrinks by this factor at every sample."""
+    """Converged: the last step or pass moves it by no more than a tenth of this part of it, or of its sigma."""
     relaxation: bool = True
     """Let side forces build up over the relaxation lengths of the vehicle file; the article's do at once."""
     nuisances: bool = True
@@ -81,17 +57,107 @@ class Settings:
     """Refuse logs whose signals cannot be what they are called."""
 
     def __post_init__(self) -> None:
-        for name in ("prior", "height_prior", "passes", "rounds", "tolerance", "gate", "min_speed", "correlation_time"):
+        for name in ("prior", "height_prior", "tolerance", "gate", "min_speed", "correlation_time"):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
-        if not 0 < self.forgetting <= 1:
-            raise SignalError(f"forgetting: expected above 0 and at most 1, got {self.forgetting}")
         for name, variance in self.noise.items():
             if not 0 < variance < math.inf:
                 raise SignalError(f"{name}: expected a variance above 0, got {variance}")
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(Common):
+    """Settings of the two-stage identification; `Settings()` is our default, `article()` the published preset."""
+
+    initial_sigma: float | None = None
+    """Where the filter's own P_p(0) starts, as a part of the initial value; None for the prior's."""
+    initial_height_sigma: float | None = None
+    """The same for a payload height, m."""
+    logarithmic: bool = True
+    """Seek stiffness and inertia by their logarithm, so that they stay positive."""
+    passes: int = 40
+    """At most so many times through the logs in each stage."""
+    rounds: int = 10
+    """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
+    average: bool = False
+    """Take the average since a parameter stays within the tolerance of it as the estimate (the article's rule), or the
+    last value, which holds all the data."""
+    consistent: bool = True
+    """Count the state's own uncertainty in the parameter filter's innovation variance."""
+    coupled: bool = True
+    """Carry a parameter's correction over to the state."""
+    random_walk: float = 0.0
+    """Standard deviation that a parameter gains at every sample, as a part of its initial value (the article's Q_p)."""
+    height_walk: float = 0.0
+    """The same for a payload height, m."""
+    restart: bool = True
+    """Begin every pass with the prior covariance, so that no sample is counted twice; the article carries it on."""
+    forgetting: float = 1.0
+    """The article's lambda: the random walk shrinks by this factor at every sample."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("passes", "rounds"):
+            if not getattr(self, name) > 0:
+                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        if not 0 < self.forgetting <= 1:
+            raise SignalError(f"forgetting: expected above 0 and at most 1, got {self.forgetting}")
+
+
+ROUGHLY_KNOWN: Mapping[str, float] = {
+    "roll_stiffness": 0.1,
+    "tyre_roll_stiffness": 0.1,
+    "roll_damping": 0.3,
+    "roll_axis_height": 0.1,
+    "relaxation_length": 0.2,
+    "fifth_wheel.roll_stiffness": 0.3,
+    "sprung.cog_height": 0.1,
+    "sprung.roll_inertia": 0.2,
+    "yaw_inertia": 0.1,
+}
+"""What a vehicle file mostly knows only roughly; see `OneStage.priors`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneStage(Common):
+    """Settings of the one-stage identification: everything at once, over whole records."""
+
+    free: tuple[str, ...] | None = None
+    """What is sought, by path; None for every axle group's cornering stiffness, the yaw inertia of every unit behind the
+    first and every payload height."""
+    priors: Mapping[str, float] = field(default_factory=lambda: dict(ROUGHLY_KNOWN))
+    """What is known roughly and so estimated beside: prior standard deviation as a part of the value, by a path or the
+    end of one (the longest that fits counts). Empty to trust the rest of the vehicle file to the last digit."""
+    consider: Mapping[str, float] = field(default_factory=dict)
+    """The same for what is never learned from the logs, but whose uncertainty goes into every sigma."""
+    uniform_payload: bool = True
+    """The payload fills its width and height evenly, so that its height gives CoG height (8) and roll inertia (9);
+    False seeks `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body apart."""
+    form: Literal["output_error", "prediction_error"] = "output_error"
+    """Compare the logs with a model that runs free from its start, or with one that a Kalman filter corrects at every
+    sample: the second bears unmeasured disturbances such as side wind, the first bears errors of the model longer."""
+    rate_gain_prior: float = 0.005
+    """Prior standard deviation of a gyro's gain, as a part; one for the truck."""
+    bank_prior: float = 0.03
+    """Prior standard deviation of a road's bank, rad; one for each log or, in the prediction-error form, its start."""
+    bank_walk: float = 0.002
+    """How far the bank wanders, rad in a second, one standard deviation; in the prediction-error form only."""
+    outlier: float = 4.0
+    """Residuals beyond so many standard deviations lose weight (Huber 1964)."""
+    iterations: int = 50
+    """At most so many steps."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("rate_gain_prior", "bank_prior", "outlier", "iterations"):
+            if not getattr(self, name) > 0:
+                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        for name, sigma in {**self.priors, **self.consider}.items():
+            if not 0 < sigma < math.inf:
+                raise SignalError(f"{name}: expected a standard deviation above 0 as a part of the value, got {sigma}")
 
 
 def article(**changes: Any) -> Settings:

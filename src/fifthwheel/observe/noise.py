@@ -18,6 +18,7 @@ PROCESS = {
     "roll": 3e-5**2,
     "roll_rate": 1.2e-3**2,
     "slip_angle": 0.0,
+    "bank": 2e-3**2,
 }
 """Variance that a state gains in a second by what the model leaves out, SI squared, while parameters are estimated."""
 
@@ -28,6 +29,7 @@ OBSERVED = {
     "roll": 1e-3**2,
     "roll_rate": 1e-3**2,
     "slip_angle": 0.0,
+    "bank": 2e-3**2,
 }
 """The same while states are observed: equation (14), 1e-8 rad^2 a step of 10 ms, with sideslip as lateral velocity."""
 
@@ -38,6 +40,7 @@ INITIAL = {
     "roll": 0.005,
     "roll_rate": 0.02,
     "slip_angle": 0.002,
+    "bank": 0.03,
 }
 """Standard deviation of a state about its steady value at the start of a record on which nobody steers, SI."""
 
@@ -87,17 +90,27 @@ def steady(
 
 
 def initial(
-    vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool, swing: float
+    vehicle: Vehicle,
+    inputs: Mapping[str, float],
+    errors: Mapping[str, float],
+    *,
+    roll: bool,
+    swing: float,
+    bank: float | None = None,
 ) -> tuple[Array, Array]:
     """State (n,) at the start of a record, and its covariance (n, n); arguments as in `steady`.
 
     A record starts somewhere about the steady state that its first steer angles lead to. It may also start within a
     manoeuvre: how far off the states then are, and how they are off together, is their stationary covariance under
-    steer angles of standard deviation `swing` (rad) that change at random.
+    steer angles of standard deviation `swing` (rad) that change at random. `bank` is the standard deviation of the
+    road's, rad, where it is a state.
     """
     x0, m = steady(vehicle, inputs, errors, roll=roll)
     floor = np.diag([INITIAL[name.split(".")[0]] ** 2 for name in m.states])
-    return x0, floor + swing**2 * steered_at_random(m)
+    P0 = floor + swing**2 * steered_at_random(m)
+    if bank is None:
+        return x0, P0
+    return np.append(x0, 0.0), np.pad(P0, (0, 1)) + np.diag([*[0.0] * len(x0), bank**2])
 
 
 def steered_at_random(m: dynamics.Matrices) -> Array:

@@ -94,6 +94,19 @@ class Vehicle(Part):
             _owner(fields, known[path])[known[path][-1]] = value
         return Vehicle(**fields)
 
+    def lumped(self) -> "Vehicle":
+        """The same vehicle with every payload made a part of its sprung body, about that body's own CoG: a load of any
+        shape, whose CoG height and roll inertia are then two parameters."""
+        p, fields = self.parameters(), self.model_dump()
+        for unit in fields["units"]:
+            if unit["payload"] is not None:
+                body = laden(p, self.unit(unit["name"]))
+                lever = body.cog_height - unit["roll_axis_height"]
+                own = body.roll_inertia - body.mass * lever**2
+                unit["sprung"] |= {"mass": body.mass, "cog_height": body.cog_height, "roll_inertia": own}
+                unit["payload"] = None
+        return Vehicle(**fields)
+
     def axle_loads(self) -> dict[str, float]:
         """Static vertical load of each axle group by its path, N, on level ground; see statics.group_loads."""
         return group_loads(self.units, [(c.leading_position, c.trailing_position) for c in self.couplings])

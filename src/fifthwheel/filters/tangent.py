@@ -1,0 +1,123 @@
+"""A model or a filter together with its exact derivative along any direction of its parameters and its start.
+
+Forward differentiation, one direction a lane of the machine code: a batch of as many lanes as there are unknowns gives
+the whole Jacobian, and one compiled step serves every choice of unknowns.
+"""
+
+import functools
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel.filters import kalman
+from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack
+from fifthwheel.native import Scan
+
+LANES = 8
+"""Directions that share one pass of the loop."""
+
+CHUNK = 20_000
+"""Rows at a time, so that a long record needs no more memory than its Jacobian."""
+
+
+def _with_tangent(
+    name: str,
+    carry: ca.SX,
+    sample: ca.SX,
+    p: ca.SX,
+    others: ca.SX,
+    later: ca.SX,
+    output: ca.SX,
+) -> Scan:
+    """The step (carry, sample, [p, others]) -> (later, output) and its derivative along (carry', p').
+
+    carry = [carry, carry']; constant = [p, p', others]; output = [output, output'].
+    """
+    carry_dot, p_dot = ca.SX.sym("carry_dot", carry.shape[0]), ca.SX.sym("p_dot", p.shape[0])
+    both = ca.vertcat(later, output)
+    change = ca.jtimes(both, ca.vertcat(carry, p), ca.vertcat(carry_dot, p_dot))
+    n = later.shape[0]
+    return Scan(
+        ca.Function(
+            name,
+            [ca.vertcat(carry, carry_dot), sample, ca.vertcat(p, p_dot, others)],
+            [ca.densify(ca.vertcat(later, change[:n])), ca.densify(ca.vertcat(output, change[n:]))],
+            {"cse": True},
+        ),
+        LANES,
+    )
+
+
+@functools.cache
+def simulation(model: Model) -> Scan:
+    """The model running free: sample = [dt, d]; output = y; others = c."""
+    n_x, n_d, n_p, n_c, _ = sizes(model)
+    x, row, p, c = (ca.SX.sym(name, size) for name, size in (("x", n_x), ("row", 1 + n_d), ("p", n_p), ("c", n_c)))
+    later = model.transition(x, row[0], row[1:], p, c)
+    seen = model.observation(later, row[1:], p, c)
+    return _with_tangent("simulation", x, row, p, c, later, seen)
+
+
+@functools.cache
+def innovations(model: Model) -> Scan:
+    """The Kalman filter: sample = [dt, d, y, weight]; output = [innovation, variance, accepted];
+    others = [c, Q, R, gate^2], of which nothing is differentiated."""
+    n_x, n_d, n_p, n_c, n_y = sizes(model)
+    n_P = packed_size(n_x)
+    carry, sample, p, others = (
+        ca.SX.sym(name, size)
+        for name, size in (
+            ("carry", n_x + n_P),
+            ("sample", 1 + n_d + 2 * n_y),
+            ("p", n_p),
+            ("others", n_c + n_P + n_y + 1),
+        )
+    )
+    x, P = split(carry, [n_x, n_P])
+    dt, d, y, weight = split(sample, [1, n_d, n_y, n_y])
+    c, q, r, limit = split(others, [n_c, n_P, n_y, 1])
+    before, P_before, _ = kalman.predict(model, x, unpack(P, n_x), dt, d, p, c, unpack(q, n_x))
+    predicted, H = kalman.observe(model, before, d, p, c)
+    after, P_after, channels, _ = kalman.correct(before, P_before, predicted, H, y, weight, r, limit)
+    later = ca.vertcat(after, pack(P_after))
+    return _with_tangent("innovations", carry, sample, p, others, later, kalman.channel_columns(channels))
+
+
+def in_chunks(
+    scan: Scan,
+    rows: Array,
+    *,
+    start: Array,
+    start_directions: Array,
+    p: Array,
+    directions: Array,
+    others: Array,
+    take: Callable[[slice, Array, Array], None],
+) -> None:
+    """Run a step of this file over a record, a chunk of rows after another.
+
+    Args:
+        scan: `simulation` or `innovations` of a model.
+        rows: (M, n_sample).
+        start: carry before the first row (n,).
+        start_directions: its derivative along each of the k directions, (k, n).
+        p: (n_p,).
+        directions: derivative of p along each direction, (k, n_p).
+        others: the rest of the step's constants.
+        take: called for every chunk with its rows, the outputs (rows, n_y) and their derivatives (rows, n_y, k).
+    """
+    k = len(directions)
+    carry = np.hstack([np.tile(start, (k, 1)), start_directions])
+    constant = np.hstack([np.tile(p, (k, 1)), directions, np.tile(others, (k, 1))])
+    half = scan.n_output // 2
+    for begin in range(0, len(rows), CHUNK):
+        here = slice(begin, min(begin + CHUNK, len(rows)))
+        carry, out = scan.batch(carry, rows[here], constant)
+        take(here, out[0, :, :half], np.moveaxis(out[:, :, half:], 0, -1))
+
+
+def start_of_filter(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
+    """Carry of `innovations` and its derivatives; the start's covariance is the same in every direction."""
+    packed = pack_array(P0)
+    return np.concatenate([x0, packed]), np.pad(x0_directions, ((0, 0), (0, len(packed))))

@@ -1,0 +1,315 @@
+"""The one-stage problem: what all unknowns together make of all logs, and the exact derivatives of it.
+
+z holds every unknown in units of its prior, z ~ N(0, 1): those of the truck once, those of a log once for each log and,
+in the output-error form, the initial state of each section. The cost is minus the logarithm of the posterior,
+
+    z' z / 2 + sum over samples and channels of rho(e / s) [+ log(s)],
+
+rho being Huber's (1964). Output-error form (Ljung 1999, section 7.3): e is the log less the model that runs free from
+the section's start. Prediction-error form: e is the innovation of a Kalman filter, s its own standard deviation.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters import Noise, tangent
+from fifthwheel.identify.gauss_newton import Quadratic
+from fifthwheel.identify.parameters import Unknown, scaling
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.stage import Log, colour
+from fifthwheel.logs import Record
+from fifthwheel.observe import noise as variances
+from fifthwheel.observe.prepare import Rows, prepare
+from fifthwheel.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """What one section says: N samples, m channels, k unknowns of its own choice."""
+
+    time: Array  # (N,) s
+    error: Array  # (N, m), NaN where missing or refused
+    variance: Array  # (N, m) of each error
+    jacobian: Array  # (N, m, k) of the errors
+    variance_jacobian: Array | None  # (N, m, k) where the variance depends on the unknowns
+    places: NDArray[np.int64]  # (k,) of these unknowns among all
+
+
+class Problem:
+    """All logs of one truck.
+
+    Args:
+        model: with every parameter free, in the order of `dynamics.all_parameters`.
+        vehicle: whose values the unknowns replace.
+        logs: their `noise` holds each channel's variance; it is changed by `adapt`.
+        unknowns: all but the initial states.
+    """
+
+    def __init__(
+        self, model: ChainModel, vehicle: Vehicle, logs: Sequence[Log], unknowns: Sequence[Unknown], settings: OneStage
+    ) -> None:
+        self.model, self.vehicle, self.logs, self.settings = model, vehicle, logs, settings
+        self.unknowns = tuple(unknowns)
+        self.scaling = scaling(unknowns)
+        self.given = dynamics.all_parameters(vehicle, model.outputs)
+        self.free_run = settings.form == "output_error"
+        own = [u.each_log for u in unknowns]
+        names = [u.name for u in unknowns if not u.each_log]
+        shared = {name: i for i, name in enumerate(names)}
+        self.places: list[NDArray[np.int64]] = []  # of the unknowns, as log i sees them
+        for i in range(len(logs)):
+            places = [shared.get(u.name, -1) for u in unknowns]
+            for j, flag in enumerate(own):
+                if flag:
+                    places[j] = len(names)
+                    names.append(f"{unknowns[j].name}@{i}")
+            self.places.append(np.array(places))
+        self.starts: list[list[NDArray[np.int64]]] = []  # of each section's initial state
+        for i, log in enumerate(logs):
+            self.starts.append([])
+            for j in range(len(log.sections)):
+                count = len(model.states) if self.free_run else 0
+                self.starts[i].append(np.arange(len(names), len(names) + count))
+                names += [f"{state}@{i}.{j}" for state in model.states[:count]]
+        self.names = tuple(names)
+        self.spread = [[self._start_covariance(section) for section in log.sections] for log in logs]
+        self._rows: dict[tuple[int, int, float], Rows] = {}
+        for log in logs:
+            for name in model.outputs:
+                log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
+        self.colour = [dict.fromkeys(model.outputs, 1.0) for _ in logs]
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Of z, (k,) each."""
+        lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)
+        for places in self.places:
+            lower[places] = self.scaling.to_z(self.scaling.lower)
+            upper[places] = self.scaling.to_z(self.scaling.upper)
+        return lower, upper
+
+    def values(self, z: Array, log: int) -> dict[str, float]:
+        """The unknowns' values as one log sees them."""
+        p = np.clip(self.scaling.to_p(z[self.places[log]]), self.scaling.lower, self.scaling.upper)
+        return {u.name: float(value) for u, value in zip(self.unknowns, p, strict=True)}
+
+    def _start_covariance(self, section: Record) -> Array:
+        """Cholesky factor of the initial state's prior covariance, at the vehicle file's values."""
+        inputs = {name: section.input(name) for name in self.model.inputs}
+        first = {name: float(v[0]) for name, v in inputs.items()}
+        swing = max(float(np.std(v)) for name, v in inputs.items() if name != "speed")
+        bank = self.settings.bank_prior if self.model.bank else None
+        _, P0 = variances.initial(self.vehicle, first, {}, roll=self.model.roll, swing=swing, bank=bank)
+        return np.asarray(np.linalg.cholesky(P0))
+
+    def _prepared(self, i: int, j: int, values: Mapping[str, float]) -> Rows:
+        late = tuple(value for name, value in values.items() if name.endswith(".delay"))
+        key = (i, j, *late)
+        if key not in self._rows:
+            self._rows = {k: rows for k, rows in self._rows.items() if k[:2] != (i, j)}
+            self._rows[key] = prepare(self.model, self.vehicle, self.logs[i].sections[j], errors=values)
+        return self._rows[key]
+
+    def part(self, z: Array, i: int, j: int, *, derivatives: bool = True) -> Part:
+        """Section j of log i at z; without derivatives the Jacobian has no unknowns."""
+        values = self.values(z, i)
+        rows = self._prepared(i, j, values)
+        # rows are moved by the delays, and only what is left of them is the model's
+        p_values = self.given | values | {name: 0.0 for name in values if name.endswith(".delay")}
+        p = self.model.free_values(p_values)
+        places, k = self.places[i], len(self.unknowns)
+        factor, own = self.spread[i][j], self.starts[i][j]
+        x0 = self._steady(rows.first, values)
+        if self.free_run:
+            x0 = x0 + factor @ z[own]
+        if derivatives:
+            slope = self.scaling.slope(np.array([values[u.name] for u in self.unknowns]))
+            directions = np.zeros((k + len(own), len(p)))
+            directions[np.arange(k), [self.model.free.index(u.name) for u in self.unknowns]] = slope
+            starts = np.vstack([self._steady_slopes(rows.first, values) * slope[:, None], factor.T[: len(own)]])
+            places = np.concatenate([places, own])
+        else:
+            directions, starts, places = np.zeros((1, len(p))), np.zeros((1, len(x0))), np.zeros(0, dtype=np.int64)
+        if self.free_run:
+            return self._free(i, rows, p, directions, x0, starts, places)
+        return self._filtered(i, rows, p, directions, *tangent.start_of_filter(x0, factor @ factor.T, starts), places)
+
+    def variance(self, log: int) -> Array:
+        """Of every channel's noise, as it counts (m,)."""
+        return np.array([self.logs[log].noise[name] * self.colour[log][name] for name in self.model.outputs])
+
+    def _steady(self, first: Mapping[str, float], values: Mapping[str, float]) -> Array:
+        x0, _ = variances.steady(self.vehicle, first, values, roll=self.model.roll)
+        return np.append(x0, 0.0) if self.model.bank else x0
+
+    def _steady_slopes(self, first: Mapping[str, float], values: Mapping[str, float]) -> Array:
+        """Derivative of the steady state by every unknown (k, n); central differences of a closed form."""
+        slopes = np.zeros((len(self.unknowns), len(self.model.states)))
+        moving = {*self.vehicle.parameters(), *dynamics.steer_parameters(self.vehicle)}
+        for row, unknown in zip(slopes, self.unknowns, strict=True):
+            if unknown.name in moving and not unknown.name.endswith(".delay"):
+                step = 1e-4 * (unknown.centre * unknown.scale if unknown.logarithmic else unknown.scale)
+                higher, lower = (
+                    self._steady(first, {**values, unknown.name: values[unknown.name] + s}) for s in (step, -step)
+                )
+                row[:] = (higher - lower) / (2 * step)
+        return slopes
+
+    def _free(
+        self,
+        i: int,
+        rows: Rows,
+        p: Array,
+        directions: Array,
+        x0: Array,
+        starts: Array,
+        places: NDArray[np.int64],
+    ) -> Part:
+        m, k = len(self.model.outputs), len(places)
+        wide = 1 + 2 * len(self.model.inputs)
+        measured = np.where(rows.rows[:, wide + m :] > 0, rows.rows[:, wide : wide + m], np.nan)
+        error, jacobian = np.empty((len(rows.rows), m)), np.empty((len(rows.rows), m, k))
+
+        def take(here: slice, out: Array, slopes: Array) -> None:
+            error[here] = measured[here] - out
+            jacobian[here] = -slopes[..., :k]
+
+        tangent.in_chunks(
+            tangent.simulation(self.model),
+            rows.rows[:, :wide],
+            start=x0,
+            start_directions=starts,
+            p=p,
+            directions=directions,
+            others=np.zeros(0),
+            take=take,
+        )
+        here = rows.places
+        return Part(
+            time=rows.time[here],
+            error=error[here],
+            variance=np.broadcast_to(self.variance(i), error[here].shape),
+            jacobian=jacobian[here],
+            variance_jacobian=None,
+            places=places,
+        )
+
+    def _filtered(
+        self,
+        i: int,
+        rows: Rows,
+        p: Array,
+        directions: Array,
+        start: Array,
+        starts: Array,
+        places: NDArray[np.int64],
+    ) -> Part:
+        m, k = len(self.model.outputs), len(places)
+        table = variances.PROCESS | {"bank": self.settings.bank_walk**2}
+        process = variances.process(self.model.states, table, max(self.settings.process_noise, 1e-9))
+        noise = Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
+        values, slopes = np.empty((len(rows.rows), 3 * m)), np.empty((len(rows.rows), 2 * m, k))
+
+        def take(here: slice, out: Array, along: Array) -> None:
+            values[here] = out
+            slopes[here] = along[:, : 2 * m, :k]
+
+        tangent.in_chunks(
+            tangent.innovations(self.model),
+            rows.rows,
+            start=start,
+            start_directions=starts,
+            p=p,
+            directions=directions,
+            others=noise.vector(),
+            take=take,
+        )
+        found, slopes = values[rows.places], slopes[rows.places]
+        return Part(
+            time=rows.time[rows.places],
+            error=np.where(found[:, 2 * m :] > 0, found[:, :m], np.nan),
+            variance=found[:, m : 2 * m],
+            jacobian=slopes[:, :m],
+            variance_jacobian=slopes[:, m:],
+            places=places,
+        )
+
+    def cost(self, z: Array) -> float:
+        """Minus the logarithm of the posterior, but for a constant; infinite where the truck runs away."""
+        total = float(z @ z) / 2
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, j in self.sections():
+                total += self._loss(self.part(z, i, j, derivatives=False))
+        return total if np.isfinite(total) else np.inf
+
+    def sections(self) -> list[tuple[int, int]]:
+        """Number of log and of section, of all sections in order."""
+        return [(i, j) for i, log in enumerate(self.logs) for j in range(len(log.sections))]
+
+    def _loss(self, part: Part) -> float:
+        seen = ~np.isnan(part.error)
+        size = np.abs(part.error[seen]) / np.sqrt(part.variance[seen])
+        limit = self.settings.outlier
+        loss = np.where(size <= limit, size**2 / 2, limit * size - limit**2 / 2).sum()
+        if part.variance_jacobian is not None:
+            loss += np.log(part.variance[seen]).sum() / 2
+        return float(loss)
+
+    def expand(self, z: Array) -> Quadratic:
+        """The cost about z: its gradient is exact, its Hessian Gauss and Newton's (Fisher's) with the prior."""
+        cost, gradient, hessian = float(z @ z) / 2, z.copy(), np.eye(len(z))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, j in self.sections():
+                part = self.part(z, i, j)
+                scores, gram = self.scores(part)
+                cost += self._loss(part)
+                gradient[part.places] += scores.sum(axis=0)
+                hessian[np.ix_(part.places, part.places)] += gram
+        return Quadratic(cost, gradient, hessian)
+
+    def scores(self, part: Part) -> tuple[Array, Array]:
+        """Each sample's part of the gradient (N, k), and the information of all of them (k, k)."""
+        seen = ~np.isnan(part.error)
+        error = np.where(seen, part.error, 0.0)
+        size = np.abs(error) / np.sqrt(part.variance)
+        weight = seen * np.minimum(1.0, self.settings.outlier / np.maximum(size, 1e-9)) / part.variance
+        scores = np.einsum("nm,nmk->nk", weight * error, part.jacobian)
+        rows = (np.sqrt(weight)[..., None] * part.jacobian).reshape(-1, len(part.places))
+        gram = rows.T @ rows
+        if part.variance_jacobian is not None:
+            own = weight * error**2
+            scores += np.einsum("nm,nmk->nk", (seen - own) / (2 * part.variance), part.variance_jacobian)
+            relative = ((seen / part.variance)[..., None] * part.variance_jacobian).reshape(-1, len(part.places))
+            gram += relative.T @ relative / 2
+        return scores, gram
+
+    def adapt(self, z: Array, *, coloured: bool) -> float:
+        """Set each channel's noise in the logs to the residuals at z; the largest change of a variance, as a part.
+
+        What lies beyond the limit for outliers counts as lying on it. With `coloured`, residuals that hang together
+        count for as many as they are worth.
+        """
+        change = 0.0
+        for i, log in enumerate(self.logs):
+            parts = [self.part(z, i, j, derivatives=False) for j in range(len(log.sections))]
+            for c, name in enumerate(self.model.outputs):
+                error = np.concatenate([part.error[:, c] for part in parts])
+                size = error / np.sqrt(np.concatenate([part.variance[:, c] for part in parts]))
+                size = np.clip(size[np.isfinite(size)], -self.settings.outlier, self.settings.outlier)
+                if len(size) < 20:
+                    continue
+                factor = float(np.clip(np.mean(size**2), 1e-3, 1e3))
+                before = log.noise[name] * self.colour[i][name]
+                log.noise[name] = before * factor
+                if coloured:
+                    rate = log.sections[0].rate
+                    self.colour[i][name] = colour(size, int(self.settings.correlation_time * rate))
+                change = max(change, abs(np.log(log.noise[name] * self.colour[i][name] / before)))
+        return change
