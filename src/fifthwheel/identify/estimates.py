@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from fifthwheel.identify.information import Verdict
 from fifthwheel.identify.parameters import Unknown, scaling, stage_1_names, stage_2_names
 from fifthwheel.identify.result import Estimate, Fit, LogSummary, SensorError
-from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.settings import Common, Settings
 from fifthwheel.identify.stage import Log, Trace
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
+from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle, unit_of
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ def of_parameters(
     return found
 
 
-def unexplained(fit: Fit, vehicle: Vehicle, settings: Settings) -> bool:
+def unexplained(fit: Fit, vehicle: Vehicle, settings: Common) -> bool:
     """Whether a channel that is well above its sensor's noise is explained by less than half."""
     noise = variances.sensor(vehicle, fit.signal, settings.noise)
     return not fit.explained > 0.5 and float(np.nanvar(fit.measured)) > 20 * noise
@@ -128,6 +129,43 @@ def derived(vehicle: Vehicle, parameters: Sequence[Estimate]) -> list[Estimate]:
     return found
 
 
+def derived_together(
+    before: Vehicle, vehicle: Vehicle, parameters: Sequence[Estimate], covariance: Uncertainty
+) -> list[Estimate]:
+    """CoG height and roll inertia (8), (9) of every unit of which something was sought, with the sigma of all that they
+    depend on and that was estimated."""
+    words = (".payload.height", ".sprung.cog_height", ".sprung.roll_inertia")
+    found, values = [], vehicle.parameters()
+    # central differences of a closed form, for all that it depends on
+    slopes: dict[str, dict[str, float]] = {}
+    for name in covariance.names:
+        if name in values and values[name] > 0:
+            step = 1e-4 * values[name]
+            up, down = (vehicle.replace({name: values[name] + s}).derived() for s in (step, -step))
+            slopes[name] = {key: (up[key] - down[key]) / (2 * step) for key in up}
+    for unit in vehicle.units:
+        sought = [e for e in parameters if e.name.startswith(f"{unit.name}.") and e.name.endswith(words)]
+        if not sought:
+            continue
+        for word, si in (("cog_height", "m"), ("roll_inertia", "kg m^2")):
+            name = f"{unit.name}.{word}"
+            row = np.array([slopes[n][name] if n in slopes else 0.0 for n in covariance.names])
+            owing = [e for e in sought if row[covariance.names.index(e.name)]] if row.any() else []
+            worst = max(owing, key=lambda e: e.verdict != Verdict.CONVERGED, default=None)
+            found.append(
+                Estimate(
+                    name=name,
+                    value=vehicle.derived()[name],
+                    sigma=float(np.sqrt(row @ covariance.covariance @ row)) if row.any() else None,
+                    unit=si,
+                    initial=before.derived()[name],
+                    verdict=worst.verdict if worst else Verdict.HELD,
+                    stage=2,
+                )
+            )
+    return found
+
+
 def of_sensors(
     unknowns: Sequence[Unknown], logs: Sequence[Log], shared: Mapping[str, float], sigma_z: Mapping[str, float]
 ) -> list[SensorError]:
@@ -139,12 +177,12 @@ def of_sensors(
         places = [(log.name, log.errors.get(u.name, u.centre), f"{u.name}@{i}") for i, log in enumerate(logs)]
         for log, value, key in places if u.each_log else [(None, shared[u.name], u.name)]:
             found.append(
-                SensorError(name=u.name, value=value, sigma=sigma_z[key] * u.scale, unit=_unit(u.name), log=log)
+                SensorError(name=u.name, value=value, sigma=sigma_z[key] * u.scale, unit=unit_of_error(u.name), log=log)
             )
     return found
 
 
-def _unit(name: str) -> str:
+def unit_of_error(name: str) -> str:
     signal, _, word = name.rpartition(".")
     if word == "delay":
         return "s"

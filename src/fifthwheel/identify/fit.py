@@ -1,7 +1,8 @@
 """The identified truck running free beside a log: how much of each channel it explains.
 
-The model is linear in its initial state and in the zeros of its sensors, so both come from one least-squares problem
-with their priors; nothing else is fitted. That makes logs comparable that were not identified on.
+The model is linear in its initial state, in the road's bank if it has that, and in the zeros of its sensors, so all
+come from one least-squares problem with their priors; nothing else is fitted. That makes logs comparable that were not
+identified on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -82,7 +83,8 @@ def _free_run(
         return response(model, p, section.time, inputs | dict(steer), x0)[1]
 
     first = {name: float(v[0]) for name, v in inputs.items()}
-    x0, P0 = variances.initial(vehicle, first, values, roll=model.roll, swing=swing(inputs))
+    bank = variances.INITIAL["bank"] if model.bank else None
+    x0, P0 = variances.initial(vehicle, first, values, roll=model.roll, swing=swing(inputs), bank=bank)
     base = run(x0, {})
     still = {name: np.zeros_like(section.time) for name in model.inputs[1:]}
     quiet = run(None, still)

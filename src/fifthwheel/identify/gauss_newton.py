@@ -83,7 +83,8 @@ def minimise(
             accept(z)
             here = expand(z)
         elif radius < 1e-9 or (inside and promised < 1e-9 * max(abs(here.cost), 1.0)):
-            return Minimum(z=z, at=here, converged=promised < 1e-6 * max(abs(here.cost), 1.0), steps=steps)
+            small_enough = bool(promised < 1e-6 * max(abs(here.cost), 1.0))
+            return Minimum(z=z, at=here, converged=small_enough, steps=steps)
     return Minimum(z=z, at=here, converged=False, steps=steps)
 
 

@@ -29,6 +29,7 @@ class Verdict(StrEnum):
     CONVERGED = "converged"
     NOT_CONVERGED = "not_converged"
     NOT_EXCITED = "not_excited"
+    NOT_IDENTIFIABLE = "not_identifiable"
     AT_BOUND = "at_bound"
     HELD = "held"
 

@@ -131,7 +131,9 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         else:
             found.append(_logarithmic(name, values[name], settings.priors.get(name, settings.prior)))
     taken = {*sought, *settings.held}
-    loads = tuple(f"{name.removesuffix('payload.height')}sprung." for name in sought if name.endswith(".payload.height"))
+    loads = tuple(
+        f"{name.removesuffix('payload.height')}sprung." for name in sought if name.endswith(".payload.height")
+    )
     for table, considered in ((settings.priors, False), (settings.consider, True)):
         for name, value in values.items():
             key = longest_ending(name, table)

@@ -41,6 +41,17 @@ class Part:
     variance_jacobian: Array | None  # (N, m, k) where the variance depends on the unknowns
     places: NDArray[np.int64]  # (k,) of these unknowns among all
 
+    def rows(self, which: NDArray[np.int64]) -> "Part":
+        """Some of its samples."""
+        return Part(
+            time=self.time[which],
+            error=self.error[which],
+            variance=self.variance[which],
+            jacobian=self.jacobian[which],
+            variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[which],
+            places=self.places,
+        )
+
 
 class Problem:
     """All logs of one truck.
@@ -80,7 +91,7 @@ class Problem:
                 names += [f"{state}@{i}.{j}" for state in model.states[:count]]
         self.names = tuple(names)
         self.spread = [[self._start_covariance(section) for section in log.sections] for log in logs]
-        self._rows: dict[tuple[int, int, float], Rows] = {}
+        self._rows: dict[tuple[float, ...], Rows] = {}
         for log in logs:
             for name in model.outputs:
                 log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
@@ -88,11 +99,13 @@ class Problem:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Of z, (k,) each."""
+        """Of z, (k,) each; what is only considered keeps its prior mean."""
         lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)
         for places in self.places:
             lower[places] = self.scaling.to_z(self.scaling.lower)
             upper[places] = self.scaling.to_z(self.scaling.upper)
+            kept = places[[u.considered for u in self.unknowns]]
+            lower[kept] = upper[kept] = 0.0
         return lower, upper
 
     def values(self, z: Array, log: int) -> dict[str, float]:
@@ -248,6 +261,16 @@ class Problem:
             for i, j in self.sections():
                 total += self._loss(self.part(z, i, j, derivatives=False))
         return total if np.isfinite(total) else np.inf
+
+    def unstable(self, z: Array) -> bool:
+        """Whether the truck would run away in one of the logs."""
+        vehicle = self.vehicle.replace({n: v for n, v in self.values(z, 0).items() if n in self.vehicle.parameters()})
+        speeds = [section.input("speed") for log in self.logs for section in log.sections]
+        ends = np.unique([edge for speed in speeds for edge in (speed.min(), speed.max())])
+        return any(
+            np.linalg.eigvals(dynamics.matrices(vehicle, float(u), roll=self.model.roll).A).real.max() >= 0
+            for u in ends
+        )
 
     def sections(self) -> list[tuple[int, int]]:
         """Number of log and of section, of all sections in order."""

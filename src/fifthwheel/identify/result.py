@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.identify.information import Verdict
-from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.settings import Common
 from fifthwheel.identify.stage import Trace
 from fifthwheel.observe import ObserverSettings
+from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.whole import whole
 
@@ -32,6 +33,8 @@ class Estimate:
     verdict: Verdict
     stage: int
     settled: float | None = None  # s of driving until it stayed within the tolerance, None if it never did
+    prior: float | None = None  # standard deviation that it was given beforehand, SI
+    confused_with: tuple[str, ...] = ()  # what it can hardly be told apart from, the worst first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,10 +86,12 @@ class Identification:
     parameters: tuple[Estimate, ...]
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
+    rough: tuple[Estimate, ...] = ()  # what was known roughly and estimated beside, or only considered
+    covariance: Uncertainty | None = None  # of all that was estimated; a log's own sensor errors as "name@log"
     traces: Mapping[str, Trace]  # "stage 1", "stage 2": all rounds, one behind the other
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]
-    settings: Settings
+    settings: Common
     rounds: int
     notes: tuple[str, ...]
     version: str

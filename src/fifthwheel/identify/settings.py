@@ -126,8 +126,8 @@ class OneStage(Common):
     """Settings of the one-stage identification: everything at once, over whole records."""
 
     free: tuple[str, ...] | None = None
-    """What is sought, by path; None for every axle group's cornering stiffness, the yaw inertia of every unit behind the
-    first and every payload height."""
+    """What is sought, by path; None for every axle group's cornering stiffness, the yaw inertia of every unit behind
+    the first and every payload height."""
     priors: Mapping[str, float] = field(default_factory=lambda: dict(ROUGHLY_KNOWN))
     """What is known roughly and so estimated beside: prior standard deviation as a part of the value, by a path or the
     end of one (the longest that fits counts). Empty to trust the rest of the vehicle file to the last digit."""

@@ -12,71 +12,27 @@ import itertools
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import VehicleError
 from fifthwheel.filters import dual
 from fifthwheel.identify import estimates, information, parameters, stage
+from fifthwheel.identify.drives import Drives
 from fifthwheel.identify.estimates import SETTLED_PART, settled_since
-from fifthwheel.identify.fit import fits
 from fifthwheel.identify.information import Information
 from fifthwheel.identify.parameters import Unknown
-from fifthwheel.identify.result import Estimate, Fit, Identification
+from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import Settings
-from fifthwheel.identify.stage import Log, Progress, Trace, moved
-from fifthwheel.logs import Record, check, raise_errors
+from fifthwheel.identify.stage import Progress, Trace, moved
+from fifthwheel.logs import Record
 from fifthwheel.native import compile_soon
-from fifthwheel.observe.prepare import fast_enough, locked_but
 from fifthwheel.vehicle import Vehicle
 
 
-def identify(
-    records: Sequence[Record],
-    vehicle: Vehicle,
-    settings: Settings | None = None,
-    *,
-    validate: Sequence[Record] = (),
-    progress: Progress = lambda *_: None,
-) -> Identification:
-    """Parameters of a vehicle from one or more logs of it, with sigma and verdict.
+class TwoStage:
+    """One identification in two stages; arguments as in `methods.identify`."""
 
-    Args:
-        records: logs with speed, a steer angle, yaw rates and, for stage 2, roll rates.
-        vehicle: what is known of it; its values are where the search begins.
-        settings: `Settings()` by default, `article()` for the published preset.
-        validate: logs that are only predicted.
-        progress: called with a title, the number of passes done and their most.
-
-    Raises:
-        SignalError: a log that cannot be used, with the signal and the cure.
-        VehicleError: a held parameter that is not estimated.
-    """
-    settings = settings or Settings()
-    if not settings.relaxation:
-        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in parameters.group_paths(vehicle)})
-    return _TwoStage(records, vehicle, settings, validate, progress).run()
-
-
-def channels(records: Sequence[Record], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The measured signals that stage 1 uses (yaw rates, articulation) and those that stage 2 adds (roll rates).
-
-    Raises:
-        SignalError: there is no yaw rate of the first unit, or nothing that tells how the last unit turns.
-    """
-    units = [unit.name for unit in vehicle.units]
-    logged = {name for record in records for name in record.signals}
-    yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
-    present = tuple(name for name in yaw if name in logged)
-    for u in units:
-        if f"yaw_rate.{u}" not in present and f"articulation.{u}" not in present:
-            raise SignalError(f"yaw_rate.{u}: in none of the logs; map a yaw rate gyro of the {u} to it")
-    return present, tuple(f"roll_rate.{u}" for u in units if f"roll_rate.{u}" in logged)
-
-
-class _TwoStage:
     def __init__(
         self,
         records: Sequence[Record],
@@ -85,36 +41,15 @@ class _TwoStage:
         validate: Sequence[Record],
         progress: Progress,
     ) -> None:
-        if not records:
-            raise SignalError("logs: none given; identification needs at least one")
-        self.records, self.validate, self.settings, self.progress = records, validate, settings, progress
-        self.notes: list[str] = []
-        self.original = self.vehicle = vehicle
-        names = [record.name for record in (*records, *validate)]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise SignalError(f"logs: {', '.join(twice)} given more than once; give every log once, under its own name")
-        logged = {name for record in records for name in record.signals}
-        self.vehicle = locked_but(vehicle, logged, records[0].name if len(records) == 1 else "the logs")
-        for record in (*records, *validate):
-            for name in self.vehicle.steer_signals():
-                if name not in record.signals:
-                    raise SignalError(
-                        f"{name}: not in {record.name}, but in another log; map it in all of them or in none"
-                    )
-            self._check(record)
-        if locked := sorted(set(vehicle.steer_signals()) - set(self.vehicle.steer_signals())):
-            self.notes.append(f"{', '.join(locked)}: not in the logs, taken as zero.")
-        if any(a == b for a, b in itertools.combinations((*records, *validate), 2)):
-            raise SignalError("logs: two of them hold the same samples; give every drive once")
-        for name in settings.held:
-            self.notes.append(f"{name} held: what it may be off by is in no other sigma.")
+        self.drives = Drives(records, vehicle, settings, validate)
+        self.settings, self.progress = settings, progress
+        self.vehicle, self.logs, self.notes = self.drives.vehicle, self.drives.logs, self.drives.notes
         if settings.average:
             self.notes.append(
                 "The article's settings: more than ten lane changes are needed, and the payload height rests on "
                 "stiffnesses that were found without roll; its sigma does not know of that."
             )
-        self.logs = [Log(name=r.name, sections=fast_enough(r, settings.min_speed)) for r in records]
-        self.yaw, self.roll = channels(records, self.vehicle)
+        self.yaw, self.roll = self.drives.yaw, self.drives.roll
         self.stage_1 = parameters.sought(self.vehicle, parameters.stage_1_names(self.vehicle), settings)
         if not self.stage_1 and not settings.nuisances:
             raise VehicleError(
@@ -212,13 +147,6 @@ class _TwoStage:
             self.notes.append("Stage 2 skipped: no unit of the vehicle has a payload.")
         return possible
 
-    def _check(self, record: Record) -> None:
-        findings = check(record, wheelbase=self.vehicle.wheelbase)
-        self.notes += [f"{record.name}: {finding.message}" for finding in findings if finding.severity != "error"]
-        self.notes += [f"{record.name}: {note}" for note in record.notes]
-        if self.settings.check:
-            raise_errors(findings)
-
     def _stage(
         self, title: str, model: ChainModel, unknowns: list[Unknown], *, active: list[str], passes: int | None = None
     ) -> None:
@@ -255,34 +183,23 @@ class _TwoStage:
         vehicle = self.vehicle.replace({u.name: self.values[u.name] for u in sought})
         plain = dynamics.model(self.vehicle, model.outputs, roll=model.roll)
         shared = {u.name: self.values.get(u.name, u.centre) for u in unknowns if u.nuisance and not u.each_log}
-        found: list[Fit] = []
-        for log in self.logs:
-            found += fits(plain, vehicle, log, unknowns, values=shared, identified_on=True)
-        for fit in found:
-            if estimates.unexplained(fit, self.vehicle, self.settings):
-                self.settled.clear()
-                self.notes.append(
-                    f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of it in {fit.log}; the estimates "
-                    "cannot be trusted. Check the signal, the vehicle file and the values to start from."
-                )
-        for record in self.validate:
-            log = Log(name=record.name, sections=fast_enough(record, self.settings.min_speed), noise=self.logs[0].noise)
-            found += fits(plain, vehicle, log, unknowns, values=shared, identified_on=False)
-            self._compare_speed(log)
+        found, believed = self.drives.fits(plain, vehicle, unknowns, shared)
+        if not believed:
+            self.settled.clear()
         told = estimates.of_parameters(
-            self.original, sought, self.values, sigma, self.settled, self.idle, self.traces, self.settings
+            self.drives.original, sought, self.values, sigma, self.settled, self.idle, self.traces, self.settings
         )
         return Identification(
             method="two-stage",
-            vehicle=self._identified(told),
-            initial_vehicle=self.original,
+            vehicle=self.drives.identified(self.drives.original, {e.name: e.value for e in told}),
+            initial_vehicle=self.drives.original,
             parameters=tuple(told),
             derived=tuple(estimates.derived(vehicle, told)),
             sensors=tuple(estimates.of_sensors(unknowns, self.logs, shared, sigma)),
             traces=self.traces,
             logs=tuple(
                 estimates.summary(record, log, model.outputs, accepted)
-                for record, log, accepted in zip(self.records, self.logs, self.accepted, strict=True)
+                for record, log, accepted in zip(self.drives.records, self.logs, self.accepted, strict=True)
             ),
             fits=tuple(found),
             settings=self.settings,
@@ -290,25 +207,3 @@ class _TwoStage:
             notes=tuple(dict.fromkeys(self.notes)),
             version=fifthwheel.__version__,
         )
-
-    def _speeds(self, logs: Sequence[Log]) -> tuple[float, float]:
-        """Lowest and highest speed of what is used of logs, m/s."""
-        speed = np.concatenate([section.input("speed") for log in logs for section in log.sections])
-        return float(speed.min()), float(speed.max())
-
-    def _compare_speed(self, log: Log) -> None:
-        """Note where a log leaves the speeds that were identified on by more than a tenth."""
-        (low, high), (slow, fast) = self._speeds(self.logs), self._speeds([log])
-        if slow < 0.9 * low or fast > 1.1 * high:
-            self.notes.append(
-                f"{log.name} is driven at {3.6 * slow:.0f} to {3.6 * fast:.0f} km/h, identified was on "
-                f"{3.6 * low:.0f} to {3.6 * high:.0f} km/h: understeer may differ there."
-            )
-
-    def _identified(self, told: Sequence[Estimate]) -> Vehicle:
-        """The vehicle for the next command; its source says what it was identified on, and at which speeds."""
-        low, high = self._speeds(self.logs)
-        names = ", ".join(log.name for log in self.logs)
-        source = f"{self.original.source}; identified on {names} at {low:.1f} to {high:.1f} m/s"
-        vehicle = self.original.replace({e.name: e.value for e in told})
-        return vehicle.model_copy(update={"source": source.removeprefix("; ")})
