@@ -94,10 +94,10 @@ class OneStageFit:
         for starts in problem.starts:
             for places in starts:
                 quiet[places] = 0.0
-        considered = [u.name for u in problem.unknowns if u.considered and u.name not in self.sought]
-        known, _ = self._known(problem, quiet, considered)
-        places = [known.names.index(name) for name in self.sought]
-        told = verdicts(known, places, self.settings.excited)
+        information = problem.expand(quiet).hessian - np.eye(len(z))
+        kept = [u.name for u in problem.unknowns if u.considered and u.name not in self.sought]
+        known = posterior(problem.names, information, considered=kept)
+        told = verdicts(known, [known.names.index(name) for name in self.sought], self.settings.excited)
         idle: dict[str, Verdict] = {
             known.names[i]: verdict for i, verdict in told.items() if verdict is not Verdict.CONVERGED
         }
@@ -146,7 +146,7 @@ class OneStageFit:
             z[places] += 0.5
         return z
 
-    def _known(self, problem: Problem, z: Array, considered: Sequence[str]) -> tuple[Posterior, Trace]:
+    def _known(self, problem: Problem, z: Array) -> tuple[Posterior, Trace]:
         """Posterior at z; and how it came about, sample after sample, linearised there."""
         k = len(problem.names)
         information, spread = np.zeros((k, k)), np.zeros((k, k))
@@ -180,11 +180,11 @@ class OneStageFit:
             sigma=np.array(sigmas) * np.abs(scale.slope(p)),
             starts=(0,),
         )
-        fixed = [problem.names.index(name) for name in considered]
-        return posterior(problem.names, information, spread, fixed), trace
+        considered = [u.name for u in problem.unknowns if u.considered]
+        return posterior(problem.names, information, spread, considered=considered), trace
 
     def _result(self, problem: Problem, found: Minimum, idle: Mapping[str, Verdict]) -> Identification:
-        known, trace = self._known(problem, found.z, [u.name for u in problem.unknowns if u.considered])
+        known, trace = self._known(problem, found.z)
         shared, sigma = problem.values(found.z, 0), dict(zip(known.names, known.sigma.tolist(), strict=True))
         for i, log in enumerate(self.logs):
             values = problem.values(found.z, i)

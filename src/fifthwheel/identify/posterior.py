@@ -50,7 +50,9 @@ class Posterior:
         return int(np.argmax(gain))
 
 
-def posterior(names: Sequence[str], information: Array, scores: Array, considered: Sequence[int]) -> Posterior:
+def posterior(
+    names: Sequence[str], information: Array, scores: Array | None = None, *, considered: Sequence[str] = ()
+) -> Posterior:
     """Covariance of the estimate.
 
     Where the model is right it is the inverse of information plus prior, P. Where it is not, residuals hang together
@@ -60,17 +62,16 @@ def posterior(names: Sequence[str], information: Array, scores: Array, considere
 
     Args:
         information: (k, k) of the logs.
-        scores: (k, k), the long-run covariance of the scores' sum.
-        considered: places of what is never learned.
+        scores: (k, k), the long-run covariance of the scores' sum; None to take the model for right.
+        considered: names of what is never learned.
     """
     k = len(names)
-    fixed = np.zeros(k, dtype=bool)
-    fixed[list(considered)] = True
+    fixed = np.array([name in considered for name in names])
     free = ~fixed
     own = information[np.ix_(free, free)]
     P = np.linalg.inv(np.eye(len(own)) + own)
-    robust = P @ (np.eye(len(own)) + scores[np.ix_(free, free)]) @ P
-    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(P), 1.0))
+    middle = np.eye(len(own)) + (own if scores is None else scores[np.ix_(free, free)])
+    wider = np.sqrt(np.maximum(np.diag(P @ middle @ P) / np.diag(P), 1.0))
     moved = -P @ information[np.ix_(free, fixed)]
     covariance = np.eye(k)
     covariance[np.ix_(free, free)] = P * np.outer(wider, wider) + moved @ moved.T
