@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel import dynamics
-from fifthwheel.identify import Identification, Settings, identify
+from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.fit import fits
 from fifthwheel.identify.parameters import nuisances
 from fifthwheel.identify.stage import Log
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 FOLDER = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "carla"
 UNITS = ("tractor", "semitrailer")
 CHANNELS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-SETTINGS = Settings(  # a simulator's sensors have no zeros; what is left is which of the front wheels was logged
+SETTINGS = TwoStage(  # a simulator's sensors have no zeros; what is left is which of the front wheels was logged
     steer_gain_prior=0.05, steer_offset_prior=0.001, rate_offset_prior=0.0005, articulation_offset_prior=0.001
 )
 STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %

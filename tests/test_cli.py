@@ -109,13 +109,13 @@ def test_identification_json(identified, folder):
     found = json.loads(text)
     assert {**found, "files": printed["files"]} == printed
     assert found["version"] == fifthwheel.__version__
-    assert (found["method"], found["preset"], found["vehicle"]) == ("two-stage", "default", TRUCK)
+    assert (found["method"], found["preset"], found["vehicle"]) == ("one-stage", "default", TRUCK)
     assert [p["name"] for p in found["parameters"]] == SOUGHT
     truth = get(TRUCK).parameters() | get(TRUCK).derived()
     for parameter in (*found["parameters"], *found["derived"]):
         assert {"name", "value", "sigma", "unit", "initial", "verdict"} <= parameter.keys()
         assert abs(parameter["value"] - truth[parameter["name"]]) < 5 * parameter["sigma"], parameter
-        assert 0 < parameter["sigma"] < 0.1 * parameter["value"]
+        assert 0 < parameter["sigma"] < 0.25 * parameter["value"]
         assert parameter["verdict"] == "converged"
     assert [p["unit"] for p in found["parameters"]] == ["N/rad", "N/rad", "N/rad", "kg m^2", "m"]
     assert [p["name"] for p in found["derived"]] == ["semitrailer.cog_height", "semitrailer.roll_inertia"]
@@ -150,7 +150,10 @@ def test_vehicle_toml_is_the_identified_truck(identified):
     out, printed = identified
     truck = load(out / "vehicle.toml")
     values, start = truck.parameters(), get(TRUCK).parameters()
-    found = {p["name"]: p["value"] for p in printed["parameters"]}
+    found = {p["name"]: p["value"] for p in (*printed["parameters"], *printed["rough"])}
+    assert {p["name"] for p in printed["rough"] if p["verdict"] != "held"} == {
+        name for name in start if name.endswith("relaxation_length")
+    }
     for name, value in values.items():
         assert value == pytest.approx(found.get(name, start[name]), rel=1e-12), name
     assert truck.derived()["semitrailer.cog_height"] == pytest.approx(printed["derived"][0]["value"])
@@ -190,7 +193,7 @@ def test_states_of_several_logs_and_another_least_speed(folder, run):
 
 
 def test_identify_prints_every_parameter(folder, run):
-    outcome = run("identify", folder / "first.csv", "-v", TRUCK, "--passes", "1")
+    outcome = run("identify", folder / "first.csv", "-v", TRUCK)
     assert (outcome.code, outcome.err) == (0, "")
     for name in (*SOUGHT, "semitrailer.cog_height", "semitrailer.roll_inertia"):
         assert name in outcome.out
@@ -213,7 +216,7 @@ def test_held_parameters_keep_their_values(folder, run):
 
 
 def test_the_articles_preset(folder, run):
-    outcome = run("identify", folder / "first.csv", "-v", TRUCK, "--preset", "article", "--json")
+    outcome = run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article", "--json")
     assert outcome.code == 0, outcome.err
     assert outcome.json()["preset"] == "article"
     assert outcome.json()["settings"] == json.loads(json.dumps(article().as_dict()))
@@ -233,7 +236,7 @@ def test_a_log_to_predict_of_the_same_name_is_another_log(folder, run):
     for place in ("one", "two"):
         Path(place).mkdir()
         write(read(folder / ("first.csv" if place == "one" else "second.parquet")), Path(place) / "run.csv")
-    outcome = run("identify", "one/run.csv", "--validate", "two/run.csv", "-v", TRUCK, "--json", "--passes", "1")
+    outcome = run("identify", "one/run.csv", "--validate", "two/run.csv", "-v", TRUCK, "--json")
     fits = outcome.json()["fit"]
     assert len({(f["log"], f["identified_on"]) for f in fits}) == len({f["log"] for f in fits}) == 2
     assert len(set(parquet.read_table("fifthwheel-out/states.parquet")["log"].to_pylist())) == 2
@@ -385,8 +388,11 @@ USAGE = {
     "unknown command": ["frobnicate"],
     "no log": ["identify", "-v", TRUCK],
     "no vehicle": ["states", "log.csv"],
-    "unknown preset": ["identify", "log.csv", "-v", TRUCK, "--preset", "ours"],
+    "unknown method": ["identify", "log.csv", "-v", TRUCK, "--method", "ours"],
     "no passes": ["identify", "log.csv", "-v", TRUCK, "--passes", "0"],
+    "an option of the other method": ["identify", "log.csv", "-v", TRUCK, "--passes", "3"],
+    "a prior without a part": ["identify", "log.csv", "-v", TRUCK, "--prior", "roll_stiffness"],
+    "a part that is none": ["identify", "log.csv", "-v", TRUCK, "--consider", "roll_stiffness=much"],
     "not a number": ["simulate", "log.csv", "--count", "many"],
     "out of range": ["simulate", "log.csv", "--rate", "1"],
 }
@@ -410,7 +416,7 @@ def test_other_input_that_is_refused(folder, run):
     Path("file").write_text("")
     for command in ("identify", "states"):
         refused(run(command, log, "-v", TRUCK, "-o", "file"), r"file: File exists")
-    refused(run("identify", log, "-v", TRUCK, "--hold", "tractor.mass"), r"tractor\.mass: cannot be held, it is not")
+    refused(run("identify", log, "-v", TRUCK, "--hold", "tractor.mas"), r"tractor\.mas: no such parameter")
 
 
 @pytest.mark.parametrize("where", ["identify", "states"])
@@ -463,7 +469,7 @@ def fifthwheel_process(*arguments: str | Path, cwd: Path) -> subprocess.Complete
 def test_as_a_process(folder, tmp_path):
     version = fifthwheel_process("--version", cwd=tmp_path)
     assert (version.returncode, version.stdout, version.stderr) == (0, f"fifthwheel {fifthwheel.__version__}\n", "")
-    done = fifthwheel_process("identify", folder / "first.csv", "-v", TRUCK, "--json", "--passes", "1", cwd=tmp_path)
+    done = fifthwheel_process("identify", folder / "first.csv", "-v", TRUCK, "--json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert [p["name"] for p in json.loads(done.stdout)["parameters"]] == SOUGHT
     missing = fifthwheel_process("states", "nothing.csv", "-v", TRUCK, cwd=tmp_path)

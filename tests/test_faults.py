@@ -16,7 +16,7 @@ from pyarrow import parquet
 
 from fifthwheel import cli
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import Identification, Settings, identify
+from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.parameters import stage_1_names
 from fifthwheel.logs import Fault, Record, check, read, write
 from fifthwheel.observe import Observer, Status
@@ -217,7 +217,7 @@ def test_identification(case):
 )
 def test_identification_unchecked_still_gives_numbers_or_an_error(case):
     try:
-        found = identify([case.inject(BASE)], GUESS, Settings(check=False, passes=2, rounds=1))
+        found = identify([case.inject(BASE)], GUESS, TwoStage(check=False, passes=2, rounds=1))
     except SignalError as error:
         assert str(error).partition(":")[0].split(".")[0] in {n.split(".")[0] for n in BASE.signals}  # noqa: PT017
         return

@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import Settings, Verdict, identify, parameters
+from fifthwheel.identify import TwoStage, Verdict, identify, parameters
 from fifthwheel.identify.stage import begin, colour, moved
 from fifthwheel.observe.noise import steady
 from fifthwheel.observe.prepare import locked_but, prepare
@@ -20,7 +20,7 @@ def test_the_start_follows_the_parameters(truck: Vehicle, roll: bool) -> None:
     record = simulate(truck, count=1).cut(1.5)
     own = locked_but(truck, record.signals, "record")
     outputs = ("yaw_rate.tractor", "yaw_rate.semitrailer")
-    settings = Settings()
+    settings = TwoStage()
     unknowns = parameters.sought(own, parameters.stage_1_names(own), settings)
     unknowns += parameters.nuisances(own, outputs, settings)
     names = [u.name for u in unknowns]
@@ -53,7 +53,7 @@ def test_colour_of_white_and_of_coloured_noise() -> None:
 
 
 def test_moved() -> None:
-    settings = Settings(tolerance=0.01)
+    settings = TwoStage(tolerance=0.01)
     assert not moved(0.0009, 1.0, 0.0, settings)
     assert moved(0.0011, 1.0, 0.0, settings)
     assert not moved(0.0011, 1.0, 0.1, settings)
@@ -90,11 +90,11 @@ def test_the_same_log_twice(truck: Vehicle) -> None:
 def test_settings_that_cannot_be() -> None:
     for wrong in ({"passes": 0}, {"prior": 0.0}, {"forgetting": 0.0}, {"noise": {"yaw_rate.tractor": 0.0}}):
         with pytest.raises(SignalError, match=next(iter(wrong)) if "noise" not in wrong else "yaw_rate"):
-            Settings(**wrong)
+            TwoStage(**wrong)
 
 
 def test_speed_about_the_limit(truck: Vehicle) -> None:
     record = without(simulate(truck, count=1))
     speed = np.where(np.arange(len(record)) % 2, 4.0, 6.0)
     with pytest.raises(SignalError, match="never at 5 m/s or above for two samples"):
-        identify([record.with_signals({"speed": speed})], truck, Settings(check=False))
+        identify([record.with_signals({"speed": speed})], truck, TwoStage(check=False))

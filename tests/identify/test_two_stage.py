@@ -2,13 +2,15 @@
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
+from fifthwheel import identify as methods
 from fifthwheel import vehicle
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.identify import Identification, Settings, Verdict, article, identify
+from fifthwheel.identify import Identification, TwoStage, Verdict, article
 from fifthwheel.identify.parameters import group_paths, stage_1_names, stage_2_names
 from fifthwheel.logs import Record
 from fifthwheel.simulate import simulate
@@ -17,6 +19,10 @@ from fifthwheel.vehicle import Vehicle
 from .conftest import without
 
 HEIGHT = "semitrailer.payload.height"
+
+
+def identify(records: list[Record], truck: Vehicle, settings: TwoStage | None = None, **others: Any) -> Identification:
+    return methods.identify(records, truck, settings or TwoStage(), **others)
 
 
 def errors(found: Identification, truck: Vehicle) -> dict[str, float]:
@@ -103,7 +109,7 @@ def test_a_straight_drive_tells_nothing(truck: Vehicle, guess: Vehicle) -> None:
 def test_held_parameters_keep_their_value(truck: Vehicle) -> None:
     name = "tractor.front.cornering_stiffness"
     known = guesses(truck, (1.0, 1.2, 0.8, 1.2))
-    found = identify([simulate(truck, count=5, seed=5)], known, Settings(held=(name,)))
+    found = identify([simulate(truck, count=5, seed=5)], known, TwoStage(held=(name,)))
     assert found[name].verdict is Verdict.HELD
     assert found[name].value == truck.parameters()[name]
     assert found[name].sigma is None
@@ -112,7 +118,7 @@ def test_held_parameters_keep_their_value(truck: Vehicle) -> None:
 
 def test_a_parameter_that_cannot_be_held_is_named(truck: Vehicle) -> None:
     with pytest.raises(VehicleError, match=r"tractor\.mass: cannot be held"):
-        identify([simulate(truck, count=1)], truck, Settings(held=("tractor.mass",)))
+        identify([simulate(truck, count=1)], truck, TwoStage(held=("tractor.mass",)))
 
 
 def test_at_bound(truck: Vehicle) -> None:
@@ -139,7 +145,7 @@ def test_a_hopeless_start_is_not_called_converged(truck: Vehicle, factors: tuple
 
 def test_not_converged_when_stopped_early(truck: Vehicle) -> None:
     far = guesses(truck, (0.5, 1.8, 0.5, 1.8))
-    found = identify([simulate(truck, count=1, seed=6)], far, Settings(passes=1, rounds=1))
+    found = identify([simulate(truck, count=1, seed=6)], far, TwoStage(passes=1, rounds=1))
     assert Verdict.NOT_CONVERGED in {e.verdict for e in found.parameters}
 
 
@@ -245,7 +251,7 @@ def test_no_logs(truck: Vehicle) -> None:
 def test_everything_held(truck: Vehicle) -> None:
     everything = (*stage_1_names(truck), *stage_2_names(truck))
     record = simulate(truck, count=1)
-    found = identify([record], truck, Settings(held=everything))
+    found = identify([record], truck, TwoStage(held=everything))
     assert {e.verdict for e in found.parameters} == {Verdict.HELD}
     with pytest.raises(VehicleError, match="held: every parameter of stage 1"):
         identify([record], truck, article(held=everything))

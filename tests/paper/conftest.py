@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import Settings
+from fifthwheel.identify import TwoStage
 from fifthwheel.paper.experiments import LANDING_LEG, Arm, Experiment, point_payload
 from fifthwheel.paper.published import DRIVE, FRONT, PAYLOAD_HEIGHT, TRAILER, YAW_INERTIA
 from fifthwheel.paper.runs import Outcome
@@ -27,7 +27,7 @@ def experiment(name: str, arms: tuple[str, ...] = ("article", "default")) -> Exp
         name=name,
         drive=drive,
         sensors={"yaw_rate.semitrailer": Sensor(variance=1e-6), "roll_rate.semitrailer": Sensor(variance=1e-6)},
-        arms=tuple(Arm(name=arm, settings=Settings(preset=arm), told=truck) for arm in arms),
+        arms=tuple(Arm(name=arm, settings=TwoStage(preset=arm), told=truck) for arm in arms),
         stiffness={FRONT: (460e3, 440e3), DRIVE: (780e3, 740e3), TRAILER: (1.28e6, 1.2e6)},
     )
 

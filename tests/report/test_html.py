@@ -92,7 +92,7 @@ def test_lines_are_short_and_as_long_as_their_time(plots):
 
 
 def test_histories_have_band_levels_and_passes(found, plots):
-    trace = found.identification.traces["stage 1"]
+    trace = found.identification.traces["one stage"]
     names = [line["name"] for line in plots[0]["data"]]
     assert names == ["± 1 sigma", "initial", "final", "estimate"]
     assert len(plots[0]["layout"]["shapes"]) == trace.passes - 1

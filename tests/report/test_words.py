@@ -23,7 +23,7 @@ def with_verdict(identification, verdict, **changes):
 def test_all_known(found):
     told = conclude(found.identification, found.records[:1])
     assert told.good
-    assert told.headline == "All 5 parameters are known from 1 log."
+    assert told.headline == "All 5 parameters are known from 1 log, 1 of them roughly."
     assert len([line for line in told.found if "vehicle file" in line]) == 5
     assert any("CoG height" in line for line in told.found)
     assert told.unknown == ()
@@ -31,7 +31,7 @@ def test_all_known(found):
 
 def test_a_wide_sigma_is_roughly(found):
     told = conclude(with_verdict(found.identification, Verdict.CONVERGED, sigma=2e5))
-    assert "1 of them roughly" in told.headline
+    assert "2 of them roughly" in told.headline
     assert "roughly" in told.found[0]
     assert any("For tractor.front.cornering_stiffness" in line for line in told.next_steps)
 

@@ -25,7 +25,7 @@ from fifthwheel.cli.app import (
 )
 
 if TYPE_CHECKING:
-    from fifthwheel.observe import States
+    from fifthwheel.observe import States, Uncertainty
 
 
 @app.command(
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         "fifthwheel states drive.csv -v fifthwheel-out/vehicle.toml -i fifthwheel-out/identification.json",
         "fifthwheel states drive.parquet -v truck.toml --json > states.json",
         "fifthwheel states drive.csv -v truck.toml --at sideslip.semitrailer=-2.34",
+        "fifthwheel states drive.csv -v truck.toml --smooth --bank",
     )
 )
 def states(
@@ -44,25 +45,38 @@ def states(
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this the model does not hold, m/s.")] = 5.0,
     identification: Annotated[
         Path | None,
-        typer.Option("--identification", "-i", help="identification.json, for the sensors' zeros, delays and noise."),
+        typer.Option(
+            "--identification",
+            "-i",
+            help="identification.json, for the sensors' zeros, delays and noise, and the truck's uncertainty.",
+        ),
     ] = None,
     at: Annotated[
         list[str] | None, typer.Option("--at", help="Where a sideslip is told, x on its unit in m; may be repeated.")
     ] = None,
+    smooth: Annotated[bool, typer.Option("--smooth", help="Use what comes later too; off-line only.")] = False,
+    bank: Annotated[
+        bool, typer.Option("--bank", help="Find the road's bank too; the steer zero must be known well.")
+    ] = False,
     check: CheckOption = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Sideslip, roll and articulation of a known truck: states.parquet and report.html."""
+    """Sideslip, roll and articulation of a known truck: states.parquet and report.html.
+
+    Where identification.json tells how uncertain the truck's parameters are, every sigma contains what comes of that.
+    """
     from dataclasses import replace
 
     from fifthwheel.identify.result import sensors_told
     from fifthwheel.logs import check as plausibility
     from fifthwheel.logs import raise_errors
     from fifthwheel.observe import Observer, ObserverSettings, save
+    from fifthwheel.observe.noise import INITIAL
 
     truck, records = read_vehicle(vehicle), read_records(logs, signals)
     told = _identification(identification)
-    settings = ObserverSettings(min_speed=min_speed, places=_places(at or []))
+    uncertainty = _uncertainty(identification, told)
+    settings = ObserverSettings(min_speed=min_speed, places=_places(at or []), bank=INITIAL["bank"] if bank else None)
     folder = made_folder(out)
     found = []
     with progress_bar(quiet=as_json) as progress:
@@ -71,7 +85,8 @@ def states(
             if check:
                 raise_errors(plausibility(record, wheelbase=truck.wheelbase))
             own = replace(settings, **sensors_told(told, record.name)) if told else settings
-            found.append(Observer(truck, record.signals, own).batch(record))
+            observer = Observer(truck, record.signals, own)
+            found.append((observer.smooth if smooth else observer.batch)(record, uncertainty))
         progress("states", len(records), len(records))
     save(found, folder / "states.parquet")
     from fifthwheel.report import show_states, write_report
@@ -79,9 +94,9 @@ def states(
     write_report(folder / "report.html", None, records, found, title=truck.name)
     files = {name: str(folder / name) for name in ("states.parquet", "report.html")}
     if as_json:
-        print(
-            json.dumps({"version": __version__, "logs": [_states_summary(s) for s in found], "files": files}, indent=2)
-        )
+        how = {"smoothed": smooth, "uncertain": [] if uncertainty is None else list(uncertainty.names)}
+        logs_told = [_states_summary(s) for s in found]
+        print(json.dumps({"version": __version__, **how, "logs": logs_told, "files": files}, indent=2))
     else:
         show_states(found, records)
         say_files(files)
@@ -99,6 +114,19 @@ def _identification(path: Path | None) -> Any:
     except (ValueError, KeyError, TypeError) as error:
         raise SignalError(f"{path}: not an identification.json ({error!r}); give the one that identify wrote") from None
     return told
+
+
+def _uncertainty(path: Path | None, told: Any) -> "Uncertainty | None":
+    """What an identification.json says of how uncertain the truck is; None where it says nothing."""
+    from fifthwheel.errors import SignalError
+    from fifthwheel.observe import Uncertainty
+
+    if not told or told.get("uncertainty") is None:
+        return None
+    try:
+        return Uncertainty.from_dict(told["uncertainty"])
+    except SignalError as error:
+        raise SignalError(f"{path}: {error}") from None
 
 
 def _places(texts: list[str]) -> dict[str, float]:

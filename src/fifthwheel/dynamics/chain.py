@@ -28,7 +28,6 @@ from fifthwheel.dynamics import unit as one
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
-
 BANK = "bank.road"
 """Name of the state that is the road's lean, rad, left edge higher."""
 

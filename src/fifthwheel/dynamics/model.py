@@ -18,7 +18,7 @@ from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
-"""Of the Taylor series, by (with roll, side forces with a lag): one step to a sample of 100 Hz up to motorway speeds."""
+"""Of the Taylor series, by (with roll, side forces with a lag): a step a sample of 100 Hz up to motorway speeds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,7 +85,7 @@ def model(
 
     Args:
         vehicle: units, axles, couplings.
-        outputs: signals such as "yaw_rate.tractor".
+        outputs: signals such as "yaw_rate.tractor"; also "bank.road" where that is a state.
         roll: yaw and roll, or yaw only.
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: the road's lean is a state.
@@ -95,6 +95,8 @@ def model(
         KeyError: a free parameter that does not exist.
     """
     for name in outputs:
+        if name == chain.BANK and bank:
+            continue
         sensors.unit_index(vehicle, name)
         if not roll and name.partition(".")[0] in sensors.NEEDS_ROLL:
             raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or leave the signal out")
@@ -182,8 +184,5 @@ def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
     for first in reversed(range(0, order + 1, 3)):
         last = min(first + 2, order)
         part = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
-        if first == order:
-            total = powers[0] / math.factorial(order)
-        else:
-            total = part + (cube @ total if last < order else 0)
+        total = part + (cube @ total if last < order else 0)
     return ca.densify(total)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from fifthwheel.dynamics.chain import Motion
+from fifthwheel.dynamics.chain import BANK, Motion
 from fifthwheel.dynamics.unit import mass_matrix, tyre_forces
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
@@ -104,6 +104,8 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """The sensor's own parameters and their defaults: no error, on the roll axis under the CoG."""
+    if name == BANK:
+        return {}
     unit = vehicle.units[unit_index(vehicle, name)]
     own = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
     if QUANTITIES[name.partition(".")[0]][1]:
@@ -112,6 +114,8 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
 
 
 def reading(view: View, name: str) -> ca.SX:
-    """What the sensor shows, its errors included."""
+    """What the sensor shows, its errors included; of the road's bank, which no sensor shows, the state itself."""
+    if name == BANK:
+        return view.motion.bank
     i = unit_index(view.vehicle, name)
     return QUANTITIES[name.partition(".")[0]][2](view, i, name) * view.p[f"{name}.gain"] + view.p[f"{name}.offset"]

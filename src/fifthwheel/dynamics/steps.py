@@ -16,8 +16,8 @@ REACH = {(False, False): 0.11, (False, True): 0.76, (True, False): 0.45, (True, 
 """Largest product of step and fastest eigenvalue, that with its margin of 1.25, by (with roll, side forces with a lag):
 a step then errs by less than 1e-6 of the largest state. Series differ in length, see `model.ORDER`; the yaw model's
 matrix is farther from normal than its eigenvalues tell, and so is that of side forces with a lag. 1e-6 is reached near
-0.121, 0.78, 0.469 and 0.90: the catalogue's trucks and two trains of three units, 3 to 35 m/s, relaxation lengths of 0.1 to 0.8 m on all
-groups or on some, 400 random states and steer angles each."""
+0.121, 0.78, 0.469 and 0.90: the catalogue's trucks and two trains of three units, 3 to 35 m/s, relaxation lengths of
+0.1 to 0.8 m on all groups or on some, 400 random states and steer angles each."""
 
 SPEEDS = np.geomspace(1.0, 60.0, 32)
 """Where the fastest mode is reckoned, m/s; between them it is interpolated."""

@@ -64,6 +64,12 @@ def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX
     return y, H
 
 
+def tell(model: Model, x: ca.SX, covariance: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Outputs of a model of the same state at x, and their variances, which no sensor's noise is a part of."""
+    shown, S = observe(model, x, d, p, c)
+    return shown, ca.vertcat(*[S[i, :] @ covariance @ S[i, :].T for i in range(S.shape[0])])
+
+
 def correct(
     x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
 ) -> tuple[ca.SX, ca.SX, list[Channel], list[tuple[ca.SX, ca.SX]]]:

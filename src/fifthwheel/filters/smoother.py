@@ -25,25 +25,28 @@ class Smoothed:
 
 
 @functools.cache
-def step(model: Model) -> Scan:
+def step(model: Model, report: Model | None = None) -> Scan:
     """The compiled backward step.
 
-    carry = [adjoint state, adjoint covariance, then x, dt and d of the row behind], of the row after this one;
+    carry = [adjoint state, adjoint covariance, dt and d], of the row after this one;
     sample = [dt, d, y, weight, accepted, x-, P-]; constant as the filter's; output = [x, P] smoothed.
+
+    With `report`, a model of the same state without free parameters: constant = [the filter's, c of the report];
+    output = [its outputs at the smoothed states, their variances].
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
-    n_P = packed_size(n_x)
+    n_P, n_report = packed_size(n_x), 0 if report is None else sizes(report)[3]
     carry, sample, constant = (
         ca.SX.sym(name, size)
         for name, size in (
             ("carry", n_x + n_P + 1 + n_d),
             ("sample", 1 + n_d + 3 * n_y + n_x + n_P),
-            ("constant", n_p + n_c + n_P + n_y + 1),
+            ("constant", n_p + n_c + n_P + n_y + 1 + n_report),
         )
     )
     adjoint, information, dt_next, d_next = split(carry, [n_x, n_P, 1, n_d])
     dt, d, y, _, accepted, before, P_before = split(sample, [1, n_d, n_y, n_y, n_y, n_x, n_P])
-    p, c, _, r, _ = split(constant, [n_p, n_c, n_P, n_y, 1])
+    p, c, _, r, _, c_report = split(constant, [n_p, n_c, n_P, n_y, 1, n_report])
     information, P_before = unpack(information, n_x), unpack(P_before, n_x)
 
     predicted, H = kalman.observe(model, before, d, p, c)
@@ -52,13 +55,16 @@ def step(model: Model) -> Scan:
     _, _, F = kalman.predict(model, x, P, dt_next, d_next, p, c, ca.SX(n_x, n_x))
     adjoint, information = F.T @ adjoint, ca.mtimes([F.T, information, F])
     smoothed, P_smoothed = x - P @ adjoint, P - ca.mtimes([P, information, P])
+    told = smoothed, pack(P_smoothed)
+    if report is not None:
+        told = kalman.tell(report, smoothed, P_smoothed, d, ca.SX(0, 1), c_report)
     for channel, (gain, row) in reversed(list(zip(channels, gains, strict=True))):
         used = channel.accepted
         back = ca.SX.eye(n_x) - gain @ row
         adjoint = back.T @ adjoint - used * row.T * channel.innovation / channel.variance
         information = ca.mtimes([back.T, information, back]) + used * row.T @ row / channel.variance
     carried = ca.vertcat(adjoint, pack(information), dt, d)
-    results = [ca.densify(carried), ca.densify(ca.vertcat(smoothed, pack(P_smoothed)))]
+    results = [ca.densify(carried), ca.densify(ca.vertcat(*told))]
     return Scan(ca.Function("smoother", [carry, sample, constant], results, {"cse": True}))
 
 

@@ -3,18 +3,19 @@
 from fifthwheel.identify.information import Verdict
 from fifthwheel.identify.methods import identify
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
-from fifthwheel.identify.settings import OneStage, Settings, article
+from fifthwheel.identify.settings import Common, OneStage, TwoStage, article
 from fifthwheel.identify.stage import Trace
 
 __all__ = [
+    "Common",
     "Estimate",
     "Fit",
     "Identification",
     "LogSummary",
     "OneStage",
     "SensorError",
-    "Settings",
     "Trace",
+    "TwoStage",
     "Verdict",
     "article",
     "identify",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fifthwheel.identify.information import Verdict
 from fifthwheel.identify.parameters import Unknown, scaling, stage_1_names, stage_2_names
 from fifthwheel.identify.result import Estimate, Fit, LogSummary, SensorError
-from fifthwheel.identify.settings import Common, Settings
+from fifthwheel.identify.settings import Common, TwoStage
 from fifthwheel.identify.stage import Log, Trace
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
@@ -39,7 +39,7 @@ def of_parameters(
     settled: Mapping[str, bool],
     idle: Collection[str],
     traces: Mapping[str, Trace],
-    settings: Settings,
+    settings: TwoStage,
 ) -> list[Estimate]:
     """An estimate for every parameter that the stages seek or that was held."""
     unknowns = {u.name: u for u in sought}
@@ -65,6 +65,7 @@ def of_parameters(
                 initial=given[name] if name in idle else unknown.centre,
                 verdict=verdict,
                 settled=_settled_at(traces, name, settings),
+                prior=unknown.scale * (unknown.centre if unknown.logarithmic else 1.0),
                 **common,
             )
         )
@@ -84,7 +85,7 @@ def _verdict(unknown: Unknown, value: float, sigma: float, settled: bool) -> Ver
     return Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED
 
 
-def _settled_at(traces: Mapping[str, Trace], name: str, settings: Settings) -> float | None:
+def _settled_at(traces: Mapping[str, Trace], name: str, settings: TwoStage) -> float | None:
     """Seconds of driving until the parameter stayed within the tolerance.
 
     Passes that restart are estimates of their own: the last one counts. Passes that carry on are one long run.
@@ -144,7 +145,11 @@ def derived_together(
             up, down = (vehicle.replace({name: values[name] + s}).derived() for s in (step, -step))
             slopes[name] = {key: (up[key] - down[key]) / (2 * step) for key in up}
     for unit in vehicle.units:
-        sought = [e for e in parameters if e.name.startswith(f"{unit.name}.") and e.name.endswith(words)]
+        sought = [
+            e
+            for e in parameters
+            if e.name.startswith(f"{unit.name}.") and e.name.endswith(words) and e.name in covariance.names
+        ]
         if not sought:
             continue
         for word, si in (("cog_height", "m"), ("roll_inertia", "kg m^2")):

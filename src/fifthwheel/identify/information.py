@@ -12,7 +12,7 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState
 from fifthwheel.identify.parameters import Unknown, scaling
-from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.settings import TwoStage
 from fifthwheel.identify.stage import Log, begin, channel_noise, long_run, shift_delays
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
@@ -67,7 +67,7 @@ def evaluate(
     unknowns: Sequence[Unknown],
     *,
     values: Mapping[str, float],
-    settings: Settings,
+    settings: TwoStage,
     gated: bool = True,
 ) -> Information:
     """Information of all logs at the estimate, all unknowns free together.
@@ -118,7 +118,7 @@ class _Frozen:
         unknowns: Sequence[Unknown],
         values: Mapping[str, float],
         log: Log,
-        settings: Settings,
+        settings: TwoStage,
     ) -> None:
         self.model, self.vehicle, self.settings, self.log = model, vehicle, settings, log
         self.values = {u.name: u.centre for u in unknowns} | dict(values) | log.errors

@@ -96,18 +96,22 @@ class OneStageFit:
                 quiet[places] = 0.0
         information = problem.expand(quiet).hessian - np.eye(len(z))
         kept = [u.name for u in problem.unknowns if u.considered and u.name not in self.sought]
-        known = posterior(problem.names, information, considered=kept)
+        known = posterior(problem.names, information, considered=kept, nuisances=problem.nuisances)
         told = verdicts(known, [known.names.index(name) for name in self.sought], self.settings.excited)
         idle: dict[str, Verdict] = {
             known.names[i]: verdict for i, verdict in told.items() if verdict is not Verdict.CONVERGED
         }
         moving = len(idle) < len(self.sought) or Verdict.NOT_IDENTIFIABLE in idle.values()
         for name in self.sought:
-            unit, _, rest = name.partition(".")
-            # yaw rates tell of roll at second hand, by less than what any linear model errs
-            if rest in ROLLING and f"roll_rate.{unit}" not in self.outputs:
+            if self._unseen(name):
                 idle[name] = Verdict.NOT_IDENTIFIABLE if moving else Verdict.NOT_EXCITED
         return idle
+
+    def _unseen(self, name: str) -> bool:
+        """Whether a parameter of roll has no roll rate of its own unit: yaw rates tell of it at second hand only, by
+        less than what any linear model errs."""
+        unit, _, rest = name.partition(".")
+        return rest in ROLLING and f"roll_rate.{unit}" not in self.outputs
 
     def _fit(self, problem: Problem) -> Minimum:
         """The most probable unknowns, first with residuals taken for white, then for what they are."""
@@ -181,7 +185,7 @@ class OneStageFit:
             starts=(0,),
         )
         considered = [u.name for u in problem.unknowns if u.considered]
-        return posterior(problem.names, information, spread, considered=considered), trace
+        return posterior(problem.names, information, spread, considered=considered, nuisances=problem.nuisances), trace
 
     def _result(self, problem: Problem, found: Minimum, idle: Mapping[str, Verdict]) -> Identification:
         known, trace = self._known(problem, found.z)
@@ -260,8 +264,12 @@ class OneStageFit:
         slope = float(parameters.scaling([u]).slope(np.array([value]))[0])
         sigma = float(known.sigma[i]) * slope
         verdict = idle.get(u.name, Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED)
-        confused = [known.names[j] for j in known.confused(i)]
-        if verdict == Verdict.NOT_IDENTIFIABLE and not confused and known.alone(i) < self.settings.excited:
+        confused = [] if self._unseen(u.name) else [known.names[j] for j in known.confused(i)]
+        if (
+            verdict == Verdict.NOT_IDENTIFIABLE
+            and not (confused or self._unseen(u.name))
+            and known.alone(i) < self.settings.excited
+        ):
             confused = [known.names[known.worst_companion(i)]]
         if u.name not in idle and min(value - u.lower, u.upper - value) < 0.1 * sigma:
             verdict = Verdict.AT_BOUND

@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.identify.settings import Common, OneStage, Settings
+from fifthwheel.identify.settings import Common, OneStage, TwoStage
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.part import suggestion
 
@@ -55,7 +55,7 @@ def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(f"{unit.name}.payload.height" for unit in vehicle.units if unit.payload is not None)
 
 
-def sought(vehicle: Vehicle, names: Sequence[str], settings: Settings) -> list[Unknown]:
+def sought(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
     """The parameters to be estimated, those held left out; around the values of `vehicle`.
 
     Raises:
@@ -129,7 +129,8 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
             centre = values[name] if start is None else start
             found.append(Unknown(name=name, centre=centre, scale=settings.height_prior, lower=0.01, upper=3.5))
         else:
-            found.append(_logarithmic(name, values[name], settings.priors.get(name, settings.prior)))
+            usual = settings.roll_inertia_prior if name.endswith(".sprung.roll_inertia") else settings.prior
+            found.append(_logarithmic(name, values[name], settings.priors.get(name, usual)))
     taken = {*sought, *settings.held}
     loads = tuple(
         f"{name.removesuffix('payload.height')}sprung." for name in sought if name.endswith(".payload.height")

@@ -21,6 +21,7 @@ class Posterior:
     names: tuple[str, ...]
     information: Array  # (k, k) of the logs, without the prior
     covariance: Array  # (k, k), see `posterior`
+    nuisances: tuple[int, ...] = ()  # places of the sensors' errors and the initial states
 
     @property
     def sigma(self) -> Array:
@@ -28,8 +29,10 @@ class Posterior:
         return np.sqrt(np.diag(self.covariance))
 
     def alone(self, i: int) -> float:
-        """Standard deviation of z_i if all others were known."""
-        return float(1 / np.sqrt(1 + self.information[i, i]))
+        """Standard deviation of z_i if all other parameters were known, but not the sensors' errors and the starts:
+        with those known too, the little that a steer zero turns the truck would pass for excitation."""
+        own = [i, *[j for j in self.nuisances if j != i]]
+        return float(np.sqrt(np.linalg.inv(np.eye(len(own)) + self.information[np.ix_(own, own)])[0, 0]))
 
     def held(self, i: int, j: int) -> float:
         """Standard deviation of z_i if z_j were known as well."""
@@ -51,7 +54,12 @@ class Posterior:
 
 
 def posterior(
-    names: Sequence[str], information: Array, scores: Array | None = None, *, considered: Sequence[str] = ()
+    names: Sequence[str],
+    information: Array,
+    scores: Array | None = None,
+    *,
+    considered: Sequence[str] = (),
+    nuisances: Sequence[int] = (),
 ) -> Posterior:
     """Covariance of the estimate.
 
@@ -64,6 +72,7 @@ def posterior(
         information: (k, k) of the logs.
         scores: (k, k), the long-run covariance of the scores' sum; None to take the model for right.
         considered: names of what is never learned.
+        nuisances: places of the sensors' errors and the initial states.
     """
     k = len(names)
     fixed = np.array([name in considered for name in names])
@@ -77,7 +86,12 @@ def posterior(
     covariance[np.ix_(free, free)] = P * np.outer(wider, wider) + moved @ moved.T
     covariance[np.ix_(free, fixed)] = moved
     covariance[np.ix_(fixed, free)] = moved.T
-    return Posterior(names=tuple(names), information=information, covariance=(covariance + covariance.T) / 2)
+    return Posterior(
+        names=tuple(names),
+        information=information,
+        covariance=(covariance + covariance.T) / 2,
+        nuisances=tuple(nuisances),
+    )
 
 
 def verdicts(known: Posterior, sought: Sequence[int], limit: float) -> dict[int, Verdict]:

@@ -98,6 +98,12 @@ class Problem:
         self.colour = [dict.fromkeys(model.outputs, 1.0) for _ in logs]
 
     @property
+    def nuisances(self) -> tuple[int, ...]:
+        """Places of the sensors' errors and the initial states."""
+        parameters = {u.name for u in self.unknowns if not u.nuisance}
+        return tuple(i for i, name in enumerate(self.names) if name not in parameters)
+
+    @property
     def bounds(self) -> tuple[Array, Array]:
         """Of z, (k,) each; what is only considered keeps its prior mean."""
         lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)

@@ -107,6 +107,10 @@ class Identification:
         """Settings for an `Observer` of this truck: the sensors' zeros and noise as found, a log's own if named."""
         return ObserverSettings(**sensors_told(self.as_dict(), log) | changes)
 
+    def uncertainty(self, log: str | None = None) -> Uncertainty | None:
+        """What the truck and the sensors are uncertain by, for an `Observer`: a log's own sensor errors if named."""
+        return None if self.covariance is None else self.covariance.of_log(log or "")
+
     def as_dict(self) -> dict[str, Any]:
         """What identification.json holds: no histories, no arrays."""
         return {
@@ -116,6 +120,8 @@ class Identification:
             "vehicle": self.initial_vehicle.name,
             "parameters": [asdict(estimate) for estimate in self.parameters],
             "derived": [asdict(estimate) for estimate in self.derived],
+            "rough": [asdict(estimate) for estimate in self.rough],
+            "uncertainty": None if self.covariance is None else self.covariance.as_dict(),
             "sensors": [asdict(error) for error in self.sensors],
             "logs": [asdict(log) for log in self.logs],
             "fit": [

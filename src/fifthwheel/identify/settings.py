@@ -69,8 +69,8 @@ class Common:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Common):
-    """Settings of the two-stage identification; `Settings()` is our default, `article()` the published preset."""
+class TwoStage(Common):
+    """Settings of the two-stage identification; `TwoStage()` is our default, `article()` the published preset."""
 
     initial_sigma: float | None = None
     """Where the filter's own P_p(0) starts, as a part of the initial value; None for the prior's."""
@@ -112,13 +112,13 @@ ROUGHLY_KNOWN: Mapping[str, float] = {
     "tyre_roll_stiffness": 0.1,
     "roll_damping": 0.3,
     "roll_axis_height": 0.1,
-    "relaxation_length": 0.2,
     "fifth_wheel.roll_stiffness": 0.3,
     "sprung.cog_height": 0.1,
     "sprung.roll_inertia": 0.2,
     "yaw_inertia": 0.1,
 }
-"""What a vehicle file mostly knows only roughly; see `OneStage.priors`."""
+"""What a vehicle file mostly knows only roughly, and a log can hardly tell from what is sought; see
+`OneStage.consider`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,14 +128,19 @@ class OneStage(Common):
     free: tuple[str, ...] | None = None
     """What is sought, by path; None for every axle group's cornering stiffness, the yaw inertia of every unit behind
     the first and every payload height."""
-    priors: Mapping[str, float] = field(default_factory=lambda: dict(ROUGHLY_KNOWN))
-    """What is known roughly and so estimated beside: prior standard deviation as a part of the value, by a path or the
-    end of one (the longest that fits counts). Empty to trust the rest of the vehicle file to the last digit."""
-    consider: Mapping[str, float] = field(default_factory=dict)
-    """The same for what is never learned from the logs, but whose uncertainty goes into every sigma."""
+    priors: Mapping[str, float] = field(default_factory=lambda: {"relaxation_length": 0.2})
+    """What is known roughly and learned beside: prior standard deviation as a part of the value, by a path or the end
+    of one (the longest that fits counts)."""
+    consider: Mapping[str, float] = field(default_factory=lambda: dict(ROUGHLY_KNOWN))
+    """The same for what is never learned from the logs, but whose uncertainty goes into every sigma. A log can hardly
+    tell it from what is sought: learned, it would take up what the model errs instead. Empty, with `priors` empty too,
+    to trust the rest of the vehicle file to the last digit."""
     uniform_payload: bool = True
     """The payload fills its width and height evenly, so that its height gives CoG height (8) and roll inertia (9);
     False seeks `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body apart."""
+    roll_inertia_prior: float = 0.6
+    """Prior standard deviation of that roll inertia, as a part of the uniform load's: a load of one height may be a
+    point or stand along the sides."""
     form: Literal["output_error", "prediction_error"] = "output_error"
     """Compare the logs with a model that runs free from its start, or with one that a Kalman filter corrects at every
     sample: the second bears unmeasured disturbances such as side wind, the first bears errors of the model longer."""
@@ -152,7 +157,7 @@ class OneStage(Common):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("rate_gain_prior", "bank_prior", "outlier", "iterations"):
+        for name in ("roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations"):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
         for name, sigma in {**self.priors, **self.consider}.items():
@@ -160,13 +165,13 @@ class OneStage(Common):
                 raise SignalError(f"{name}: expected a standard deviation above 0 as a part of the value, got {sigma}")
 
 
-def article(**changes: Any) -> Settings:
+def article(**changes: Any) -> TwoStage:
     """The article's settings, sections 3.1 to 3.3; those it leaves open are ours.
 
     Published: Q_x = 0, Q_p of 0.1 % of nominal (0.005 m for the height) shrunk by lambda at every step, the average
     once within 1 %. Open: P_p(0), here Q_p as its name "initial parameter covariance" suggests; no bounds are told.
     """
-    preset = Settings(
+    preset = TwoStage(
         preset="article",
         initial_sigma=0.001,
         initial_height_sigma=0.005,

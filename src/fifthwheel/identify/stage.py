@@ -11,7 +11,7 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, dual
 from fifthwheel.filters.dual import Coupling, DualState, Scaling
 from fifthwheel.identify.parameters import Unknown, scaling
-from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.settings import TwoStage
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
 from fifthwheel.observe.prepare import Rows, prepare
@@ -80,7 +80,7 @@ def run(
     *,
     active: Sequence[str],
     start: Mapping[str, float],
-    settings: Settings,
+    settings: TwoStage,
     passes: int,
     progress: Progress = lambda *_: None,
     title: str = "",
@@ -128,7 +128,7 @@ def begin(
     return x0, P0, (np.column_stack(moved) - x0[:, None]) / step
 
 
-def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: Settings) -> Noise:
+def channel_noise(model: ChainModel, vehicle: Vehicle, log: Log, settings: TwoStage) -> Noise:
     """Process noise, and each channel's variance as far as this log has told it."""
     for name in model.outputs:
         log.noise.setdefault(name, variances.sensor(vehicle, name, settings.noise))
@@ -162,7 +162,7 @@ def long_run(scores: Array, lags: int) -> Array:
     return np.asarray(np.einsum("ki,kj->ij", windows, windows) / lags)
 
 
-def moved(change: ArrayLike, value: ArrayLike, sigma: ArrayLike, settings: Settings) -> bool:
+def moved(change: ArrayLike, value: ArrayLike, sigma: ArrayLike, settings: TwoStage) -> bool:
     """Whether a parameter's change is more than a tenth of its sigma and of the tolerance."""
     allowed = 0.1 * np.maximum(sigma, settings.tolerance * np.abs(value))
     return bool((np.abs(change) > allowed).any())
@@ -177,7 +177,7 @@ class _Working:
         unknowns: Sequence[Unknown],
         active: Sequence[str],
         values: dict[str, float],
-        settings: Settings,
+        settings: TwoStage,
     ) -> None:
         self.model, self.vehicle, self.logs, self.settings = model, vehicle, logs, settings
         self.unknowns = tuple(unknowns)

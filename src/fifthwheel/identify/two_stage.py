@@ -23,21 +23,21 @@ from fifthwheel.identify.estimates import SETTLED_PART, settled_since
 from fifthwheel.identify.information import Information
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Identification
-from fifthwheel.identify.settings import Settings
+from fifthwheel.identify.settings import TwoStage
 from fifthwheel.identify.stage import Progress, Trace, moved
 from fifthwheel.logs import Record
 from fifthwheel.native import compile_soon
 from fifthwheel.vehicle import Vehicle
 
 
-class TwoStage:
+class TwoStageFit:
     """One identification in two stages; arguments as in `methods.identify`."""
 
     def __init__(
         self,
         records: Sequence[Record],
         vehicle: Vehicle,
-        settings: Settings,
+        settings: TwoStage,
         validate: Sequence[Record],
         progress: Progress,
     ) -> None:

@@ -44,6 +44,7 @@ QUANTITIES: dict[str, str] = {
     "position_x": "m",
     "position_y": "m",
     "curvature": "1/m",
+    "bank": "rad",
 }
 """Every quantity a signal can be, with its SI unit."""
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.identify import Settings, article
+from fifthwheel.identify import TwoStage, article
 from fifthwheel.paper.published import FRONT
 from fifthwheel.plant import Drive, OpenLoop, Plant, Properties, Sensor
 from fifthwheel.plant import article as article_sensors
@@ -32,7 +32,7 @@ class Arm:
     """One way to identify."""
 
     name: str
-    settings: Settings
+    settings: TwoStage
     told: Vehicle  # that the starts are drawn around
     held: Mapping[str, float] = field(default_factory=dict)  # values of what is held
 
@@ -111,7 +111,7 @@ def simulation(*, repetitions: int, properties: Properties | None = None, name: 
         sensors=article_sensors(truck),
         arms=(
             Arm(name="article", settings=article(), told=truck),
-            Arm(name="default", settings=Settings(), told=truck),
+            Arm(name="default", settings=TwoStage(), told=truck),
         ),
         stiffness=effective_stiffness(truck, properties, KMH_88),
     )
@@ -145,7 +145,7 @@ def on_test_vehicle(*, repetitions: int, flawed: bool) -> Experiment:
         sensors |= {name: replace(sensors[name], bias=bias) for name, bias in OFFSETS.items()}
     # 600, 1000 and 400 of C1r, C2 and I2zz are 0.05 to 0.1 % of them, (15)
     published = article(held=(FRONT,), forgetting=0.9995, random_walk=0.0007)
-    hold = Settings(held=(FRONT,))
+    hold = TwoStage(held=(FRONT,))
     name = "test vehicle, flawed" if flawed else "test vehicle"
     drive = Plant(truck).drive(on_test_track(count=repetitions), name=name)
     largest = float(np.degrees(np.abs(drive.truth[STEER]).max()))  # where slip angles are those of this lane change
@@ -155,7 +155,7 @@ def on_test_vehicle(*, repetitions: int, flawed: bool) -> Experiment:
         sensors=sensors,
         arms=(
             Arm(name="article", settings=published, told=told, held={FRONT: MAKERS}),
-            Arm(name="default", settings=Settings(), told=told),
+            Arm(name="default", settings=TwoStage(), told=told),
             *([] if flawed else [Arm(name="default, front held", settings=hold, told=told, held={FRONT: MAKERS})]),
         ),
         stiffness=effective_stiffness(truck, drive.properties, 35 / 3.6, (0.1, largest)),

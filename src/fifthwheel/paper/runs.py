@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.identify import Identification, Settings, identify
+from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.parameters import stage_1_names
 from fifthwheel.logs import Record
 from fifthwheel.observe import Observer
@@ -63,7 +63,7 @@ def run(drive: Drive, sensors: Mapping[str, Sensor], arm: Arm, seed: int, *, exp
 
 
 def observed(
-    found: Identification, record: Record, drive: Drive, settings: Settings
+    found: Identification, record: Record, drive: Drive, settings: TwoStage
 ) -> tuple[dict[str, Array], dict[str, float]]:
     """States of the last unit by time, and the rms of their errors over the whole record."""
     unit = drive.vehicle.units[-1].name

@@ -6,7 +6,7 @@ Each variant changes one thing of section 3's experiment.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from fifthwheel.identify import Settings, article
+from fifthwheel.identify import TwoStage, article
 from fifthwheel.paper.experiments import Arm, Experiment, scaled
 from fifthwheel.plant import Plant, Properties
 from fifthwheel.plant.courses import lane_changes
@@ -18,7 +18,7 @@ class Variant:
     """One change."""
 
     name: str
-    settings: Callable[[Settings], Settings] = lambda settings: settings
+    settings: Callable[[TwoStage], TwoStage] = lambda settings: settings
     properties: Properties = Properties()  # noqa: RUF009 - frozen
     told: Callable[[Vehicle], Vehicle] = lambda truck: truck
     rate: float = 100.0  # Hz
@@ -69,6 +69,6 @@ def varied(base: Experiment, variant: Variant, *, repetitions: int) -> Experimen
     told = variant.told(base.arms[0].told)
     arms = (
         Arm(name="article", settings=variant.settings(article()), told=told),
-        Arm(name="default", settings=Settings(), told=told),
+        Arm(name="default", settings=TwoStage(), told=told),
     )
     return replace(base, name=variant.name, drive=drive, sensors=sensors, arms=arms)

@@ -9,11 +9,15 @@ from fifthwheel.report import facts
 from fifthwheel.report.numbers import about, digits, percent, with_sigma
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import Estimate, Identification, SensorError, Settings
+    from fifthwheel.identify import Common, Estimate, Identification, SensorError
     from fifthwheel.report.facts import Drive
 
 ROUGH = 0.15
 """A parameter with a greater relative sigma is known roughly only."""
+WIDE = 0.05
+"""A relative sigma from which it is told what it comes from."""
+MOSTLY = 0.5
+"""A part of a variance that is worth naming."""
 UNUSUAL = 2.5
 """A sensor's error beyond so many standard deviations of its prior is worth a look."""
 UNUSUAL_GAIN = 0.1
@@ -28,13 +32,6 @@ HARD = 3.0
 LANE_CHANGE = "1.5 m sideways within 60 m at 80 to 90 km/h, about 1.5 m/s²"
 
 
-def prior_sigma(settings: "Settings", estimate: "Estimate") -> tuple[float, bool]:
-    """Prior standard deviation of a parameter in SI, and whether it is meant relative to the initial value."""
-    if estimate.name.endswith(".payload.height"):
-        return settings.height_prior, False
-    return settings.prior * abs(estimate.initial), True
-
-
 def roughly(estimate: "Estimate") -> bool:
     """Whether a known parameter has a wide sigma."""
     if estimate.verdict != "converged" or estimate.sigma is None:
@@ -42,11 +39,12 @@ def roughly(estimate: "Estimate") -> bool:
     return estimate.sigma > ROUGH * abs(estimate.value)
 
 
-def sensor_prior(settings: "Settings", name: str) -> tuple[float, float]:
+def sensor_prior(settings: "Common", name: str) -> tuple[float, float]:
     """Mean and standard deviation that a sensor's error was given beforehand."""
     signal, _, word = name.rpartition(".")
     if word == "gain":
-        return 1.0, settings.steer_gain_prior
+        steered = signal.startswith("steer.")
+        return 1.0, settings.steer_gain_prior if steered else getattr(settings, "rate_gain_prior", UNUSUAL_GAIN)
     if word == "delay":
         return 0.0, settings.steer_delay_prior
     if signal.startswith("steer."):
@@ -54,10 +52,10 @@ def sensor_prior(settings: "Settings", name: str) -> tuple[float, float]:
     return 0.0, settings.articulation_offset_prior if signal.startswith("articulation.") else settings.rate_offset_prior
 
 
-def unusual(settings: "Settings", error: "SensorError") -> bool:
+def unusual(settings: "Common", error: "SensorError") -> bool:
     """Whether a sensor's error is far from what was expected, for a gain from 1."""
     mean, sigma = sensor_prior(settings, error.name)
-    if error.name.endswith(".gain"):
+    if error.name.startswith("steer.") and error.name.endswith(".gain"):
         return abs(error.value - mean) > max(UNUSUAL_GAIN, 2 * error.sigma)
     return abs(error.value - mean) > UNUSUAL * sigma
 
@@ -70,7 +68,9 @@ def sensor_cautions(identification: "Identification") -> Iterator[str]:
         signal, _, word = error.name.rpartition(".")
         value = with_sigma(error.value, error.sigma, error.unit)
         where = f" in {error.log}" if error.log else ""
-        if word == "gain":
+        if word == "gain" and not signal.startswith("steer."):
+            yield f"{signal} seems to show {value} times what there is; check its calibration or its unit."
+        elif word == "gain":
             yield (
                 f"{signal} seems to turn the wheels {value} times as far as logged: a wrong steering ratio looks "
                 "like a wrong tyre stiffness, so stiffnesses and this gain stand or fall together."
@@ -141,7 +141,7 @@ def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> l
     steps = []
     if poor:
         steps.append(f"Identify on {_listed(poor)} too: what was found does not carry over to it well.")
-    steps += [*_for_excitation(identification, drives), *_for_roll(identification)]
+    steps += [*_for_excitation(identification, drives), *_for_roll(identification), *_for_confusion(identification)]
     if any(e.verdict == "at_bound" for e in identification.parameters):
         steps.append(
             "A parameter at its bound mostly means a wrong vehicle file or log: check masses, axle positions and the "
@@ -169,8 +169,11 @@ def next_steps(identification: "Identification", drives: "Sequence[Drive]") -> l
 
 
 def _for_excitation(identification: "Identification", drives: "Sequence[Drive]") -> Iterator[str]:
+    elsewhere = {estimate.name for estimate, _, _ in owed(identification)}  # more driving would not help
     missing = [
-        e for e in identification.parameters if roughly(e) or (e.verdict == "not_excited" and e.sigma is not None)
+        e
+        for e in identification.parameters
+        if (roughly(e) and e.name not in elsewhere) or (e.verdict == "not_excited" and e.sigma is not None)
     ]
     if not missing:
         return
@@ -198,12 +201,48 @@ def _for_excitation(identification: "Identification", drives: "Sequence[Drive]")
 
 def _for_roll(identification: "Identification") -> Iterator[str]:
     for estimate in identification.parameters:
-        if estimate.verdict == "not_excited" and estimate.sigma is None:
+        untold = estimate.verdict == "not_identifiable" and not estimate.confused_with
+        if untold or (estimate.verdict == "not_excited" and estimate.sigma is None):
             unit = estimate.name.split(".")[0]
             yield (
                 f"Log the roll rate of the {unit} (roll_rate.{unit}) and identify again: without it nothing tells "
                 f"{estimate.name}, the CoG height and the roll inertia."
             )
+
+
+def _for_confusion(identification: "Identification") -> Iterator[str]:
+    """What to hold or to measure, so that something else can be told, or told better."""
+    for estimate in identification.parameters:
+        if estimate.verdict == "not_identifiable" and estimate.confused_with:
+            yield f"To tell {estimate.name}, hold {estimate.confused_with[0]} at a value that is known otherwise."
+    for estimate, name, part in owed(identification):
+        rough = next(e for e in identification.rough if e.name == name)
+        known = percent((rough.sigma or 0.0) / abs(rough.value))
+        yield (
+            f"{percent(part)} of the variance of {estimate.name} comes from {name}, known to ±{known}: "
+            "measure that, or say how well it is known (--consider)."
+        )
+
+
+def owed(identification: "Identification") -> "Iterator[tuple[Estimate, str, float]]":
+    """Parameters with a wide sigma that is mostly due to one thing that was only considered, and which part of it."""
+    told = identification.covariance
+    if told is None:
+        return
+    places = {name: i for i, name in enumerate(told.names)}
+    considered = [e.name for e in identification.rough if e.verdict == "held"]
+    for estimate in identification.parameters:
+        if estimate.verdict != "converged" or not estimate.sigma or estimate.sigma < WIDE * abs(estimate.value):
+            continue
+        i = places[estimate.name]
+        parts = {
+            name: told.covariance[i, j] ** 2 / (told.covariance[i, i] * told.covariance[j, j])
+            for name, j in places.items()
+            if name in considered
+        }
+        worst = max(parts, key=lambda name: parts[name], default=None)
+        if worst is not None and parts[worst] > MOSTLY:
+            yield estimate, worst, float(parts[worst])
 
 
 def kmh(speed: tuple[float, float]) -> str:

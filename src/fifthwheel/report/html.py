@@ -84,9 +84,17 @@ class _Report:
         )
         self.body.append(tables.estimates(found.parameters))
         if found.derived:
-            self.body.append("<h3>What follows from the payload height</h3>")
+            self.body.append("<h3>What follows from the load</h3>")
             self._say("hint", "CoG of the laden sprung body above the ground; its roll inertia about the roll axis.")
             self.body.append(tables.estimates(found.derived, history=False))
+        if found.rough:
+            self.body.append("<h3>Known roughly beforehand</h3>")
+            self._say(
+                "hint",
+                "The vehicle file is not taken to the last digit: what is held keeps its value and counts in every "
+                "sigma above, the others were learned beside, from what was assumed of them.",
+            )
+            self.body.append(tables.estimates(found.rough, history=False))
         if found.sensors:
             self.body.append("<h3>Errors of the sensors</h3>")
             self._say(
@@ -103,16 +111,18 @@ class _Report:
         )
         self._say(
             "hint",
-            "Each parameter while the filter drives through the logs, again and again; grey vertical lines separate "
+            "What the logs had said of each parameter by then, taken together from the start on, for all unknowns at "
+            "once; the band is one sigma as it would be if the model were right."
+            if found.method == "one-stage"
+            else "Each parameter while the filter drives through the logs, again and again; grey vertical lines part "
             f"the passes. A pass begins at the last one's value with the prior's width, and ends, in a last step, with "
             f"the prior's mean put back. The band is one sigma as the filter has it; that of the table also counts "
             f"residuals that hang together, and is wider.{later if found.rounds > 1 else ''}",
         )
         for title, trace in found.traces.items():
             sought = [e for e in found.parameters if e.name in trace.names]
-            self.body.append(
-                f"<h3>{escape(title.capitalize())}: {trace.passes} {'pass' if trace.passes == 1 else 'passes'}</h3>"
-            )
+            passes = "" if found.method == "one-stage" else f": {trace.passes} pass{'es' * (trace.passes > 1)}"
+            self.body.append(f"<h3>{escape(title.capitalize())}{passes}</h3>")
             if not sought:
                 self._say("hint", "No parameter of this stage was excited enough to be sought.")
                 continue
@@ -189,7 +199,8 @@ class _Report:
             return
         self.body.append(tables.logs(found, records, facts.driven(found, records)))
         self.body.append("<details><summary>Settings and version</summary>")
-        self._say("hint", f"fifthwheel {found.version}, {_method(found)}; {found.rounds} rounds.")
+        word = "steps" if found.method == "one-stage" else "rounds"
+        self._say("hint", f"fifthwheel {found.version}, {_method(found)}; {found.rounds} {word}.")
         self.body.append(tables.settings(found.settings.as_dict()))
         self.body.append("</details>")
 

@@ -19,6 +19,7 @@ COLOURS = {
     "converged": "green",
     "not_converged": "yellow",
     "not_excited": "red",
+    "not_identifiable": "red",
     "at_bound": "red",
     "held": "cyan",
 }
@@ -27,7 +28,7 @@ COLOURS = {
 
 def show_identification(identification: "Identification", console: "Console | None" = None) -> None:
     """Print parameters with sigma and verdict, what follows from them, the fit and what to do next."""
-    page = _Page(console)
+    page = Page(console)
     told = conclude(identification)
     page.headline(told)
     table = page.table("Parameter", "Value:>", "Sigma:>", "Verdict")
@@ -49,7 +50,7 @@ def show_identification(identification: "Identification", console: "Console | No
 
 def show_states(states: "Sequence[States]", records: "Sequence[Record]", console: "Console | None" = None) -> None:
     """Print how reliable the states of each record are, their uncertainty, and what to beware of."""
-    page = _Page(console)
+    page = Page(console)
     told = conclude_states(states, records)
     page.headline(told)
     for one in states:
@@ -72,7 +73,7 @@ def show_states(states: "Sequence[States]", records: "Sequence[Record]", console
     page.lists(("Beware", told.cautions), ("Next", told.next_steps), ("Notes", told.notes))
 
 
-class _Page:
+class Page:
     """A console, and what it can show."""
 
     def __init__(self, console: "Console | None") -> None:
@@ -96,7 +97,7 @@ class _Page:
         """A table without lines; a head that ends with ":>" is a column of numbers."""
         from rich.table import Table
 
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold underline")
+        table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
         for head in heads:
             number = head.endswith(":>")
             table.add_column(

@@ -18,6 +18,7 @@ MARKS = {
     "converged": ("✓", "converged"),
     "not_converged": ("…", "not converged"),
     "not_excited": ("?", "not excited"),
+    "not_identifiable": ("∥", "not identifiable"),
     "at_bound": ("!", "at bound"),
     "held": ("=", "held"),
 }
@@ -133,7 +134,8 @@ def _not_excited(identification: "Identification", estimate: "Estimate") -> str:
     stands = _stands(identification, estimate)
     if estimate.sigma is None:
         return f"not sought, no roll rate of the {estimate.name.split('.')[0]} was logged; {stands}"
-    prior, of_value = advice.prior_sigma(identification.settings, estimate)
+    prior = estimate.prior if estimate.prior is not None else estimate.sigma
+    of_value = not estimate.name.endswith(".payload.height")
     needed = identification.settings.excited * prior
 
     def size(sigma: float) -> str:
@@ -143,6 +145,15 @@ def _not_excited(identification: "Identification", estimate: "Estimate") -> str:
         f"not excited, the logs do not bring it from the {size(prior)} assumed beforehand under the {size(needed)} "
         f"that count as known; {stands}"
     )
+
+
+def _not_identifiable(identification: "Identification", estimate: "Estimate") -> str:
+    stands = _stands(identification, estimate)
+    if estimate.confused_with:
+        others = " and ".join(spoken(name) for name in estimate.confused_with)
+        return f"not identifiable, the logs cannot tell it from {others}; {stands}"
+    unit = estimate.name.split(".")[0]
+    return f"not identifiable, no channel of the logs tells enough of it (a roll rate of the {unit} would); {stands}"
 
 
 def _stands(identification: "Identification", estimate: "Estimate") -> str:
@@ -157,9 +168,11 @@ def _together(identification: "Identification") -> list[str]:
     """What is not known, those together of which the same is to be said."""
     told: dict[str, list[str]] = {}
     for estimate in identification.parameters:
-        if estimate.verdict == "not_excited":
-            told.setdefault(_not_excited(identification, estimate), []).append(spoken(estimate.name))
-    sentences = [_unknown(e) for e in identification.parameters if e.verdict not in ("converged", "not_excited")]
+        if estimate.verdict in ("not_excited", "not_identifiable"):
+            why = _not_excited if estimate.verdict == "not_excited" else _not_identifiable
+            told.setdefault(why(identification, estimate), []).append(spoken(estimate.name))
+    plain = ("converged", "not_excited", "not_identifiable")
+    sentences = [_unknown(e) for e in identification.parameters if e.verdict not in plain]
     return [*sentences, *[_sentence(f"{', '.join(names)}: {text}") for text, names in told.items()]]
 
 
