@@ -54,6 +54,7 @@ class Foreseen:
     free: Posterior  # all that is sought is learned
     settled: Posterior  # what is not told keeps the vehicle file's value
     idle: Mapping[str, Verdict] = field(default_factory=dict)  # what is not told, and why
+    unseen: frozenset[str] = frozenset()  # what has no channel of its own
 
     def sigma(self, name: str) -> float:
         """Standard deviation of an unknown after the fit, in units of its prior's."""
@@ -65,6 +66,8 @@ class Foreseen:
 
     def confused(self, name: str) -> list[str]:
         """What an unknown can hardly be told apart from, the worst first; of one that is not told, at least one."""
+        if name in self.unseen:
+            return []
         known = self.free if name in self.idle else self.settled
         i = known.names.index(name)
         found = known.confused(i)
@@ -170,21 +173,28 @@ class Forecast:
             added: channels to be logged besides.
         """
         names, information = together(drives, known=known, added=added)
+        return self.judge(names, information, {*added, *[name for drive in drives for name in drive.logged]})
+
+    def judge(self, names: Sequence[str], information: Array, channels: Collection[str]) -> Foreseen:
+        """The same for unknowns by name, the information of them (k, k), and the channels that it comes from."""
         kept = [u.name for u in self.unknowns if u.considered and u.name in names and u.name not in self.sought]
         own = {u.name for u in self.unknowns if not u.nuisance}
         nuisances = [i for i, name in enumerate(names) if name not in own]
         free = posterior(names, information, considered=kept, nuisances=nuisances)
         seek = [name for name in self.sought if name in names]
-        told = verdicts(free, [names.index(name) for name in seek], self.settings.excited)
-        idle = {names[i]: verdict for i, verdict in told.items() if verdict is not Verdict.CONVERGED}
+        told = verdicts(free, [free.names.index(name) for name in seek], self.settings.excited)
+        idle = {free.names[i]: verdict for i, verdict in told.items() if verdict is not Verdict.CONVERGED}
         moving = len(idle) < len(seek) or Verdict.NOT_IDENTIFIABLE in idle.values()
-        channels = {*added, *[name for drive in drives for name in drive.logged]}
-        for name in seek:  # as the fit does it: yaw rates tell of roll at second hand only
-            unit, _, rest = name.partition(".")
-            if rest in ROLLING and f"roll_rate.{unit}" not in channels:
-                idle[name] = Verdict.NOT_IDENTIFIABLE if moving else Verdict.NOT_EXCITED
+        unseen = frozenset(name for name in seek if _roll_rate(name) not in (None, *channels))
+        idle |= dict.fromkeys(unseen, Verdict.NOT_IDENTIFIABLE if moving else Verdict.NOT_EXCITED)
         settled = posterior(names, information, considered=[*kept, *idle], nuisances=nuisances)
-        return Foreseen(free=free, settled=settled, idle=idle)
+        return Foreseen(free=free, settled=settled, idle=idle, unseen=unseen)
+
+
+def _roll_rate(name: str) -> str | None:
+    """The signal without which a fit does not believe what it hears of a parameter."""
+    unit, _, rest = name.partition(".")
+    return f"roll_rate.{unit}" if rest in ROLLING else None
 
 
 def pieces(section: Record) -> list[Record]:

@@ -83,8 +83,7 @@ def minimise(
             accept(z)
             here = expand(z)
         elif radius < 1e-9 or (inside and promised < 1e-9 * max(abs(here.cost), 1.0)):
-            small_enough = bool(promised < 1e-6 * max(abs(here.cost), 1.0))
-            return Minimum(z=z, at=here, converged=small_enough, steps=steps)
+            return Minimum(z=z, at=here, converged=inside, steps=steps)
     return Minimum(z=z, at=here, converged=False, steps=steps)
 
 

@@ -203,6 +203,6 @@ def _unstable(forecast: Forecast) -> str:
     times = forecast.steadied.parameters()[first] / forecast.vehicle.parameters()[first]
     from_speed = dynamics.critical_speed(forecast.vehicle) or float("nan")
     return (
-        f"{forecast.vehicle.name}: by its file unstable from {3.6 * from_speed:.0f} km/h on, which no truck on a road is; "
-        f"check the file. Reckoned instead was with {axles} {times:.2g} times as stiff, from where a fit would start."
+        f"{forecast.vehicle.name}: by its file unstable from {3.6 * from_speed:.0f} km/h on; check the file. Reckoned "
+        f"was with {axles} {times:.2g} times as stiff, from where a fit would start."
     )

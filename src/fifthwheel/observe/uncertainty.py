@@ -2,8 +2,9 @@
 
 A state's variance given the measurements is the filter's own, which takes every parameter as known, plus that of the
 filter's answer over the parameters. The latter is had from pairs of trucks, p plus and minus each column of a square
-root of the parameters' covariance: exact where the answer is linear in p, right to second order otherwise (S. J. Julier
-and J. K. Uhlmann, A new extension of the Kalman filter to nonlinear systems, AeroSense 1997).
+root of the parameters' covariance (S. J. Julier and J. K. Uhlmann, A new extension of the Kalman filter to nonlinear
+systems, AeroSense 1997). It is exact where the answer is linear in p; products of two errors are left out. The
+parameters are not learned from the record: where it would have told more of them, the variance is too large.
 """
 
 from collections.abc import Container, Mapping, Sequence

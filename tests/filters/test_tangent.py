@@ -1,0 +1,77 @@
+"""Derivatives in machine code against central differences of the same scans."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics, vehicle
+from fifthwheel.filters import Noise, tangent
+from fifthwheel.filters.model import sizes
+from fifthwheel.observe.noise import PROCESS, process
+from fifthwheel.observe.prepare import locked_but, prepare
+from fifthwheel.simulate import simulate
+
+OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
+
+
+@pytest.fixture(scope="module")
+def setting() -> tuple[dynamics.ChainModel, np.ndarray, np.ndarray]:
+    """A model with everything free, the rows of a drive with a gap in a channel, and the parameters."""
+    truck = vehicle.get("cheng_cebon_2011")
+    record = simulate(truck, count=1, seed=1).cut(0.5, 4.0)
+    truck = locked_but(truck, record.signals, "the record")
+    given = dynamics.all_parameters(truck, OUTPUTS)
+    model = dynamics.model(truck, OUTPUTS, roll=True, bank=True, free=tuple(given))
+    rows = prepare(model, truck, record).rows.copy()
+    rows[100:150, -1] = 0.0  # the weight of the last channel
+    return model, rows, model.free_values(given)
+
+
+def outputs(
+    run: Callable[..., None], start: np.ndarray, p: np.ndarray, starts: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    values, slopes = [], []
+    run(
+        start=start,
+        start_directions=starts,
+        p=p,
+        directions=directions,
+        take=lambda here, out, along: (values.append(out), slopes.append(along)),
+    )
+    return np.concatenate(values), np.concatenate(slopes)
+
+
+@pytest.mark.parametrize("form", ["simulation", "innovations"])
+def test_derivatives(setting: tuple[dynamics.ChainModel, np.ndarray, np.ndarray], form: str, monkeypatch) -> None:
+    model, rows, p = setting
+    n, n_d, _, _, m = sizes(model)
+    rng = np.random.default_rng(0)
+    monkeypatch.setattr(tangent, "CHUNK", 97)  # several chunks, of which the last is short
+    x0 = 0.01 * rng.normal(size=n)
+    if form == "simulation":
+        scan, rows, others, start = tangent.simulation(model), rows[:, : 1 + n_d], np.zeros(0), x0
+    else:
+        noise = Noise(process=process(model.states, PROCESS), measurement=np.full(m, 1e-4), gate=5.0)
+        scan, others = tangent.innovations(model), noise.vector()
+        start, _ = tangent.start_of_filter(x0, 1e-4 * np.eye(n), np.zeros((1, n)))
+    count = 6
+    starts = np.zeros((count, len(start)))
+    starts[:, :n] = 0.01 * rng.normal(size=(count, n))
+    directions = 0.02 * np.maximum(np.abs(p), 1e-3) * rng.normal(size=(count, len(p)))
+
+    def run(**arguments: object) -> None:
+        tangent.in_chunks(scan, rows, others=others, **arguments)
+
+    values, slopes = outputs(run, start, p, starts, directions)
+    assert len(values) == len(rows)
+    none = np.zeros((1, len(p)))
+    step = 1e-4
+    for j in range(count):
+        ends = [
+            outputs(run, start + s * starts[j], p + s * directions[j], np.zeros((1, len(start))), none)[0]
+            for s in (step, -step)
+        ]
+        expected = (ends[0] - ends[1]) / (2 * step)
+        scale = np.abs(expected).max(axis=0) + 1e-12
+        assert np.abs((slopes[..., j] - expected) / scale).max() < 1e-5
