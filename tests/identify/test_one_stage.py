@@ -9,7 +9,6 @@ import pytest
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.identify.parameters import stage_1_names
-from fifthwheel.logs import Record
 from fifthwheel.observe import Observer
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle

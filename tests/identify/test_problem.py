@@ -38,7 +38,7 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     whole = problem(truck, records, OneStage(form=form, initial_payload_height=1.0, rate_gain_prior=0.05))
     rng = np.random.default_rng(3)
     z = 0.1 * rng.normal(size=len(whole.names))
-    found = whole.expand(z)
+    found = whole.expand(z, directions="all")
     assert found.cost == pytest.approx(whole.cost(z), rel=1e-9)
     step = 1e-4
     for i in range(0, len(z), 1 if form == "output_error" else 3):

@@ -5,7 +5,8 @@ the whole Jacobian, and one compiled step serves every choice of unknowns.
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -17,8 +18,8 @@ from fifthwheel.native import Scan
 LANES = 8
 """Directions that share one pass of the loop."""
 
-CHUNK = 20_000
-"""Rows at a time, so that a long record needs no more memory than its Jacobian."""
+CHUNK = 4_000
+"""Rows at a time, so that a long record needs no more memory than a short one."""
 
 
 def _with_tangent(
@@ -84,6 +85,14 @@ def innovations(model: Model) -> Scan:
     return _with_tangent("innovations", carry, sample, p, others, later, kalman.channel_columns(channels))
 
 
+class Chunk(NamedTuple):
+    """Some rows of a record after a step of this file."""
+
+    rows: slice
+    values: Array  # (rows, n_y)
+    slopes: Array  # (k, rows, n_y), along each direction
+
+
 def in_chunks(
     scan: Scan,
     rows: Array,
@@ -93,8 +102,7 @@ def in_chunks(
     p: Array,
     directions: Array,
     others: Array,
-    take: Callable[[slice, Array, Array], None],
-) -> None:
+) -> Iterator[Chunk]:
     """Run a step of this file over a record, a chunk of rows after another.
 
     Args:
@@ -105,7 +113,6 @@ def in_chunks(
         p: (n_p,).
         directions: derivative of p along each direction, (k, n_p).
         others: the rest of the step's constants.
-        take: called for every chunk with its rows, the outputs (rows, n_y) and their derivatives (rows, n_y, k).
     """
     k = len(directions)
     carry = np.hstack([np.tile(start, (k, 1)), start_directions])
@@ -114,7 +121,7 @@ def in_chunks(
     for begin in range(0, len(rows), CHUNK):
         here = slice(begin, min(begin + CHUNK, len(rows)))
         carry, out = scan.batch(carry, rows[here], constant)
-        take(here, out[0, :, :half], np.moveaxis(out[:, :, half:], 0, -1))
+        yield Chunk(here, out[0, :, :half], out[:, :, half:])
 
 
 def start_of_filter(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:

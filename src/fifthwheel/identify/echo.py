@@ -4,12 +4,12 @@ At constant speed the model is linear with constant coefficients, so what its ou
 angle is the pulse's, convolved with it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import oaconvolve
+from scipy.fft import irfft, next_fast_len, rfft
 
 from fifthwheel.identify.forecast import Forecast
 from fifthwheel.identify.manoeuvres import to_record
@@ -18,6 +18,9 @@ from fifthwheel.identify.stage import Log
 from fifthwheel.simulate import AFTER
 
 Array = NDArray[np.float64]
+
+SIZE = 1e-5
+"""rad, of the pulse: the model is linear in it, but how well the start is known goes with the steer angle's scatter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,27 +57,39 @@ class Echo:
             problem = Problem(forecast.model, forecast.vehicle, [log], forecast.unknowns, forecast.settings)
             part = problem.part(np.zeros(len(problem.names)), 0, 0)
             self.names = tuple(problem.names[i] for i in part.places)
-            return np.asarray(part.jacobian[:, places] / scale)
+            return np.asarray(np.moveaxis(part.jacobian, 0, -1)[:, places] / scale)
 
         self.still = derivatives(pulse)
-        pulse[1] = 1.0  # between the samples a steer angle goes linearly, so that it begins to act with the first
-        self.pulse = (derivatives(pulse) - self.still)[1:]
+        pulse[1] = SIZE  # between samples a steer angle goes linearly: this one begins to act after the first
+        self.pulse = (derivatives(pulse) - self.still)[1:] / SIZE
 
-    def of(self, steer: Array, marks: Sequence[int]) -> list[Shares]:
-        """What a drive tells up to some of its samples.
+    def of(self, steer: Array, period: int, count: int) -> list[Shares]:
+        """What 1, 2, ... `count` of a manoeuvre tell, to the left and to the right in turn.
 
         Args:
-            steer: (N,) rad, zero at first.
-            marks: numbers of samples, rising.
+            steer: (N,) of one, and of what still swings behind it, rad; zero at first.
+            period: samples from the start of one to the start of the next.
         """
-        count = marks[-1]
-        moved = oaconvolve(steer[:count, None, None], self.pulse, axes=0)[:count]
-        still = np.concatenate([self.still, np.repeat(self.still[-1:], max(count - len(self.still), 0), axis=0)])[:count]
+        whole = count * period
+        one = self._moved(steer)
+        moved = np.zeros((whole, *one.shape[1:]))
+        for i in range(count):
+            here = moved[i * period : i * period + len(one)]
+            here += (-1) ** i * one[: len(here)]
+        settled = np.repeat(self.still[-1:], max(whole - len(self.still), 0), axis=0)
+        still = np.concatenate([self.still, settled])[:whole]
         k = len(self.names)
-        total, found = [np.zeros((k, k)) for _ in range(3)], []
-        for begin, end in zip([0, *marks[:-1]], marks, strict=True):
-            a, b = (part[begin:end].reshape(-1, k) for part in (still, moved))
-            for sum_, new in zip(total, (a.T @ a, a.T @ b + b.T @ a, b.T @ b), strict=True):
-                sum_ += new
-            found.append(Shares(still=total[0].copy(), mixed=total[1].copy(), moved=total[2].copy()))
+        total, found = np.zeros((3, k, k)), []
+        for i in range(count):
+            a, b = (part[i * period : (i + 1) * period].reshape(-1, k) for part in (still, moved))
+            total += a.T @ a, a.T @ b + b.T @ a, b.T @ b
+            still_, mixed, moved_ = total.copy()
+            found.append(Shares(still=still_, mixed=mixed, moved=moved_))
         return found
+
+    def _moved(self, steer: Array) -> Array:
+        """What a steer angle (N,) adds to the derivatives, until all is at rest again (N + M, m, k)."""
+        whole = len(steer) + len(self.pulse)
+        size = next_fast_len(whole, real=True)
+        found = irfft(rfft(self.pulse, size, axis=0) * rfft(steer, size)[:, None, None], size, axis=0)
+        return np.asarray(found[:whole])

@@ -147,8 +147,8 @@ class Forecast:
             part = problem.part(z, 0, j)
             for c, name in enumerate(self.channels):
                 rows = seen[:, c] if held[c] else seen.any(axis=1)
-                scaled = part.jacobian[rows, c] / np.sqrt(part.variance[rows, c])[:, None]
-                found[name][np.ix_(part.places, part.places)] += scaled.T @ scaled
+                scaled = part.jacobian[:, rows, c] / np.sqrt(part.variance[rows, c])
+                found[name][np.ix_(part.places, part.places)] += scaled @ scaled.T
         if not all(np.isfinite(one).all() for one in found.values()):
             raise VehicleError(f"{self.vehicle.name}: runs away in {log.name}; check masses, positions and stiffnesses")
         own = dict(zip(self.channels, held.tolist(), strict=True))

@@ -94,7 +94,7 @@ class OneStageFit:
         for starts in problem.starts:
             for places in starts:
                 quiet[places] = 0.0
-        information = problem.expand(quiet).hessian - np.eye(len(z))
+        information = problem.expand(quiet, directions="all").hessian - np.eye(len(z))
         kept = [u.name for u in problem.unknowns if u.considered and u.name not in self.sought]
         known = posterior(problem.names, information, considered=kept, nuisances=problem.nuisances)
         told = verdicts(known, [known.names.index(name) for name in self.sought], self.settings.excited)
@@ -159,21 +159,20 @@ class OneStageFit:
         rows = [problem.names.index(name) for name in self.sought]
         values, sigmas = [], []
         for i, j in problem.sections():
-            part = problem.part(z, i, j)
-            size = max(len(part.time) * HISTORY // total, 2)
             scores = []
-            for chunk in np.array_split(np.arange(len(part.time)), min(size, len(part.time))):
-                own, gram = problem.scores(part.rows(chunk))
-                scores.append(own)
-                information[np.ix_(part.places, part.places)] += gram
-                gradient[part.places] += own.sum(axis=0)
-                P = np.linalg.inv(np.eye(k) + information)
-                values.append((z - P @ (z + gradient))[rows])
-                sigmas.append(np.sqrt(np.diag(P))[rows])
-                moments.append(elapsed + part.time[chunk[-1]] - part.time[0])
+            for whole in problem.parts(z, i, j):
+                for part in whole.split(max(total // HISTORY, 1)):
+                    own, gram = problem.information(part)
+                    information[np.ix_(part.places, part.places)] += gram
+                    gradient[part.places] += own
+                    P = np.linalg.inv(np.eye(k) + information)
+                    values.append((z - P @ (z + gradient))[rows])
+                    sigmas.append(np.sqrt(np.diag(P))[rows])
+                    moments.append(elapsed + part.time[-1] - self.logs[i].sections[j].time[0])
+                scores.append(problem.scores(whole))
             elapsed = moments[-1]
             lags = max(int(self.settings.correlation_time * self.logs[i].sections[j].rate), 1)
-            spread[np.ix_(part.places, part.places)] += long_run(np.concatenate(scores), lags)
+            spread[np.ix_(whole.places, whole.places)] += long_run(np.concatenate(scores), lags)
         sought = [u for u in problem.unknowns if u.name in self.sought]
         scale = parameters.scaling(sought)
         p = scale.to_p(np.array(values))
@@ -246,7 +245,7 @@ class OneStageFit:
         """Each log's (N, m): 1 where a sample counted in full, 0 where it is missing or an outlier."""
         told = []
         for i, log in enumerate(self.logs):
-            parts = [problem.part(found.z, i, j, derivatives=False) for j in range(len(log.sections))]
+            parts = [p for j in range(len(log.sections)) for p in problem.parts(found.z, i, j, directions="none")]
             sizes = np.concatenate([np.abs(part.error) / np.sqrt(part.variance) for part in parts])
             told.append((sizes <= self.settings.gate).astype(float))
         return told

@@ -9,8 +9,9 @@ rho being Huber's (1964). Output-error form (Ljung 1999, section 7.3): e is the 
 the section's start. Prediction-error form: e is the innovation of a Kalman filter, s its own standard deviation.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,29 +29,32 @@ from fifthwheel.observe.prepare import Rows, prepare
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+Directions = Literal["none", "learned", "all"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """What one section says: N samples, m channels, k unknowns of its own choice."""
+    """What a piece of a section says: N samples, m channels, k unknowns of its own choice."""
 
     time: Array  # (N,) s
     error: Array  # (N, m), NaN where missing or refused
     variance: Array  # (N, m) of each error
-    jacobian: Array  # (N, m, k) of the errors
-    variance_jacobian: Array | None  # (N, m, k) where the variance depends on the unknowns
+    jacobian: Array  # (k, N, m) of the errors
+    variance_jacobian: Array | None  # (k, N, m) where the variance depends on the unknowns
     places: NDArray[np.int64]  # (k,) of these unknowns among all
 
-    def rows(self, which: NDArray[np.int64]) -> "Part":
-        """Some of its samples."""
-        return Part(
-            time=self.time[which],
-            error=self.error[which],
-            variance=self.variance[which],
-            jacobian=self.jacobian[which],
-            variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[which],
-            places=self.places,
-        )
+    def split(self, size: int) -> "Iterator[Part]":
+        """Pieces of it with `size` samples each, the last with less."""
+        for begin in range(0, len(self.time), size):
+            here = slice(begin, begin + size)
+            yield replace(
+                self,
+                time=self.time[here],
+                error=self.error[here],
+                variance=self.variance[here],
+                jacobian=self.jacobian[:, here],
+                variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[:, here],
+            )
 
 
 class Problem:
@@ -136,29 +140,44 @@ class Problem:
             self._rows[key] = prepare(self.model, self.vehicle, self.logs[i].sections[j], errors=values)
         return self._rows[key]
 
-    def part(self, z: Array, i: int, j: int, *, derivatives: bool = True) -> Part:
-        """Section j of log i at z; without derivatives the Jacobian has no unknowns."""
+    def parts(self, z: Array, i: int, j: int, *, directions: Directions = "all") -> Iterator[Part]:
+        """Section j of log i at z, piece by piece; its derivatives by no unknown, by those that are learned, or by all,
+        what is only considered too."""
         values = self.values(z, i)
         rows = self._prepared(i, j, values)
         # rows are moved by the delays, and only what is left of them is the model's
-        p_values = self.given | values | {name: 0.0 for name in values if name.endswith(".delay")}
-        p = self.model.free_values(p_values)
-        places, k = self.places[i], len(self.unknowns)
+        p = self.model.free_values(self.given | values | {name: 0.0 for name in values if name.endswith(".delay")})
         factor, own = self.spread[i][j], self.starts[i][j]
         x0 = self._steady(rows.first, values)
         if self.free_run:
             x0 = x0 + factor @ z[own]
-        if derivatives:
-            slope = self.scaling.slope(np.array([values[u.name] for u in self.unknowns]))
-            directions = np.zeros((k + len(own), len(p)))
-            directions[np.arange(k), [self.model.free.index(u.name) for u in self.unknowns]] = slope
-            starts = np.vstack([self._steady_slopes(rows.first, values) * slope[:, None], factor.T[: len(own)]])
-            places = np.concatenate([places, own])
+        if directions == "none":
+            along, starts, places = np.zeros((1, len(p))), np.zeros((1, len(x0))), np.zeros(0, dtype=np.int64)
         else:
-            directions, starts, places = np.zeros((1, len(p))), np.zeros((1, len(x0))), np.zeros(0, dtype=np.int64)
-        if self.free_run:
-            return self._free(i, rows, p, directions, x0, starts, places)
-        return self._filtered(i, rows, p, directions, *tangent.start_of_filter(x0, factor @ factor.T, starts), places)
+            which = [a for a, u in enumerate(self.unknowns) if directions == "all" or not u.considered]
+            some = [self.unknowns[a] for a in which]
+            slope = self.scaling.slope(np.array([values[u.name] for u in self.unknowns]))[which]
+            along = np.zeros((len(some) + len(own), len(p)))
+            along[np.arange(len(some)), [self.model.free.index(u.name) for u in some]] = slope
+            starts = np.vstack([self._steady_slopes(some, rows.first, values) * slope[:, None], factor.T[: len(own)]])
+            places = np.concatenate([self.places[i][which], own])
+        return (self._free if self.free_run else self._filtered)(i, rows, p, along, x0, starts, factor, places)
+
+    def part(self, z: Array, i: int, j: int) -> Part:
+        """Section j of log i at z as one piece."""
+        first, *others = self.parts(z, i, j)
+        if not others:
+            return first
+        pieces = [first, *others]
+        slopes = [p.variance_jacobian for p in pieces if p.variance_jacobian is not None]
+        return Part(
+            time=np.concatenate([p.time for p in pieces]),
+            error=np.concatenate([p.error for p in pieces]),
+            variance=np.concatenate([p.variance for p in pieces]),
+            jacobian=np.concatenate([p.jacobian for p in pieces], axis=1),
+            variance_jacobian=np.concatenate(slopes, axis=1) if slopes else None,
+            places=first.places,
+        )
 
     def variance(self, log: int) -> Array:
         """Of every channel's noise, as it counts (m,)."""
@@ -168,11 +187,13 @@ class Problem:
         x0, _ = variances.steady(self.vehicle, first, values, roll=self.model.roll)
         return np.append(x0, 0.0) if self.model.bank else x0
 
-    def _steady_slopes(self, first: Mapping[str, float], values: Mapping[str, float]) -> Array:
-        """Derivative of the steady state by every unknown (k, n); central differences of a closed form."""
-        slopes = np.zeros((len(self.unknowns), len(self.model.states)))
+    def _steady_slopes(
+        self, unknowns: Sequence[Unknown], first: Mapping[str, float], values: Mapping[str, float]
+    ) -> Array:
+        """Derivative of the steady state by some unknowns (k, n); central differences of a closed form."""
+        slopes = np.zeros((len(unknowns), len(self.model.states)))
         moving = {*self.vehicle.parameters(), *dynamics.steer_parameters(self.vehicle)}
-        for row, unknown in zip(slopes, self.unknowns, strict=True):
+        for row, unknown in zip(slopes, unknowns, strict=True):
             if unknown.name in moving and not unknown.name.endswith(".delay"):
                 step = 1e-4 * (unknown.centre * unknown.scale if unknown.logarithmic else unknown.scale)
                 higher, lower = (
@@ -186,86 +207,82 @@ class Problem:
         i: int,
         rows: Rows,
         p: Array,
-        directions: Array,
+        along: Array,
         x0: Array,
         starts: Array,
+        factor: Array,
         places: NDArray[np.int64],
-    ) -> Part:
+    ) -> Iterator[Part]:
+        """The model from its start on, and what the log differs by."""
         m, k = len(self.model.outputs), len(places)
         wide = 1 + 2 * len(self.model.inputs)
-        measured = np.where(rows.rows[:, wide + m :] > 0, rows.rows[:, wide : wide + m], np.nan)
-        error, jacobian = np.empty((len(rows.rows), m)), np.empty((len(rows.rows), m, k))
-
-        def take(here: slice, out: Array, slopes: Array) -> None:
-            error[here] = measured[here] - out
-            jacobian[here] = -slopes[..., :k]
-
-        tangent.in_chunks(
+        variance = self.variance(i)
+        chunks = tangent.in_chunks(
             tangent.simulation(self.model),
             rows.rows[:, :wide],
             start=x0,
             start_directions=starts,
             p=p,
-            directions=directions,
+            directions=along,
             others=np.zeros(0),
-            take=take,
         )
-        here = rows.places
-        return Part(
-            time=rows.time[here],
-            error=error[here],
-            variance=np.broadcast_to(self.variance(i), error[here].shape),
-            jacobian=jacobian[here],
-            variance_jacobian=None,
-            places=places,
-        )
+        for chunk in chunks:
+            here, sampled = _samples(rows, chunk.rows)
+            row = rows.rows[sampled]
+            measured = np.where(row[:, wide + m :] > 0, row[:, wide : wide + m], np.nan)
+            yield Part(
+                time=rows.time[sampled],
+                error=measured - chunk.values[here],
+                variance=np.broadcast_to(variance, measured.shape),
+                jacobian=-chunk.slopes[:k, here],
+                variance_jacobian=None,
+                places=places,
+            )
 
     def _filtered(
         self,
         i: int,
         rows: Rows,
         p: Array,
-        directions: Array,
-        start: Array,
+        along: Array,
+        x0: Array,
         starts: Array,
+        factor: Array,
         places: NDArray[np.int64],
-    ) -> Part:
+    ) -> Iterator[Part]:
+        """The filter's innovations and their variance."""
         m, k = len(self.model.outputs), len(places)
         table = variances.PROCESS | {"bank": self.settings.bank_walk**2}
         process = variances.process(self.model.states, table, max(self.settings.process_noise, 1e-9))
         noise = Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
-        values, slopes = np.empty((len(rows.rows), 3 * m)), np.empty((len(rows.rows), 2 * m, k))
-
-        def take(here: slice, out: Array, along: Array) -> None:
-            values[here] = out
-            slopes[here] = along[:, : 2 * m, :k]
-
-        tangent.in_chunks(
+        start, start_directions = tangent.start_of_filter(x0, factor @ factor.T, starts)
+        chunks = tangent.in_chunks(
             tangent.innovations(self.model),
             rows.rows,
             start=start,
-            start_directions=starts,
+            start_directions=start_directions,
             p=p,
-            directions=directions,
+            directions=along,
             others=noise.vector(),
-            take=take,
         )
-        found, slopes = values[rows.places], slopes[rows.places]
-        return Part(
-            time=rows.time[rows.places],
-            error=np.where(found[:, 2 * m :] > 0, found[:, :m], np.nan),
-            variance=found[:, m : 2 * m],
-            jacobian=slopes[:, :m],
-            variance_jacobian=slopes[:, m:],
-            places=places,
-        )
+        for chunk in chunks:
+            here, sampled = _samples(rows, chunk.rows)
+            found, slopes = chunk.values[here], chunk.slopes[:k, here]
+            yield Part(
+                time=rows.time[sampled],
+                error=np.where(found[:, 2 * m :] > 0, found[:, :m], np.nan),
+                variance=found[:, m : 2 * m],
+                jacobian=slopes[..., :m],
+                variance_jacobian=slopes[..., m : 2 * m],
+                places=places,
+            )
 
     def cost(self, z: Array) -> float:
         """Minus the logarithm of the posterior, but for a constant; infinite where the truck runs away."""
         total = float(z @ z) / 2
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.sections():
-                total += self._loss(self.part(z, i, j, derivatives=False))
+                total += sum(self._loss(part) for part in self.parts(z, i, j, directions="none"))
         return total if np.isfinite(total) else np.inf
 
     def unstable(self, z: Array) -> bool:
@@ -291,33 +308,45 @@ class Problem:
             loss += np.log(part.variance[seen]).sum() / 2
         return float(loss)
 
-    def expand(self, z: Array) -> Quadratic:
+    def expand(self, z: Array, *, directions: Directions = "learned") -> Quadratic:
         """The cost about z: its gradient is exact, its Hessian Gauss and Newton's (Fisher's) with the prior."""
         cost, gradient, hessian = float(z @ z) / 2, z.copy(), np.eye(len(z))
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.sections():
-                part = self.part(z, i, j)
-                scores, gram = self.scores(part)
-                cost += self._loss(part)
-                gradient[part.places] += scores.sum(axis=0)
-                hessian[np.ix_(part.places, part.places)] += gram
+                for part in self.parts(z, i, j, directions=directions):
+                    own, gram = self.information(part)
+                    cost += self._loss(part)
+                    gradient[part.places] += own
+                    hessian[np.ix_(part.places, part.places)] += gram
         return Quadratic(cost, gradient, hessian)
 
-    def scores(self, part: Part) -> tuple[Array, Array]:
-        """Each sample's part of the gradient (N, k), and the information of all of them (k, k)."""
+    def _weights(self, part: Part) -> tuple[Array, Array, Array]:
+        """Errors, zero where missing; which are there; and what each counts, 1/variance but for outliers: (N, m)."""
         seen = ~np.isnan(part.error)
         error = np.where(seen, part.error, 0.0)
         size = np.abs(error) / np.sqrt(part.variance)
-        weight = seen * np.minimum(1.0, self.settings.outlier / np.maximum(size, 1e-9)) / part.variance
-        scores = np.einsum("nm,nmk->nk", weight * error, part.jacobian)
-        rows = (np.sqrt(weight)[..., None] * part.jacobian).reshape(-1, len(part.places))
-        gram = rows.T @ rows
+        return error, seen, seen * np.minimum(1.0, self.settings.outlier / np.maximum(size, 1e-9)) / part.variance
+
+    def information(self, part: Part) -> tuple[Array, Array]:
+        """Gradient (k,) and information (k, k) of a piece."""
+        error, seen, weight = self._weights(part)
+        k, root = len(part.places), np.sqrt(weight)
+        rows = (part.jacobian * root).reshape(k, -1)
+        gradient, gram = rows @ (root * error).ravel(), rows @ rows.T
         if part.variance_jacobian is not None:
-            own = weight * error**2
-            scores += np.einsum("nm,nmk->nk", (seen - own) / (2 * part.variance), part.variance_jacobian)
-            relative = ((seen / part.variance)[..., None] * part.variance_jacobian).reshape(-1, len(part.places))
-            gram += relative.T @ relative / 2
-        return scores, gram
+            relative = (part.variance_jacobian * (seen / part.variance)).reshape(k, -1)
+            gradient += relative @ (seen - weight * error**2).ravel() / 2
+            gram += relative @ relative.T / 2
+        return gradient, gram
+
+    def scores(self, part: Part) -> Array:
+        """Each sample's part of the gradient (N, k)."""
+        error, seen, weight = self._weights(part)
+        scores = np.einsum("nm,knm->nk", weight * error, part.jacobian)
+        if part.variance_jacobian is not None:
+            own = (seen - weight * error**2) / (2 * part.variance)
+            scores += np.einsum("nm,knm->nk", own, part.variance_jacobian)
+        return np.asarray(scores)
 
     def adapt(self, z: Array, *, coloured: bool) -> float:
         """Set each channel's noise in the logs to the residuals at z; the largest change of a variance, as a part.
@@ -327,7 +356,7 @@ class Problem:
         """
         change = 0.0
         for i, log in enumerate(self.logs):
-            parts = [self.part(z, i, j, derivatives=False) for j in range(len(log.sections))]
+            parts = [part for j in range(len(log.sections)) for part in self.parts(z, i, j, directions="none")]
             for c, name in enumerate(self.model.outputs):
                 error = np.concatenate([part.error[:, c] for part in parts])
                 size = error / np.sqrt(np.concatenate([part.variance[:, c] for part in parts]))
@@ -342,3 +371,12 @@ class Problem:
                     self.colour[i][name] = colour(size, int(self.settings.correlation_time * rate))
                 change = max(change, abs(np.log(log.noise[name] * self.colour[i][name] / before)))
         return change
+
+
+def _samples(rows: Rows, chunk: slice) -> tuple[slice | NDArray[np.int64], slice | NDArray[np.int64]]:
+    """Which rows of a chunk are samples, counted from its own begin and from the record's."""
+    if len(rows.places) == len(rows.rows):  # all of them, which is cheaper to say by a slice
+        return slice(None), chunk
+    first, last = np.searchsorted(rows.places, (chunk.start, chunk.stop))
+    here = rows.places[first:last]
+    return here - chunk.start, here

@@ -47,14 +47,14 @@ class Known:
         Raises:
             SignalError: something is uncertain that no truck of this make-up and no sensor on it has.
         """
-        own, values = self.vehicle.parameters(), self.values()
+        own, read = self.vehicle.parameters(), self.model.known
         for name in uncertainty.names:
-            if name not in values and not self._of_a_sensor(name):
+            if name not in read and not self._of_a_sensor(name):
                 raise SignalError(
-                    f"{name}: uncertain, but {self.vehicle.name} has no such number; {suggestion(name, values)}"
+                    f"{name}: uncertain, but {self.vehicle.name} has no such number; {suggestion(name, read)}"
                 )
         positive = {name for name, value in own.items() if value > 0 and name.rpartition(".")[2] not in SIGNED}
-        return uncertainty.among(values).pairs(values, positive)
+        return uncertainty.among(read).pairs(self.values(), positive)
 
     def _of_a_sensor(self, name: str) -> bool:
         """Whether a name is an error that a sensor on the truck may have, read or not."""
