@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from fifthwheel import dynamics, plant, vehicle
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
-from fifthwheel.identify import TwoStage, Verdict, article
+from fifthwheel.identify import OneStage, TwoStage, Verdict, article
 from fifthwheel.logs import Fault, SignalMap, names
 from fifthwheel.logs.samples import LIMITS
 from fifthwheel.logs.signals import Channel, TimeColumn
@@ -146,6 +146,14 @@ def test_every_setting_is_told_with_its_default_and_the_articles() -> None:
         assert same(default, getattr(ours, field.name)), field.name
         assert same(preset or default, getattr(theirs, field.name)), field.name
     assert set(table) - {"field", "---"} == {field.name for field in fields(TwoStage)}
+
+
+def test_every_setting_of_one_stage_is_told_with_its_default() -> None:
+    text = section(page("one-stage.md"), "Settings")
+    table = {cells[0].strip("`"): cells[1] for cells in rows(text) if len(cells) == 3}
+    for field in fields(OneStage):
+        assert same(table[field.name], getattr(OneStage(), field.name)), field.name
+    assert set(table) - {"field", "---"} == {field.name for field in fields(OneStage)}
 
 
 def test_every_setting_of_the_observer_is_told_with_its_default() -> None:

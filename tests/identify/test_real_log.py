@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import vehicle
-from fifthwheel.identify import Identification, identify
+from fifthwheel.identify import Identification, OneStage, TwoStage, Verdict, identify
 from fifthwheel.logs import Record, SignalMap, read
 from fifthwheel.observe import Observer, Status
 
@@ -45,8 +45,24 @@ def explained(found: Identification, log: str) -> list[float]:
     return [100 * next(f.explained for f in found.fits if f.log == log and f.signal == name) for name in CHANNELS]
 
 
-def test_both_logs_together_are_no_worse_than_a_plain_fit(bend: Record, ramp: Record) -> None:
+def test_one_stage_on_both_logs(bend: Record, ramp: Record) -> None:
+    """Front stiffness, steer gain, delay, zeros: all estimated, and no less explained than in two stages."""
     found = identify([bend, ramp], vehicle.get("auburn_6x4"))
+    assert np.all(np.array(explained(found, "bend")) >= [99.0, 99.7, 99.6])
+    assert np.all(np.array(explained(found, "ramp")) >= [83.1, 94.1, 96.3])
+    told = {e.name: e.verdict for e in found.parameters}
+    assert told.pop("semitrailer.payload.height") is Verdict.NOT_IDENTIFIABLE
+    assert set(told.values()) == {Verdict.CONVERGED}
+    assert {e.name for e in found.sensors} >= {f"steer.tractor.front.{word}" for word in ("offset", "gain", "delay")}
+    front = found["tractor.front.cornering_stiffness"]
+    other = identify([bend, ramp], vehicle.get("auburn_6x4"), OneStage(form="prediction_error"))
+    for e in found.parameters:  # both forms say the same within their sigma
+        assert abs(other[e.name].value - e.value) < 1.5 * e.sigma, e.name
+    assert 0.05 < front.sigma / front.value < 0.3
+
+
+def test_both_logs_together_are_no_worse_than_a_plain_fit(bend: Record, ramp: Record) -> None:
+    found = identify([bend, ramp], vehicle.get("auburn_6x4"), TwoStage())
     assert np.all(np.array(explained(found, "bend")) >= [99.0, 99.5, 99.5])
     assert np.all(np.array(explained(found, "ramp")) >= [82, 94, 74])
     assert all(f.rms < 0.0075 for f in found.fits if f.signal == "yaw_rate.tractor")

@@ -1,7 +1,8 @@
 """What any drive at one speed tells, from two short ones: nobody steers, and one pulse of the steer angle.
 
-At constant speed the model is linear with constant coefficients, so what its outputs' derivatives owe to a drive's steer
-angle is the pulse's, convolved with it.
+At constant speed the model is linear with constant coefficients. So what the outputs' derivatives owe to the steer angle
+of a drive is the pulse's, convolved with it; and each of the unknowns is shown either by steering, as a stiffness is,
+or without, as a sensor's zero.
 """
 
 from collections.abc import Mapping
@@ -24,23 +25,23 @@ SIZE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shares:
-    """Information (k, k) of a drive by the power of its size: still + mixed size + moved size^2."""
+class Share:
+    """Information of a drive of unit size (k, k), and which unknowns steering shows (k,)."""
 
-    still: Array
-    mixed: Array
-    moved: Array
+    unit: Array
+    steered: NDArray[np.bool_]
 
     def at(self, size: float) -> Array:
-        """Information (k, k) of the drive, its steer angle `size` times as large."""
-        return self.still + size * self.mixed + size**2 * self.moved
+        """Information (k, k) of the drive with a steer angle `size` times as large."""
+        grown = np.where(self.steered, size, 1.0)
+        return self.unit * np.outer(grown, grown)
 
 
 class Echo:
     """The derivatives at one speed.
 
     Args:
-        forecast: of the truck.
+        forecast: of the truck, stable at this speed.
         speed: m/s.
         rate: samples a second, Hz.
         noise: variance of each channel that is logged, SI squared.
@@ -52,40 +53,36 @@ class Echo:
         scale = np.sqrt(list(noise.values()))[:, None]
 
         def derivatives(steer: Array) -> Array:
-            record = to_record(forecast.vehicle, speed, steer, rate, "echo")
-            log = Log(name="echo", sections=[record])
+            """Of the channels, by their noise (M, m, k)."""
+            log = Log(name="echo", sections=[to_record(forecast.vehicle, speed, steer, rate, "echo")])
             problem = Problem(forecast.model, forecast.vehicle, [log], forecast.unknowns, forecast.settings)
             part = problem.part(np.zeros(len(problem.names)), 0, 0)
             self.names = tuple(problem.names[i] for i in part.places)
-            return np.asarray(np.moveaxis(part.jacobian, 0, -1)[:, places] / scale)
+            return np.asarray(part.jacobian[:, places] / scale)
 
         self.still = derivatives(pulse)
+        self.steered = ~self.still.any(axis=(0, 1))
         pulse[1] = SIZE  # between samples a steer angle goes linearly: this one begins to act after the first
-        self.pulse = (derivatives(pulse) - self.still)[1:] / SIZE
+        self.pulse = derivatives(pulse)[1:] / SIZE * self.steered
 
-    def of(self, steer: Array, period: int, count: int) -> list[Shares]:
+    def of(self, steer: Array, period: int, count: int) -> list[Share]:
         """What 1, 2, ... `count` of a manoeuvre tell, to the left and to the right in turn.
 
         Args:
             steer: (N,) of one, and of what still swings behind it, rad; zero at first.
             period: samples from the start of one to the start of the next.
         """
-        whole = count * period
-        one = self._moved(steer)
-        moved = np.zeros((whole, *one.shape[1:]))
-        for i in range(count):
-            here = moved[i * period : i * period + len(one)]
-            here += (-1) ** i * one[: len(here)]
+        whole, one = count * period, self._moved(steer)
         settled = np.repeat(self.still[-1:], max(whole - len(self.still), 0), axis=0)
-        still = np.concatenate([self.still, settled])[:whole]
-        k = len(self.names)
-        total, found = np.zeros((3, k, k)), []
+        found = np.concatenate([self.still, settled])[:whole]
         for i in range(count):
-            a, b = (part[i * period : (i + 1) * period].reshape(-1, k) for part in (still, moved))
-            total += a.T @ a, a.T @ b + b.T @ a, b.T @ b
-            still_, mixed, moved_ = total.copy()
-            found.append(Shares(still=still_, mixed=mixed, moved=moved_))
-        return found
+            here = found[i * period : i * period + len(one)]
+            here += (-1) ** i * one[: len(here)]
+        shares, total = [], np.zeros((len(self.names), len(self.names)))
+        for rows in found.reshape(count, -1, len(self.names)):
+            total = total + rows.T @ rows
+            shares.append(Share(unit=total, steered=self.steered))
+        return shares
 
     def _moved(self, steer: Array) -> Array:
         """What a steer angle (N,) adds to the derivatives, until all is at rest again (N + M, m, k)."""

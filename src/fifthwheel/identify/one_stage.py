@@ -156,6 +156,8 @@ class OneStageFit:
         information, spread = np.zeros((k, k)), np.zeros((k, k))
         elapsed, moments, total = 0.0, [], sum(len(s.time) for log in self.logs for s in log.sections)
         gradient = np.zeros(k)
+        considered = [u.name for u in problem.unknowns if u.considered]
+        learned = np.array([name not in considered for name in problem.names])
         rows = [problem.names.index(name) for name in self.sought]
         values, sigmas = [], []
         for i, j in problem.sections():
@@ -165,8 +167,10 @@ class OneStageFit:
                     own, gram = problem.information(part)
                     information[np.ix_(part.places, part.places)] += gram
                     gradient[part.places] += own
-                    P = np.linalg.inv(np.eye(k) + information)
-                    values.append((z - P @ (z + gradient))[rows])
+                    P = np.eye(k)
+                    P[np.ix_(learned, learned)] += information[np.ix_(learned, learned)]
+                    P = np.linalg.inv(P)
+                    values.append((z - learned * (P @ (learned * (z + gradient))))[rows])
                     sigmas.append(np.sqrt(np.diag(P))[rows])
                     moments.append(elapsed + part.time[-1] - self.logs[i].sections[j].time[0])
                 scores.append(problem.scores(whole))
@@ -183,7 +187,6 @@ class OneStageFit:
             sigma=np.array(sigmas) * np.abs(scale.slope(p)),
             starts=(0,),
         )
-        considered = [u.name for u in problem.unknowns if u.considered]
         return posterior(problem.names, information, spread, considered=considered, nuisances=problem.nuisances), trace
 
     def _result(self, problem: Problem, found: Minimum, idle: Mapping[str, Verdict]) -> Identification:

@@ -156,9 +156,9 @@ class _Report:
         self._heading("states", "States")
         self._say(
             "hint",
-            "Estimated from the sensors, with a band of two sigma (95 %), which takes the vehicle and the sensors' zeros "
-            "for exact unless their uncertainty was given. Measured values are as logged, zeros included. Shaded: not "
-            "reliable.",
+            "Estimated from the sensors, with a band of two sigma (95 %), which takes the vehicle and the sensors' "
+            "zeros for exact unless their uncertainty was given. Measured values are as logged, zeros included. "
+            "Shaded: not reliable.",
         )
         for one in states:
             record = facts.record_of(one, records)
