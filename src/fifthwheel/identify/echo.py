@@ -1,8 +1,8 @@
 """What any drive at one speed tells, from two short ones: nobody steers, and one pulse of the steer angle.
 
-At constant speed the model is linear with constant coefficients. So what the outputs' derivatives owe to the steer angle
-of a drive is the pulse's, convolved with it; and each of the unknowns is shown either by steering, as a stiffness is,
-or without, as a sensor's zero.
+At constant speed the model is linear with constant coefficients. So what the outputs' derivatives owe to a drive's steer
+angle is the pulse's, convolved with it; and each of the unknowns is shown either by steering, as a stiffness is, or
+without, as a sensor's zero.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class Share:
     def at(self, size: float) -> Array:
         """Information (k, k) of the drive with a steer angle `size` times as large."""
         grown = np.where(self.steered, size, 1.0)
-        return self.unit * np.outer(grown, grown)
+        return np.asarray(self.unit * np.outer(grown, grown))
 
 
 class Echo:
@@ -50,20 +50,20 @@ class Echo:
     def __init__(self, forecast: Forecast, speed: float, *, rate: float, noise: Mapping[str, float]) -> None:
         pulse = np.zeros(round(AFTER * rate))
         places = [forecast.channels.index(name) for name in noise]
-        scale = np.sqrt(list(noise.values()))[:, None]
+        scale = np.sqrt(list(noise.values()))
 
         def derivatives(steer: Array) -> Array:
-            """Of the channels, by their noise (M, m, k)."""
+            """Of the channels, by their noise (k, M, m)."""
             log = Log(name="echo", sections=[to_record(forecast.vehicle, speed, steer, rate, "echo")])
             problem = Problem(forecast.model, forecast.vehicle, [log], forecast.unknowns, forecast.settings)
             part = problem.part(np.zeros(len(problem.names)), 0, 0)
             self.names = tuple(problem.names[i] for i in part.places)
-            return np.asarray(part.jacobian[:, places] / scale)
+            return np.asarray(part.jacobian[..., places] / scale)
 
         self.still = derivatives(pulse)
-        self.steered = ~self.still.any(axis=(0, 1))
+        self.steered = np.asarray(~self.still.any(axis=(1, 2)), dtype=np.bool_)
         pulse[1] = SIZE  # between samples a steer angle goes linearly: this one begins to act after the first
-        self.pulse = derivatives(pulse)[1:] / SIZE * self.steered
+        self.pulse = derivatives(pulse)[:, 1:] / SIZE * self.steered[:, None, None]
 
     def of(self, steer: Array, period: int, count: int) -> list[Share]:
         """What 1, 2, ... `count` of a manoeuvre tell, to the left and to the right in turn.
@@ -73,20 +73,22 @@ class Echo:
             period: samples from the start of one to the start of the next.
         """
         whole, one = count * period, self._moved(steer)
-        settled = np.repeat(self.still[-1:], max(whole - len(self.still), 0), axis=0)
-        found = np.concatenate([self.still, settled])[:whole]
+        settled = np.repeat(self.still[:, -1:], max(whole - self.still.shape[1], 0), axis=1)
+        found = np.concatenate([self.still, settled], axis=1)[:, :whole]
         for i in range(count):
-            here = found[i * period : i * period + len(one)]
-            here += (-1) ** i * one[: len(here)]
-        shares, total = [], np.zeros((len(self.names), len(self.names)))
-        for rows in found.reshape(count, -1, len(self.names)):
-            total = total + rows.T @ rows
+            here = found[:, i * period : i * period + one.shape[1]]
+            here += (-1) ** i * one[:, : here.shape[1]]
+        k = len(self.names)
+        shares, total = [], np.zeros((k, k))
+        for i in range(count):
+            rows = found[:, i * period : (i + 1) * period].reshape(k, -1)
+            total = total + rows @ rows.T
             shares.append(Share(unit=total, steered=self.steered))
         return shares
 
     def _moved(self, steer: Array) -> Array:
-        """What a steer angle (N,) adds to the derivatives, until all is at rest again (N + M, m, k)."""
-        whole = len(steer) + len(self.pulse)
+        """What a steer angle (N,) adds to the derivatives, until all is at rest again (k, N + M, m)."""
+        whole = len(steer) + self.pulse.shape[1]
         size = next_fast_len(whole, real=True)
-        found = irfft(rfft(self.pulse, size, axis=0) * rfft(steer, size)[:, None, None], size, axis=0)
-        return np.asarray(found[:whole])
+        found = irfft(rfft(self.pulse, size, axis=1) * rfft(steer, size)[:, None], size, axis=1)
+        return np.asarray(found[:, :whole])

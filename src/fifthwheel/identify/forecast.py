@@ -6,7 +6,6 @@ could have are reckoned once for each drive, and every question - one channel mo
 is a sum of small matrices. Huber's weights are all one here. The model is taken for right.
 """
 
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -26,9 +25,6 @@ from fifthwheel.logs import Record
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-PIECE = 600.0
-"""s; longer sections are cut, each piece with a start of its own, so that an hour of driving fits into memory."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,18 +133,21 @@ class Forecast:
         Args:
             logged: channels that count as logged at every sample; by default those that its sections hold.
         """
-        log = Log(name=log.name, sections=[piece for s in log.sections for piece in pieces(s)], noise=dict(log.noise))
+        log = Log(name=log.name, sections=log.sections, noise=dict(log.noise))
         there = [self._there(section, logged) for section in log.sections]
         held = np.any([seen.any(axis=0) for seen in there], axis=0)
         problem = Problem(self.model, self.vehicle, [log], self.unknowns, self.settings)
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
         found = {name: np.zeros((len(z), len(z))) for name in self.channels}
         for j, seen in enumerate(there):
-            part = problem.part(z, 0, j)
-            for c, name in enumerate(self.channels):
-                rows = seen[:, c] if held[c] else seen.any(axis=1)
-                scaled = part.jacobian[:, rows, c] / np.sqrt(part.variance[rows, c])
-                found[name][np.ix_(part.places, part.places)] += scaled @ scaled.T
+            done = 0
+            for part in problem.parts(z, 0, j):
+                here, done = seen[done : done + len(part.time)], done + len(part.time)
+                places = np.ix_(part.places, part.places)
+                for c, name in enumerate(self.channels):
+                    rows = here[:, c] if held[c] else here.any(axis=1)
+                    scaled = part.jacobian[:, rows, c] / np.sqrt(part.variance[rows, c])
+                    found[name][places] += scaled @ scaled.T
         if not all(np.isfinite(one).all() for one in found.values()):
             raise VehicleError(f"{self.vehicle.name}: runs away in {log.name}; check masses, positions and stiffnesses")
         own = dict(zip(self.channels, held.tolist(), strict=True))
@@ -195,15 +194,6 @@ def _roll_rate(name: str) -> str | None:
     """The signal without which a fit does not believe what it hears of a parameter."""
     unit, _, rest = name.partition(".")
     return f"roll_rate.{unit}" if rest in ROLLING else None
-
-
-def pieces(section: Record) -> list[Record]:
-    """A section as it is, or cut into parts of less than `PIECE` seconds."""
-    first, last = section.span
-    count = int((last - first) // PIECE) + 1
-    edges = np.linspace(first, last, count + 1)
-    edges[-1] = np.inf
-    return [section.cut(a, np.nextafter(b, -np.inf)) for a, b in itertools.pairwise(edges)] if count > 1 else [section]
 
 
 def stable(vehicle: Vehicle, speed: float) -> bool:

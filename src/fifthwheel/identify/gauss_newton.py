@@ -65,11 +65,13 @@ def minimise(
         progress(steps, iterations)
         steps += 1
         free = ~(((z <= lower) & (here.gradient > 0)) | ((z >= upper) & (here.gradient < 0)))
-        step = np.zeros_like(z)
-        step[free], inside = within(here.gradient[free], here.hessian[np.ix_(free, free)], radius)
-        step = np.clip(z + step, lower, upper) - z
-        if inside and (np.abs(step) <= small * _deviations(here.hessian)).all():
+        own = here.gradient[free], here.hessian[np.ix_(free, free)]
+        whole, step = np.zeros_like(z), np.zeros_like(z)
+        whole[free], _ = within(*own, np.inf)
+        if (np.abs(np.clip(z + whole, lower, upper) - z) <= small * _deviations(here.hessian)).all():
             return Minimum(z=z, at=here, converged=True, steps=steps)
+        step[free], inside = within(*own, radius)
+        step = np.clip(z + step, lower, upper) - z
         promised = -(here.gradient @ step + step @ here.hessian @ step / 2)
         gained = here.cost - cost(z + step)
         ratio = gained / promised if promised > 0 and np.isfinite(gained) else -1.0
@@ -82,8 +84,8 @@ def minimise(
             z = z + step
             accept(z)
             here = expand(z)
-        elif radius < 1e-9 or (inside and promised < 1e-9 * max(abs(here.cost), 1.0)):
-            return Minimum(z=z, at=here, converged=inside, steps=steps)
+        elif radius < 1e-9:  # the cost does not keep what its derivatives promise
+            return Minimum(z=z, at=here, converged=False, steps=steps)
     return Minimum(z=z, at=here, converged=False, steps=steps)
 
 

@@ -141,7 +141,8 @@ def plan(
     tried = list(search(forecast, speeds, wants, noise, planning, progress))
     if not tried:
         raise SignalError("max_acceleration: every manoeuvre needs more, or faster steering; allow more")
-    enough = max(1.0, planning.near * min(one.worst for one in tried)) if all(t.worst > 1 for t in tried) else 1.0
+    least = min(one.worst for one in tried)
+    enough = 1.0 if least <= 1 else planning.near * least
     good = sorted(
         (one for one in tried if one.worst <= enough),
         key=lambda one: (round(one.duration, 6), one.acceleration, one.worst),
@@ -236,7 +237,7 @@ def _unmet(
     record = to_record(forecast.vehicle, best.speed, best.steer, rate, best.kind)
     told = forecast.drive(Log(name=record.name, sections=[record], noise=dict(noise)), list(noise))
     extra = lane_change(forecast, speed=best.speed, rate=rate, channels=list(noise), noise=noise)
-    remedies, found = Remedies(forecast, [told], extra), []
+    remedies, found = Remedies(forecast, [told], extra, measurable=True), []
     for name, part in short.items():
         value = abs(forecast.vehicle.parameters()[name])
         changes = remedies.best(name, best.sigma[name] * value, enough=part * value, worth=0.1, most=2)

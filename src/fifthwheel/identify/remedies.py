@@ -39,10 +39,14 @@ class Remedies:
         forecast: of the truck.
         drives: what they tell.
         extra: what one lane change with the same channels tells.
+        measurable: whether only that counts as knowable which the fit does not seek.
     """
 
-    def __init__(self, forecast: Forecast, drives: Sequence[Told], extra: Told) -> None:
+    def __init__(
+        self, forecast: Forecast, drives: Sequence[Told], extra: Told, *, measurable: bool = False
+    ) -> None:
         self.forecast, self.drives = forecast, drives
+        self.knowable = [u.name for u in forecast.unknowns if not (measurable and u.name in forecast.sought)]
         logged = {name for drive in drives for name in drive.logged}
         missing = [name for name in forecast.channels if name not in logged]
         more = [*drives, extra]
@@ -72,7 +76,7 @@ class Remedies:
 
     def _known(self, besides: tuple[str, ...]) -> list[tuple[Remedy, Foreseen]]:
         """What each unknown would bring if it were known, besides those that are."""
-        sets = [(*besides, u.name) for u in self.forecast.unknowns if u.name not in besides]
+        sets = [(*besides, name) for name in self.knowable if name not in besides]
         return [(Remedy(known=names), self.forecast.fit(self.drives, known=names)) for names in sets]
 
     def _best(self, changes: Sequence[tuple[Remedy, Foreseen]], name: str, limit: float) -> list[Remedy]:
