@@ -42,6 +42,8 @@ KNOWN = OneStage(priors={}, consider={}, nuisances=False)
 """All but the five parameters is known."""
 UNCERTAIN = OneStage(steer_gain_prior=0.03, steer_offset_prior=0.005, rate_offset_prior=0.002, bank_prior=0.035)
 """All that the default is uncertain about; steering ratio known to 3 %, bank to 2 degrees."""
+ERRORS = OneStage(priors={}, consider={})
+"""The sensors' errors and the road's bank are unknown too."""
 APART = replace(KNOWN, uniform_payload=False)
 INTERVAL = 1.645  # standard deviations, 90 %
 
@@ -74,6 +76,7 @@ CASES = (
         drawn=True,
     ),
     Case("point", "Nonlinear truck, point payload, 5 lane changes", APART, 5, nonlinear=True, point=True),
+    Case("errors", "Linear truck, one stage, sensors' errors unknown too, 1 lane change", ERRORS),
     Case("two-stage 1", "Linear truck, two stages, 1 lane change", TwoStage()),
     Case("two-stage 5", "Linear truck, two stages, 5 lane changes", TwoStage(), 5),
     Case("article 5", "Linear truck, the article's preset, 5 lane changes", article(), 5),

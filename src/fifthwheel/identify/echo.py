@@ -1,8 +1,8 @@
 """What any drive at one speed tells, from two short ones: nobody steers, and one pulse of the steer angle.
 
-At constant speed the model is linear with constant coefficients. So what the outputs' derivatives owe to a drive's steer
-angle is the pulse's, convolved with it; and each of the unknowns is shown either by steering, as a stiffness is, or
-without, as a sensor's zero.
+At constant speed the model is linear with constant coefficients. So what the outputs' derivatives owe to the steer
+angle of a drive is the pulse's, convolved with it; and each of the unknowns is shown either by steering, as a stiffness
+is, or without, as a sensor's zero.
 """
 
 from collections.abc import Mapping

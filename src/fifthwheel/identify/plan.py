@@ -42,6 +42,7 @@ class Proposal:
     repetitions: int
     duration: float  # s
     acceleration: float  # largest lateral acceleration of any unit's CoG, m/s^2
+    leading: float  # the same of the first unit
     steer: Array = field(repr=False)  # of the first steered axle (N,), rad
     sigma: Mapping[str, float]  # of all that is sought, as a part of its value
     verdicts: Mapping[str, Verdict]
@@ -141,16 +142,8 @@ def plan(
     tried = list(search(forecast, speeds, wants, noise, planning, progress))
     if not tried:
         raise SignalError("max_acceleration: every manoeuvre needs more, or faster steering; allow more")
-    least = min(one.worst for one in tried)
-    enough = 1.0 if least <= 1 else planning.near * least
-    good = sorted(
-        (one for one in tried if one.worst <= enough),
-        key=lambda one: (round(one.duration, 6), one.acceleration, one.worst),
-    )
-    kinds: dict[str, Tried] = {}
-    for one in good:
-        kinds.setdefault(one.manoeuvre.kind, one)
-    best, *others = [_proposal(one, planning.rate) for one in kinds.values()]
+    best, *others = [_proposal(one, planning.rate) for one in _chosen(tried, planning)]
+    others = [one for one in others if all(one.verdicts[name] is Verdict.CONVERGED for name in wants)]
     left_out = [f"{3.6 * speed:.0f} km/h" for speed in planning.speeds if speed not in speeds]
     return Plan(
         vehicle=truck,
@@ -162,6 +155,23 @@ def plan(
         unmet=_unmet(forecast, best, wants, noise, planning.rate),
         notes=(f"{truck.name}: unstable at {', '.join(left_out)} by its file, not tried there.",) if left_out else (),
     )
+
+
+def _chosen(tried: Sequence[Tried], planning: Planning) -> list[Tried]:
+    """Of each kind of manoeuvre the best drive, the best of all first.
+
+    The shortest that tells enough, of those the gentlest; where none does, the shortest of those that come nearest.
+    """
+    least = min(one.worst for one in tried)
+    met = least <= 1
+
+    def key(one: Tried) -> tuple[float, float]:
+        return round(one.duration, 6), one.acceleration if met else one.worst
+
+    kinds: dict[str, Tried] = {}
+    for one in sorted((one for one in tried if one.worst <= (1.0 if met else planning.near * least)), key=key):
+        kinds.setdefault(one.manoeuvre.kind, one)
+    return list(kinds.values())
 
 
 def _channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ...]:
@@ -221,7 +231,8 @@ def _proposal(one: Tried, rate: float) -> Proposal:
         repetitions=one.count,
         duration=one.duration,
         acceleration=one.acceleration,
-        steer=one.size * manoeuvre.repeated(one.steer, one.count, rate),
+        leading=one.size,
+        steer=np.round(one.size * manoeuvre.repeated(one.steer, one.count, rate), 7) + 0.0,
         sigma=one.sigma,
         verdicts=one.verdicts,
     )

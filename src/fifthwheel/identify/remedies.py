@@ -42,9 +42,7 @@ class Remedies:
         measurable: whether only that counts as knowable which the fit does not seek.
     """
 
-    def __init__(
-        self, forecast: Forecast, drives: Sequence[Told], extra: Told, *, measurable: bool = False
-    ) -> None:
+    def __init__(self, forecast: Forecast, drives: Sequence[Told], extra: Told, *, measurable: bool = False) -> None:
         self.forecast, self.drives = forecast, drives
         self.knowable = [u.name for u in forecast.unknowns if not (measurable and u.name in forecast.sought)]
         logged = {name for drive in drives for name in drive.logged}

@@ -1,6 +1,6 @@
 """An outlook on a terminal: what the logs can tell, what would help, what is wrong with them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,11 +122,16 @@ def _explained(outlook: "Outlook") -> Iterator[str]:
     remedies = [remedy for p in outlook.parameters for remedy in p.remedies]
     if any(remedy.drive == "lane_change" for remedy in remedies):
         yield f"One more lane change: that of SAE J2179, 1.5 m sideways within 61 m, at {3.6 * outlook.speed:.0f} km/h."
-    if any("--hold" in in_words(remedy) for remedy in remedies):
-        yield "Known (--hold): measured, written into the vehicle file, and held there with --hold NAME."
+    yield from explained(remedies)
     found: dict[str, list[float]] = {}
     for noise in outlook.noise.values():
         for name, variance in noise.items():
             found.setdefault(name, []).append(variance)
     told = [f"{name} {about(float(np.sqrt(np.mean(v))), unit_of(name))}" for name, v in found.items()]
     yield f"Noise of a sample, one sigma: {', '.join(told)}."
+
+
+def explained(remedies: "Sequence[Remedy]") -> Iterator[str]:
+    """What is meant by known, if something should be."""
+    if any("--hold" in in_words(remedy) for remedy in remedies):
+        yield "Known (--hold): measured, written into the vehicle file, and held there with --hold NAME."
