@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel import dynamics
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.identify.parameters import stage_1_names
 from fifthwheel.observe import Observer
-from fifthwheel.simulate import simulate
+from fifthwheel.observe.prepare import locked_but
+from fifthwheel.simulate import response, simulate
 from fifthwheel.vehicle import Vehicle
 
 from .conftest import without
@@ -251,3 +253,29 @@ def test_a_log_of_a_hundred_steps_a_second_takes_a_moment(truck: Vehicle, guess:
     """Not a wall time: the number of steps that a fit needs."""
     found = identify([simulate(truck, count=2, seed=12)], guess)
     assert found.rounds <= 10
+
+
+def test_the_roads_bank_is_found_where_the_steer_zero_is_known(truck: Vehicle, guess: Vehicle) -> None:
+    """Of a truck that a bank of 2 degrees pulls to the right."""
+    record, lean = simulate(truck, count=3, seed=13), np.radians(2)
+    own = locked_but(truck, record.signals, "the record")
+    outputs = tuple(name for name in record.signals if "rate" in name)
+    values = dynamics.all_parameters(own, outputs)
+    pulled, level = (
+        response(
+            dynamics.model(own, outputs, roll=True, bank=True),
+            values,
+            record.time,
+            {name: record.signals[name] for name in ("speed", STEER)},
+            np.array([*[0.0] * (len(dynamics.state_names(own, roll=True))), bank]),
+        )[1]
+        for bank in (lean, 0.0)
+    )
+    moved = {name: record.signals[name] + (pulled - level)[:, i] for i, name in enumerate(outputs)}
+    known = replace(KNOWN, nuisances=True, steer_offset_prior=1e-4, rate_offset_prior=1e-4)
+    found = identify([record.with_signals(moved)], guess, known)
+    bank, sigma = found.logs[0].bank
+    assert sigma < 0.02
+    assert abs(bank - lean) < 3 * sigma
+    assert max(np.abs(list(in_sigma(found, truck).values()))) < 3.5
+    assert identify([record], guess, KNOWN).logs[0].bank is None

@@ -167,9 +167,7 @@ class OneStageFit:
                     own, gram = problem.information(part)
                     information[np.ix_(part.places, part.places)] += gram
                     gradient[part.places] += own
-                    P = np.eye(k)
-                    P[np.ix_(learned, learned)] += information[np.ix_(learned, learned)]
-                    P = np.linalg.inv(P)
+                    P = np.linalg.inv(np.eye(k) + information * np.outer(learned, learned))
                     values.append((z - learned * (P @ (learned * (z + gradient))))[rows])
                     sigmas.append(np.sqrt(np.diag(P))[rows])
                     moments.append(elapsed + part.time[-1] - self.logs[i].sections[j].time[0])
@@ -232,9 +230,11 @@ class OneStageFit:
             covariance=covariance,
             traces={"one stage": trace},
             logs=tuple(
-                estimates.summary(record, log, self.outputs, accepted)
-                for record, log, accepted in zip(
-                    self.drives.records, self.logs, self._accepted(problem, found), strict=True
+                replace(
+                    estimates.summary(record, log, self.outputs, accepted), bank=self._bank(problem, found, known, i)
+                )
+                for i, (record, log, accepted) in enumerate(
+                    zip(self.drives.records, self.logs, self._accepted(problem, found), strict=True)
                 )
             ),
             fits=tuple(fits),
@@ -243,6 +243,13 @@ class OneStageFit:
             notes=tuple(dict.fromkeys(self.notes)),
             version=fifthwheel.__version__,
         )
+
+    def _bank(self, problem: Problem, found: Minimum, known: Posterior, log: int) -> tuple[float, float] | None:
+        """The road's lean in a log's first stretch, and its sigma; None where it is no unknown."""
+        if not self.model.bank or not problem.free_run:
+            return None
+        place, prior = problem.starts[log][0][-1], self.settings.bank_prior
+        return float(found.z[place] * prior), float(known.sigma[place] * prior)
 
     def _accepted(self, problem: Problem, found: Minimum) -> list[Array]:
         """Each log's (N, m): 1 where a sample counted in full, 0 where it is missing or an outlier."""

@@ -66,6 +66,7 @@ class Outlook:
     findings: tuple[tuple[str, Finding], ...]  # log and what is wrong with it, errors first
     parameters: tuple[Prospect, ...]
     noise: Mapping[str, Mapping[str, float]]  # by log and channel: variance that was reckoned with, SI squared
+    cautions: tuple[str, ...]  # why the outlook itself may be off
     notes: tuple[str, ...]
     version: str
 
@@ -88,6 +89,7 @@ class Outlook:
             "findings": findings,
             "parameters": parameters,
             "noise": {log: dict(noise) for log, noise in self.noise.items()},
+            "cautions": self.cautions,
             "notes": self.notes,
         }
 
@@ -137,8 +139,6 @@ def outlook(
     now, remedies = forecast.fit(told), Remedies(forecast, told, extra)
     known = {f"{log}: {finding.message}" for log, finding in findings}
     notes = [note for note in drives.notes if note not in known]
-    if forecast.start:
-        notes.insert(0, _unstable(forecast))
     return Outlook(
         vehicle=vehicle.name,
         logs=names,
@@ -148,6 +148,7 @@ def outlook(
         noise={
             log.name: {name: log.noise[name] for name in forecast.channels if name in log.noise} for log in drives.logs
         },
+        cautions=(_unstable(forecast),) if forecast.start else (),
         notes=tuple(dict.fromkeys(notes)),
         version=fifthwheel.__version__,
     )
@@ -183,7 +184,7 @@ def _noise(forecast: Forecast, log: Log) -> dict[str, float]:
     """Variance of each channel that a log holds."""
     found = {}
     for name in forecast.channels:
-        there = [section for section in log.sections if name in section.signals]
+        there = [s for s in log.sections if name in s.signals and np.isfinite(s.signals[name]).any()]
         if not there:
             continue
         if not forecast.settings.adapt_noise:
@@ -199,10 +200,10 @@ def _noise(forecast: Forecast, log: Log) -> dict[str, float]:
 
 def _unstable(forecast: Forecast) -> str:
     first, *_ = forecast.start
-    axles = ", ".join(name.removesuffix(".cornering_stiffness") for name in forecast.start)
+    axles = " and ".join(name.removesuffix(".cornering_stiffness") for name in forecast.start)
     times = forecast.steadied.parameters()[first] / forecast.vehicle.parameters()[first]
     from_speed = dynamics.critical_speed(forecast.vehicle) or float("nan")
     return (
-        f"{forecast.vehicle.name}: by its file unstable from {3.6 * from_speed:.0f} km/h on; check the file. Reckoned "
-        f"was with {axles} {times:.2g} times as stiff, from where a fit would start."
+        f"{forecast.vehicle.name}: by its file unstable from {3.6 * from_speed:.0f} km/h on; check the file. This is "
+        f"the outlook with {axles} {times:.2g} times as stiff, from where a fit would start."
     )

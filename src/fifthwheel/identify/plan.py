@@ -1,105 +1,28 @@
 """The shortest drive that tells what is wanted as well as it is wanted; where none does, what stands in the way."""
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-import fifthwheel
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import parameters
 from fifthwheel.identify.drives import Drives
 from fifthwheel.identify.forecast import Forecast, possible_channels, stable
 from fifthwheel.identify.information import Verdict
 from fifthwheel.identify.manoeuvres import to_record
-from fifthwheel.identify.remedies import Remedies, Remedy, lane_change
+from fifthwheel.identify.proposal import Plan, Proposal, Shortfall
+from fifthwheel.identify.remedies import Remedies, lane_change
 from fifthwheel.identify.search import Planning, Tried, search
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.stage import Log, Progress
-from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
 from fifthwheel.observe.prepare import locked_but
 from fifthwheel.vehicle import Vehicle
 
-Array = NDArray[np.float64]
-
 USUAL = 0.05
 """What is wanted of every cornering stiffness and of the yaw inertia of every unit behind the first, if nothing is
 said: sigma as a part of the value."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Proposal:
-    """A drive, and what it would tell."""
-
-    kind: str  # lane_change, sweep, random or bend
-    frequency: float | None  # of a lane change, Hz
-    offset: float | None  # of a lane change, m sideways
-    speed: float  # m/s
-    repetitions: int
-    duration: float  # s
-    acceleration: float  # largest lateral acceleration of any unit's CoG, m/s^2
-    leading: float  # the same of the first unit
-    steer: Array = field(repr=False)  # of the first steered axle (N,), rad
-    sigma: Mapping[str, float]  # of all that is sought, as a part of its value
-    verdicts: Mapping[str, Verdict]
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON; of the steer angle only the largest."""
-        told = {name: value for name, value in self.__dict__.items() if name != "steer"}
-        return told | {"max_steer": float(np.abs(self.steer).max())}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shortfall:
-    """A want that the best drive does not meet; sigmas are parts of the parameter's value."""
-
-    name: str
-    wanted: float
-    sigma: float  # that the best drive brings
-    verdict: Verdict
-    remedies: tuple[Remedy, ...]  # what would bring it down
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
-    """What to drive."""
-
-    vehicle: Vehicle
-    wants: Mapping[str, float]  # sigma as a part of the value
-    channels: tuple[str, ...]
-    rate: float  # Hz
-    best: Proposal
-    alternatives: tuple[Proposal, ...]
-    unmet: tuple[Shortfall, ...]  # empty where the best drive meets all wants
-    notes: tuple[str, ...]
-
-    @property
-    def met(self) -> bool:
-        """Whether the best drive tells all that is wanted."""
-        return not self.unmet
-
-    def record(self) -> Record:
-        """Time, speed and steer angle of the best drive."""
-        return to_record(self.vehicle, self.best.speed, self.best.steer, self.rate, self.best.kind)
-
-    def to_json(self, **more: Any) -> str:
-        """All but the course of the steer angle, as JSON."""
-        told = {
-            "version": fifthwheel.__version__,
-            "vehicle": self.vehicle.name,
-            "wants": dict(self.wants),
-            "channels": self.channels,
-            "met": self.met,
-            "best": self.best.as_dict(),
-            "alternatives": [one.as_dict() for one in self.alternatives],
-            "unmet": [asdict(shortfall) for shortfall in self.unmet],
-            "notes": self.notes,
-        }
-        return json.dumps(told | more, indent=2)
 
 
 def plan(
@@ -114,7 +37,8 @@ def plan(
     """The shortest drive after which a one-stage fit would know what is wanted; of those as long, the gentlest.
 
     Reckoned like `outlook`, at the vehicle file's values, so the better the file, the better the plan. The model is
-    taken for right, the road for flat, and only the first steered axle steers.
+    taken for right, the road for flat, and only the first steered axle steers. Longer or harder is not always better:
+    the more a log weighs, the more the estimates lean on what the vehicle file knows only roughly.
 
     Args:
         wants: sigma by parameter, as a part of its value; `USUAL` by default. What is not sought otherwise is sought
@@ -125,7 +49,7 @@ def plan(
         progress: called with a title, the number of manoeuvres done and their most.
 
     Raises:
-        SignalError: channels that no fit could use, limits that no manoeuvre keeps.
+        SignalError: channels that no fit could use.
         VehicleError: a want that is no parameter, is held or not above zero; a truck unstable at every speed.
     """
     settings, planning = settings or OneStage(), planning or Planning()
@@ -140,8 +64,6 @@ def plan(
     forecast = Forecast(truck, settings, speeds)
     noise = {name: variances.sensor(truck, name, settings.noise) for name in channels}
     tried = list(search(forecast, speeds, wants, noise, planning, progress))
-    if not tried:
-        raise SignalError("max_acceleration: every manoeuvre needs more, or faster steering; allow more")
     best, *others = [_proposal(one, planning.rate) for one in _chosen(tried, planning)]
     others = [one for one in others if all(one.verdicts[name] is Verdict.CONVERGED for name in wants)]
     left_out = [f"{3.6 * speed:.0f} km/h" for speed in planning.speeds if speed not in speeds]

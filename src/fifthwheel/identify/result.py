@@ -74,6 +74,7 @@ class LogSummary:
     rejected: dict[str, float]  # part of each channel's samples outside the gate
     noise: dict[str, float]  # variance of each channel's noise as found, SI squared
     notes: tuple[str, ...]
+    bank: tuple[float, float] | None = None  # of the road in its first stretch, rad, left edge higher, and sigma
 
 
 @dataclass(frozen=True, kw_only=True)

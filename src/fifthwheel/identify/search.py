@@ -119,10 +119,10 @@ def _sizes(
     steer = manoeuvre.steer(forecast.vehicle, planning.rate)
     most = float(np.abs(lateral(forecast.vehicle, manoeuvre.speed, steer, planning.rate)).max())
     fastest = float(np.abs(np.diff(steer)).max() * planning.rate)
-    sizes = [(a, a / most) for a in planning.sizes if fastest * a / most <= planning.max_steer_rate]
-    shares = echo.of(steer, round(manoeuvre.period * planning.rate), max(planning.repetitions)) if sizes else []
+    sizes = sorted({min(a / most, planning.max_steer_rate / fastest) for a in planning.sizes})
+    shares = echo.of(steer, round(manoeuvre.period * planning.rate), max(planning.repetitions))
     values = forecast.vehicle.parameters()
-    for acceleration, size in sizes:
+    for size in sizes:
         for count in planning.repetitions:
             found = forecast.judge(echo.names, shares[count - 1].at(size), noise)
             sigma = {n: found.sigma(n) * forecast.prior(n) / abs(values[n]) for n in forecast.sought}
@@ -130,7 +130,7 @@ def _sizes(
                 manoeuvre=manoeuvre,
                 count=count,
                 size=size,
-                acceleration=acceleration,
+                acceleration=size * most,
                 steer=steer,
                 sigma=sigma,
                 verdicts={n: found.idle.get(n, Verdict.CONVERGED) for n in forecast.sought},

@@ -103,6 +103,9 @@ class _Report:
                 "(shown − zero).",
             )
             self.body.append(tables.sensors(found))
+        banks = [f"{log.name} {with_sigma(*log.bank, 'rad')}" for log in found.logs if log.bank]
+        if banks:
+            self._say("hint", f"Bank of the road, left edge higher: {'; '.join(banks)}.")
 
     def _histories(self, found: "Identification") -> None:
         self._heading("histories", "Histories of the parameters")

@@ -33,7 +33,13 @@ def show_outlook(outlook: "Outlook", console: "Console | None" = None) -> None:
     table = page.table("Parameter", "Value:>", "Known\nbefore:>", "Told by\nlogs:>", "Verdict")
     for p in outlook.parameters:
         before, told = (f"±{relative(p.value, sigma)}" for sigma in (p.prior, p.sigma))
-        cells = (p.name, with_sigma(p.value, None, p.unit), before, told if can_be_told(p) else "–", _verdict(p))
+        cells = (
+            p.name,
+            with_sigma(p.value, None, p.unit),
+            before,
+            told if can_be_told(p) else "–",
+            word(p.verdict, _part(p)),
+        )
         page.row(table, *cells, style=COLOURS[p.verdict])
     page.show(table)
     page.lists(
@@ -42,7 +48,7 @@ def show_outlook(outlook: "Outlook", console: "Console | None" = None) -> None:
             [f"{p.name}: {_start(p)} {_changes(p)}" for p in outlook.parameters if p.remedies],
         ),
         ("Hard to tell apart", list(_confused(outlook))),
-        ("Beware", doubts),
+        ("Beware", [*outlook.cautions, *doubts]),
         ("Notes", (*outlook.notes, *_explained(outlook), BOUND)),
     )
 
@@ -58,17 +64,21 @@ def can_be_told(prospect: "Prospect") -> bool:
     return prospect.verdict == "converged"
 
 
-def _rough(prospect: "Prospect") -> bool:
-    return can_be_told(prospect) and prospect.sigma > ROUGH * abs(prospect.value)
+def word(verdict: str, part: float) -> str:
+    """A verdict before the fit; `part` is the sigma as a part of the value."""
+    return "roughly" if verdict == "converged" and part > ROUGH else WORDS[verdict]
 
 
-def _verdict(prospect: "Prospect") -> str:
-    return "roughly" if _rough(prospect) else WORDS[prospect.verdict]
+def _part(prospect: "Prospect") -> float:
+    return prospect.sigma / abs(prospect.value)
 
 
 def _conclude(outlook: "Outlook", *, wrong: bool) -> Conclusion:
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
-    told, rough = sum(map(can_be_told, outlook.parameters)), sum(map(_rough, outlook.parameters))
+    told, rough = (
+        sum(map(can_be_told, outlook.parameters)),
+        sum(can_be_told(p) and _part(p) > ROUGH for p in outlook.parameters),
+    )
     count = len(outlook.parameters)
     if not told:
         still = all(p.verdict == "not_excited" for p in outlook.parameters)

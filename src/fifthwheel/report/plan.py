@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fifthwheel.report.numbers import fixed, percent
-from fifthwheel.report.outlook import BOUND, WORDS, explained, in_words
+from fifthwheel.report.numbers import about, fixed, percent
+from fifthwheel.report.outlook import BOUND, explained, in_words, word
 from fifthwheel.report.terminal import COLOURS, Page
 from fifthwheel.report.words import Conclusion
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fifthwheel.identify.plan import Plan, Proposal, Shortfall
+    from fifthwheel.identify.proposal import Plan, Proposal, Shortfall
 
 KINDS = {
     "lane_change": "lane change",
@@ -34,7 +34,7 @@ def show_plan(plan: "Plan", console: "Console | None" = None) -> None:
         wanted = f"±{percent(plan.wants[name])}" if name in plan.wants else ""
         verdict = plan.best.verdicts[name]
         told = f"±{percent(sigma)}" if verdict == "converged" else "–"
-        page.row(table, name, wanted, told, WORDS[verdict], style=COLOURS[verdict])
+        page.row(table, name, wanted, told, word(verdict, sigma), style=COLOURS[verdict])
     page.show(table)
     changes = [remedy for shortfall in plan.unmet for remedy in shortfall.remedies]
     others = [f"{_summary(one)}: {_worst(plan, one)}" for one in plan.alternatives]
@@ -59,7 +59,7 @@ def _summary(one: "Proposal") -> str:
     if one.frequency:
         kind += f" of {one.frequency:g} Hz"
     speed = f"{3.6 * one.speed:.0f} km/h"
-    return f"{one.repetitions} x {kind} at {speed}, {one.acceleration:g} m/s², {fixed(one.duration, 0)} s"
+    return f"{one.repetitions} x {kind} at {speed}, {about(one.acceleration, 'm/s^2')}, {fixed(one.duration, 0)} s"
 
 
 def _steps(one: "Proposal") -> Iterator[str]:
@@ -75,8 +75,8 @@ def _steps(one: "Proposal") -> Iterator[str]:
         yield f"Along the bend the radius is {fixed(one.speed**2 / one.leading, -1)} m."
     degrees = np.degrees(np.abs(one.steer).max())
     yield (
-        f"Lateral acceleration of any unit up to {one.acceleration:g} m/s², road-wheel angle up to {degrees:.1f} deg; "
-        "begin and end straight."
+        f"Lateral acceleration of any unit up to {about(one.acceleration, 'm/s^2')}, "
+        f"road-wheel angle up to {degrees:.1f} deg; begin and end straight."
     )
 
 
