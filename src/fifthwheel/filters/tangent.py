@@ -5,6 +5,7 @@ the whole Jacobian, and one compiled step serves every choice of unknowns.
 """
 
 import functools
+import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -120,7 +121,7 @@ def in_chunks(
     half = scan.n_output // 2
     for begin in range(0, len(rows), CHUNK):
         here = slice(begin, min(begin + CHUNK, len(rows)))
-        carry, out = scan.batch(carry, rows[here], constant)
+        carry, out = scan.batch(carry, rows[here], constant, threads=os.cpu_count() or 1)
         yield Chunk(here, out[0, :, :half], out[:, :, half:])
 
 

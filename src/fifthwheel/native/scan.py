@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -65,8 +66,8 @@ class Scan:
         self.single(rows, 1, carry.ctypes.data, sample.ctypes.data, constant.ctypes.data, output.ctypes.data)
         return carry, output
 
-    def batch(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
-        """Run many vehicles, `lanes` at a time.
+    def batch(self, carry: Array, sample: Array, constant: Array, threads: int = 1) -> tuple[Array, Array]:
+        """Run many vehicles, `lanes` at a time, on so many threads.
 
         Args:
             carry: (B, n_carry).
@@ -85,7 +86,17 @@ class Scan:
         carry, sample, constant = (self._to_lanes(array) for array in (carry, sample, constant))
         groups = len(carry)
         output = np.empty((groups, rows, self.n_output, self.lanes))
-        self.vector(rows, groups, carry.ctypes.data, sample.ctypes.data, constant.ctypes.data, output.ctypes.data)
+        vector, arrays = self.vector, (carry, sample, constant, output)
+
+        def run(first: int, last: int) -> None:
+            addresses = [array.ctypes.data + first * array.strides[0] for array in arrays]
+            vector(rows, last - first, *addresses)
+
+        edges = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
+        if len(edges) <= 2:
+            run(0, groups)
+        else:
+            list(_workers().map(run, edges[:-1], edges[1:]))
         return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
 
     @property
@@ -122,6 +133,15 @@ class Scan:
     def _expect(self, name: str, got: tuple[int, ...], expected: tuple[int, ...]) -> None:
         if got != expected:
             raise TypeError(f"{self.step.name()}: {name} has shape {got}, expected {expected}")
+
+
+@functools.cache
+def _workers() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="scan")
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
+    os.register_at_fork(after_in_child=_workers.cache_clear)
 
 
 _background = ThreadPoolExecutor(1, thread_name_prefix="compile")
