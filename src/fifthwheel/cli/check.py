@@ -1,9 +1,5 @@
 """fifthwheel check"""
 
-from typing import TYPE_CHECKING, Annotated
-
-import typer
-
 from fifthwheel.cli.app import (
     JsonOption,
     Logs,
@@ -14,19 +10,14 @@ from fifthwheel.cli.app import (
     read_records,
     read_vehicle,
 )
-
-if TYPE_CHECKING:
-    from fifthwheel.identify import OneStage
-    from fifthwheel.vehicle import Vehicle
-
-FreeOption = Annotated[
-    list[str] | None,
-    typer.Option("--free", help="A parameter to seek besides the usual ones; may be repeated."),
-]
-HoldOption = Annotated[
-    list[str] | None,
-    typer.Option("--hold", help="A parameter that keeps its value, taken for known; may be repeated."),
-]
+from fifthwheel.cli.one_stage import (
+    AnyLoadOption,
+    ConsiderOption,
+    FreeOption,
+    HoldOption,
+    PriorOption,
+    one_stage,
+)
 
 
 @app.command(
@@ -41,8 +32,11 @@ def check(
     logs: Logs,
     vehicle: VehicleOption,
     signals: SignalsOption = None,
-    free: FreeOption = None,
     hold: HoldOption = None,
+    free: FreeOption = None,
+    prior: PriorOption = None,
+    consider: ConsiderOption = None,
+    any_load: AnyLoadOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Before `identify`: what these logs can tell of the truck, what they cannot, and what would help.
@@ -53,21 +47,11 @@ def check(
     from fifthwheel.identify.outlook import outlook
 
     truck = read_vehicle(vehicle)
-    found = outlook(read_records(logs, signals), truck, settings(truck, free, hold))
+    settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load)
+    found = outlook(read_records(logs, signals), truck, settings)
     if as_json:
         print(found.to_json())
     else:
         from fifthwheel.report.outlook import show_outlook
 
         show_outlook(found)
-
-
-def settings(truck: "Vehicle", free: list[str] | None, hold: list[str] | None) -> "OneStage":
-    """Of the fit that is looked out on: the default one, with more that is sought and some that is held."""
-    from dataclasses import replace
-
-    from fifthwheel.identify import OneStage
-    from fifthwheel.identify.parameters import one_stage_sought
-
-    usual = OneStage(held=tuple(hold or ()))
-    return replace(usual, free=(*one_stage_sought(truck, usual), *free)) if free else usual

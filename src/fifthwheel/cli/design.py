@@ -6,7 +6,15 @@ from typing import Annotated
 import typer
 
 from fifthwheel.cli.app import JsonOption, VehicleOption, app, example, progress_bar, read_vehicle, say_files
-from fifthwheel.cli.check import FreeOption, HoldOption, settings
+from fifthwheel.cli.one_stage import (
+    AnyLoadOption,
+    ConsiderOption,
+    FreeOption,
+    HoldOption,
+    PriorOption,
+    one_stage,
+    parts,
+)
 
 
 @app.command(
@@ -44,8 +52,11 @@ def design(
             "repeated. By default the yaw and the roll rate of every unit.",
         ),
     ] = None,
-    free: FreeOption = None,
     hold: HoldOption = None,
+    free: FreeOption = None,
+    prior: PriorOption = None,
+    consider: ConsiderOption = None,
+    any_load: AnyLoadOption = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="A file for time, speed and steer angle of the drive: .csv or .parquet."),
@@ -60,7 +71,6 @@ def design(
     """
     from dataclasses import replace
 
-    from fifthwheel.cli.identify import parts
     from fifthwheel.identify.plan import plan
     from fifthwheel.identify.search import Planning
     from fifthwheel.logs import write
@@ -69,13 +79,15 @@ def design(
     if out:
         writer(out)  # before the search
     truck = read_vehicle(vehicle)
+    settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load)
+    truck = truck.lumped() if any_load else truck
     usual, fastest = Planning(), _speed("--max-speed", max_speed)
     speeds = (_speed("--speed", speed),) if speed else tuple(u for u in usual.speeds if u < fastest + 0.01)
     with progress_bar(quiet=as_json) as progress:
         found = plan(
             truck,
             parts("--want", want or []),
-            settings(truck, free, hold),
+            settings,
             channels=[name.strip() for text in channels or [] for name in text.split(",")],
             planning=replace(usual, speeds=speeds or (fastest,), max_acceleration=max_acceleration),
             progress=progress,
