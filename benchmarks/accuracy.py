@@ -24,8 +24,7 @@ from fifthwheel import dynamics
 from fifthwheel.identify import OneStage, TwoStage, article, identify
 from fifthwheel.identify.parameters import longest_ending, one_stage_unknowns, stage_1_names
 from fifthwheel.identify.problem import Problem
-
-# Lfrom fifthwheel.identify.recursive import Learner
+from fifthwheel.identify.recursive import Learner
 from fifthwheel.identify.settings import Common
 from fifthwheel.identify.stage import Log
 from fifthwheel.logs import Record

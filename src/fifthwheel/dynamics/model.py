@@ -39,6 +39,7 @@ class ChainModel:
     transition: ca.Function
     observation: ca.Function
     state_jacobian: ca.Function  # (x, dt, d, p, c) -> dx+/dx, the state transition matrix
+    rates: ca.Function  # (x, x+, dt, d, p, c) -> x' where a step begins and where it ends
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name."""
@@ -127,6 +128,8 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     advance = sensor["gain"] * late
     order = ORDER[roll, bool(chain.lagging_groups(vehicle))]
     transition = taylor(A, B, x, before + advance, after + advance, dt, order)
+    later = ca.SX.sym("later", n)
+    ends = (A @ x + B @ (before + advance), A @ later + B @ (after + advance))
     matrix = transition_matrix(A, dt, order)
 
     speed = d[k]
@@ -157,6 +160,7 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
         transition=ca.Function("transition", [x, dt, d, p, c], [transition]),
         observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
         state_jacobian=ca.Function("state_jacobian", [x, dt, d, p, c], [matrix]),
+        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(rate) for rate in ends]),
     )
 
 

@@ -108,6 +108,16 @@ class DualFiltered:
     end: DualState
 
 
+def scaled(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX) -> ca.SX:
+    """`Scaling.to_p`, symbolically."""
+    return ca.vertcat(
+        *[
+            centre[i] * ca.exp(scale[i] * z[i]) if log else centre[i] + scale[i] * z[i]
+            for i, log in enumerate(logarithmic)
+        ]
+    )
+
+
 @functools.cache
 def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     """The compiled step.
@@ -134,12 +144,7 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
 
     symbol = ca.SX.sym("z", n_p)
-    p_of_z = ca.vertcat(
-        *[
-            centre[i] * ca.exp(scale[i] * symbol[i]) if logarithmic[i] else centre[i] + scale[i] * symbol[i]
-            for i in range(n_p)
-        ]
-    )
+    p_of_z = scaled(logarithmic, symbol, centre, scale)
     p = ca.substitute(p_of_z, symbol, z)
 
     def wrt_z(function: ca.Function, *arguments: ca.SX) -> ca.SX:

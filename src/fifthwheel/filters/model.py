@@ -18,7 +18,8 @@ class Model(Hashable, Protocol):
     x is the state, d what a sample brings besides measurements, p the parameters that may be estimated, c the others.
 
     A model that knows a cheaper way to dx+/dx than to differentiate its transition offers `state_jacobian`, a function
-    of the transition's arguments.
+    of the transition's arguments. One of a differential equation may offer `rates`, (x, x+, dt, d, p, c) -> x' at the
+    begin and at the end of a step, from which dx+/dp is had nearly for nothing.
     """
 
     @property
