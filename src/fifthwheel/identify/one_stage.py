@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify import estimates, parameters
+from fifthwheel.identify import estimates, likelihood, parameters
 from fifthwheel.identify.drives import Drives
 from fifthwheel.identify.gauss_newton import Minimum, minimise
 from fifthwheel.identify.information import Verdict
@@ -164,14 +164,14 @@ class OneStageFit:
             scores = []
             for whole in problem.parts(z, i, j):
                 for part in whole.split(max(total // HISTORY, 1)):
-                    own, gram = problem.information(part)
+                    own, gram = likelihood.information(part, self.settings.outlier)
                     information[np.ix_(part.places, part.places)] += gram
                     gradient[part.places] += own
                     P = np.linalg.inv(np.eye(k) + information * np.outer(learned, learned))
                     values.append((z - learned * (P @ (learned * (z + gradient))))[rows])
                     sigmas.append(np.sqrt(np.diag(P))[rows])
                     moments.append(elapsed + part.time[-1] - self.logs[i].sections[j].time[0])
-                scores.append(problem.scores(whole))
+                scores.append(likelihood.scores(whole, self.settings.outlier))
             elapsed = moments[-1]
             lags = max(int(self.settings.correlation_time * self.logs[i].sections[j].rate), 1)
             spread[np.ix_(whole.places, whole.places)] += long_run(np.concatenate(scores), lags)

@@ -10,7 +10,7 @@ the section's start. Prediction-error form: e is the innovation of a Kalman filt
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from fifthwheel import dynamics
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent
+from fifthwheel.identify import likelihood
 from fifthwheel.identify.gauss_newton import Quadratic
+from fifthwheel.identify.likelihood import Part
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.stage import Log, colour
@@ -33,28 +35,16 @@ Directions = Literal["none", "learned", "all"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
-    """What a piece of a section says: N samples, m channels, k unknowns of its own choice."""
+class _Run:
+    """What one run through a section needs; k directions, n states."""
 
-    time: Array  # (N,) s
-    error: Array  # (N, m), NaN where missing or refused
-    variance: Array  # (N, m) of each error
-    jacobian: Array  # (k, N, m) of the errors
-    variance_jacobian: Array | None  # (k, N, m) where the variance depends on the unknowns
-    places: NDArray[np.int64]  # (k,) of these unknowns among all
-
-    def split(self, size: int) -> "Iterator[Part]":
-        """Pieces of it with `size` samples each, the last with less."""
-        for begin in range(0, len(self.time), size):
-            here = slice(begin, begin + size)
-            yield replace(
-                self,
-                time=self.time[here],
-                error=self.error[here],
-                variance=self.variance[here],
-                jacobian=self.jacobian[:, here],
-                variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[:, here],
-            )
+    rows: Rows
+    p: Array  # the model's parameters
+    along: Array  # their derivatives (k, n_p)
+    x0: Array  # (n,)
+    starts: Array  # its derivatives (k, n)
+    P0: Array  # (n, n), where a filter begins
+    places: NDArray[np.int64]  # of the unknowns that the directions are, none if there is one direction that is none
 
 
 class Problem:
@@ -161,7 +151,8 @@ class Problem:
             along[np.arange(len(some)), [self.model.free.index(u.name) for u in some]] = slope
             starts = np.vstack([self._steady_slopes(some, rows.first, values) * slope[:, None], factor.T[: len(own)]])
             places = np.concatenate([self.places[i][which], own])
-        return (self._free if self.free_run else self._filtered)(i, rows, p, along, x0, starts, factor, places)
+        run = _Run(rows=rows, p=p, along=along, x0=x0, starts=starts, P0=factor @ factor.T, places=places)
+        return (self._free if self.free_run else self._filtered)(run, self.variance(i))
 
     def part(self, z: Array, i: int, j: int) -> Part:
         """Section j of log i at z as one piece."""
@@ -202,28 +193,17 @@ class Problem:
                 row[:] = (higher - lower) / (2 * step)
         return slopes
 
-    def _free(
-        self,
-        i: int,
-        rows: Rows,
-        p: Array,
-        along: Array,
-        x0: Array,
-        starts: Array,
-        factor: Array,
-        places: NDArray[np.int64],
-    ) -> Iterator[Part]:
+    def _free(self, run: "_Run", variance: Array) -> Iterator[Part]:
         """The model from its start on, and what the log differs by."""
-        m, k = len(self.model.outputs), len(places)
+        m, k, rows = len(self.model.outputs), len(run.places), run.rows
         wide = 1 + 2 * len(self.model.inputs)
-        variance = self.variance(i)
         chunks = tangent.in_chunks(
             tangent.simulation(self.model),
             rows.rows[:, :wide],
-            start=x0,
-            start_directions=starts,
-            p=p,
-            directions=along,
+            start=run.x0,
+            start_directions=run.starts,
+            p=run.p,
+            directions=run.along,
             others=np.zeros(0),
         )
         for chunk in chunks:
@@ -236,33 +216,23 @@ class Problem:
                 variance=np.broadcast_to(variance, measured.shape),
                 jacobian=-chunk.slopes[:k, here],
                 variance_jacobian=None,
-                places=places,
+                places=run.places,
             )
 
-    def _filtered(
-        self,
-        i: int,
-        rows: Rows,
-        p: Array,
-        along: Array,
-        x0: Array,
-        starts: Array,
-        factor: Array,
-        places: NDArray[np.int64],
-    ) -> Iterator[Part]:
+    def _filtered(self, run: "_Run", variance: Array) -> Iterator[Part]:
         """The filter's innovations and their variance."""
-        m, k = len(self.model.outputs), len(places)
+        m, k, rows = len(self.model.outputs), len(run.places), run.rows
         table = variances.PROCESS | {"bank": self.settings.bank_walk**2}
         process = variances.process(self.model.states, table, max(self.settings.process_noise, 1e-9))
-        noise = Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
-        start, start_directions = tangent.start_of_filter(x0, factor @ factor.T, starts)
+        noise = Noise(process=process, measurement=variance, gate=self.settings.gate)
+        start, start_directions = tangent.start_of_filter(run.x0, run.P0, run.starts)
         chunks = tangent.in_chunks(
             tangent.innovations(self.model),
             rows.rows,
             start=start,
             start_directions=start_directions,
-            p=p,
-            directions=along,
+            p=run.p,
+            directions=run.along,
             others=noise.vector(),
         )
         for chunk in chunks:
@@ -274,15 +244,15 @@ class Problem:
                 variance=found[:, m : 2 * m],
                 jacobian=slopes[..., :m],
                 variance_jacobian=slopes[..., m : 2 * m],
-                places=places,
+                places=run.places,
             )
 
     def cost(self, z: Array) -> float:
         """Minus the logarithm of the posterior, but for a constant; infinite where the truck runs away."""
-        total = float(z @ z) / 2
+        total, limit = float(z @ z) / 2, self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.sections():
-                total += sum(self._loss(part) for part in self.parts(z, i, j, directions="none"))
+                total += sum(likelihood.loss(part, limit) for part in self.parts(z, i, j, directions="none"))
         return total if np.isfinite(total) else np.inf
 
     def unstable(self, z: Array) -> bool:
@@ -299,54 +269,18 @@ class Problem:
         """Number of log and of section, of all sections in order."""
         return [(i, j) for i, log in enumerate(self.logs) for j in range(len(log.sections))]
 
-    def _loss(self, part: Part) -> float:
-        seen = ~np.isnan(part.error)
-        size = np.abs(part.error[seen]) / np.sqrt(part.variance[seen])
-        limit = self.settings.outlier
-        loss = np.where(size <= limit, size**2 / 2, limit * size - limit**2 / 2).sum()
-        if part.variance_jacobian is not None:
-            loss += np.log(part.variance[seen]).sum() / 2
-        return float(loss)
-
     def expand(self, z: Array, *, directions: Directions = "learned") -> Quadratic:
         """The cost about z: its gradient is exact, its Hessian Gauss and Newton's (Fisher's) with the prior."""
         cost, gradient, hessian = float(z @ z) / 2, z.copy(), np.eye(len(z))
+        limit = self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.sections():
                 for part in self.parts(z, i, j, directions=directions):
-                    own, gram = self.information(part)
-                    cost += self._loss(part)
+                    own, gram = likelihood.information(part, limit)
+                    cost += likelihood.loss(part, limit)
                     gradient[part.places] += own
                     hessian[np.ix_(part.places, part.places)] += gram
         return Quadratic(cost, gradient, hessian)
-
-    def _weights(self, part: Part) -> tuple[Array, Array, Array]:
-        """Errors, zero where missing; which are there; and what each counts, 1/variance but for outliers: (N, m)."""
-        seen = ~np.isnan(part.error)
-        error = np.where(seen, part.error, 0.0)
-        size = np.abs(error) / np.sqrt(part.variance)
-        return error, seen, seen * np.minimum(1.0, self.settings.outlier / np.maximum(size, 1e-9)) / part.variance
-
-    def information(self, part: Part) -> tuple[Array, Array]:
-        """Gradient (k,) and information (k, k) of a piece."""
-        error, seen, weight = self._weights(part)
-        k, root = len(part.places), np.sqrt(weight)
-        rows = (part.jacobian * root).reshape(k, -1)
-        gradient, gram = rows @ (root * error).ravel(), rows @ rows.T
-        if part.variance_jacobian is not None:
-            relative = (part.variance_jacobian * (seen / part.variance)).reshape(k, -1)
-            gradient += relative @ (seen - weight * error**2).ravel() / 2
-            gram += relative @ relative.T / 2
-        return gradient, gram
-
-    def scores(self, part: Part) -> Array:
-        """Each sample's part of the gradient (N, k)."""
-        error, seen, weight = self._weights(part)
-        scores = np.einsum("nm,knm->nk", weight * error, part.jacobian)
-        if part.variance_jacobian is not None:
-            own = (seen - weight * error**2) / (2 * part.variance)
-            scores += np.einsum("nm,knm->nk", own, part.variance_jacobian)
-        return np.asarray(scores)
 
     def adapt(self, z: Array, *, coloured: bool) -> float:
         """Set each channel's noise in the logs to the residuals at z; the largest change of a variance, as a part.
