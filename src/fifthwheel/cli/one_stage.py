@@ -88,6 +88,7 @@ def parts(option: str, texts: list[str]) -> dict[str, float]:
             found[name] = float(part.removesuffix("%")) / (100 if part.endswith("%") else 1)
         except ValueError:
             found[name] = -1.0
-        if not 0 <= found[name] < 10:
-            raise FifthwheelError(f"{option} {text}: expected NAME=PART, such as roll_stiffness=10%")
+        if not 0 <= found[name] < 1:
+            much = f"; {part} is {100 * found[name]:g} %" if found[name] >= 1 else ""
+            raise FifthwheelError(f"{option} {text}: expected NAME=PART below 1, such as roll_stiffness=10%{much}")
     return found

@@ -57,7 +57,8 @@ def of_parameters(
         if name in idle:
             value, spread = given[name], 1.0
         sigma = spread * float(np.abs(scaling([unknown]).slope(np.array([value])))[0])
-        verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, value, sigma, settled.get(name, False))
+        known = settled.get(name, False) and spread < 1  # a sigma wider than the prior's is no finding
+        verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, value, sigma, known)
         found.append(
             Estimate(
                 value=value,

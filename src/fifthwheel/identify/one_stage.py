@@ -206,7 +206,7 @@ class OneStageFit:
             elif not u.nuisance:
                 rough.append(self._rough(u, shared[u.name], known))
         given = self.drives.original.parameters()
-        for name in self.settings.held:
+        for name in parameters.expanded(self.vehicle, self.settings.held):
             told.append(
                 Estimate(
                     name=name,
@@ -273,13 +273,14 @@ class OneStageFit:
         slope = float(parameters.scaling([u]).slope(np.array([value]))[0])
         sigma = float(known.sigma[i]) * slope
         verdict = idle.get(u.name, Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED)
-        confused = [] if self._unseen(u.name) else [known.names[j] for j in known.confused(i)]
+        confused = [] if self._unseen(u.name) else [self._plain(known.names[j]) for j in known.confused(i)]
+        confused = [name for name in confused if name not in self.model.states]
         if (
             verdict == Verdict.NOT_IDENTIFIABLE
             and not (confused or self._unseen(u.name))
             and known.alone(i) < self.settings.excited
         ):
-            confused = [known.names[known.worst_companion(i)]]
+            confused = [self._plain(known.names[known.worst_companion(i)])]
         if u.name not in idle and min(value - u.lower, u.upper - value) < 0.1 * sigma:
             verdict = Verdict.AT_BOUND
         since = estimates.settled_since(trace.values[:, trace.names.index(u.name)], self.settings.tolerance)
@@ -296,6 +297,11 @@ class OneStageFit:
             prior=u.scale * (u.centre if u.logarithmic else 1.0),
             confused_with=tuple(confused),
         )
+
+    def _plain(self, name: str) -> str:
+        """Without the number of a log, where there is only one; of a first state, without that of its stretch."""
+        plain, _, number = name.partition("@")
+        return plain if len(self.logs) == 1 or "." in number else name
 
     def _rough(self, u: Unknown, value: float, known: Posterior) -> Estimate:
         i = known.names.index(u.name)
@@ -325,4 +331,8 @@ class OneStageFit:
                     places.append(int(place))
                     slopes.append(float(s))
         scaled = known.covariance[np.ix_(places, places)] * np.outer(slopes, slopes)
-        return Uncertainty(names=tuple(names), covariance=scaled)
+        # any other log has errors of its own sensors, of which nothing is known but the prior
+        other = [u for u in problem.unknowns if u.each_log]
+        whole = np.diag([*[0.0] * len(names), *[u.scale**2 for u in other]])
+        whole[: len(names), : len(names)] = scaled
+        return Uncertainty(names=(*names, *[f"{u.name}@" for u in other]), covariance=whole)

@@ -1,14 +1,14 @@
 """What is unknown: the parameters that are sought, what is known only roughly, and the sensors' errors beside them,
 each with prior and bounds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.identify.settings import Common, OneStage, TwoStage
+from fifthwheel.identify.settings import ROUGHLY_KNOWN, Common, OneStage, TwoStage
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.part import suggestion
 
@@ -105,17 +105,29 @@ def one_stage_sought(vehicle: Vehicle, settings: OneStage) -> list[str]:
     Raises:
         VehicleError: a name that is no parameter, or that cannot be held because it is not sought.
     """
-    known = vehicle.parameters()
     if settings.free is not None:
-        names = list(dict.fromkeys(settings.free))
+        names = expanded(vehicle, settings.free)
     else:
         heights = stage_2_names(vehicle)
         apart = [f"{unit.name}.sprung.{word}" for unit in vehicle.units[1:] for word in ("cog_height", "roll_inertia")]
         names = [*stage_1_names(vehicle), *(heights if settings.uniform_payload else apart)]
-    for name in (*names, *settings.held):
-        if name not in known:
+    held = expanded(vehicle, settings.held)
+    return [name for name in names if name not in held]
+
+
+def expanded(vehicle: Vehicle, names: Iterable[str]) -> list[str]:
+    """Paths from paths and ends of paths, each once.
+
+    Raises:
+        VehicleError: one that is neither.
+    """
+    known, found = vehicle.parameters(), []
+    for name in names:
+        fitting = [path for path in known if longest_ending(path, {name: 0.0})]
+        if not fitting:
             raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, known)}")
-    return [name for name in names if name not in settings.held]
+        found += fitting
+    return list(dict.fromkeys(found))
 
 
 def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
@@ -131,7 +143,10 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         else:
             usual = settings.roll_inertia_prior if name.endswith(".sprung.roll_inertia") else settings.prior
             found.append(_logarithmic(name, values[name], settings.priors.get(name, usual)))
-    taken = {*sought, *settings.held}
+    taken = {*sought, *expanded(vehicle, settings.held)}
+    for name in {*settings.priors, *settings.consider} - {*ROUGHLY_KNOWN}:
+        if all(path in sought for path in expanded(vehicle, [name])) and name in settings.consider:
+            raise VehicleError(f"{name}: is sought, so it cannot only be considered; hold it, or leave that out")
     loads = tuple(
         f"{name.removesuffix('payload.height')}sprung." for name in sought if name.endswith(".payload.height")
     )

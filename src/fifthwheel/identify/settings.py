@@ -116,6 +116,7 @@ ROUGHLY_KNOWN: Mapping[str, float] = {
     "sprung.cog_height": 0.1,
     "sprung.roll_inertia": 0.2,
     "yaw_inertia": 0.1,
+    "relaxation_length": 0.2,
 }
 """What a vehicle file mostly knows only roughly, and a log can hardly tell from what is sought; see
 `OneStage.consider`."""
@@ -128,12 +129,12 @@ class OneStage(Common):
     free: tuple[str, ...] | None = None
     """What is sought, by path; None for every axle group's cornering stiffness, the yaw inertia of every unit behind
     the first and every payload height."""
-    priors: Mapping[str, float] = field(default_factory=lambda: {"relaxation_length": 0.2})
+    priors: Mapping[str, float] = field(default_factory=dict)
     """What is known roughly and learned beside: prior standard deviation as a part of the value, by a path or the end
     of one (the longest that fits counts)."""
     consider: Mapping[str, float] = field(default_factory=lambda: dict(ROUGHLY_KNOWN))
     """The same for what is never learned from the logs, but whose uncertainty goes into every sigma. A log can hardly
-    tell it from what is sought: learned, it would take up what the model errs instead. Empty, with `priors` empty too,
+    tell it from what is sought: learned, it would take up what the model errs instead. Empty
     to trust the rest of the vehicle file to the last digit."""
     uniform_payload: bool = True
     """The payload fills its width and height evenly, so that its height gives CoG height (8) and roll inertia (9);

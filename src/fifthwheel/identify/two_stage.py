@@ -44,6 +44,10 @@ class TwoStageFit:
         self.drives = Drives(records, vehicle, settings, validate)
         self.settings, self.progress = settings, progress
         self.vehicle, self.logs, self.notes = self.drives.vehicle, self.drives.logs, self.drives.notes
+        self.notes.append(
+            "Two stages take the rest of the vehicle file for exact: what suspension, roll axes and the first unit's "
+            "yaw inertia may be off by is in no sigma. One stage counts it."
+        )
         if settings.average:
             self.notes.append(
                 "The article's settings: more than ten lane changes are needed, and the payload height rests on "

@@ -182,8 +182,10 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
         "though both vary; map another column, or check the delay",
         Fault.DEGREES: f"{g:.0f} times what {other} lets expect, looks like degrees; set unit = "
         f'"{unit.replace("rad", "deg")}"',
-        Fault.STEERING_WHEEL: f"{g:.0f} times what {other} lets expect, looks like the steering-wheel angle; set "
-        "gain = 1 / steering ratio" + (' and unit = "deg"' if g > 300 else ""),
+        Fault.STEERING_WHEEL: f"{g:.0f} times what {other} lets expect, looks like the steering-wheel angle"
+        + (' or like degrees; set unit = "deg" or ' if 28 < g <= 300 else "; set ")
+        + "gain = 1 / steering ratio"
+        + (' and unit = "deg"' if g > 300 else ""),
         Fault.UNIT: f"speed * {other} is {1 / g:.1f} times {relation.signal}; "
         + ('the acceleration looks like g, set its unit = "g"' if g < 0.18 else 'looks like km/h, set unit = "km/h"'),
         Fault.OFFSET: f"about {relation.offset:.3g} {unit} where {other} lets expect 0; subtract it with offset = "

@@ -43,7 +43,7 @@ class Uncertainty:
 
     names: tuple[str, ...]
     """Vehicle paths, or sensors' errors such as "steer.tractor.front.offset", "yaw_rate.tractor.gain"; those that one
-    log has for itself as "<name>@<log>"."""
+    log has for itself as "<name>@<log>", those that any other log has as "<name>@"."""
     covariance: Array
     """(k, k), SI of each."""
 
@@ -90,9 +90,11 @@ class Uncertainty:
             raise SignalError(f"uncertainty: expected names and a covariance in rows of numbers ({error!r})") from None
 
     def of_log(self, log: str) -> "Uncertainty":
-        """Without what other logs have for themselves, and with this one's own by its plain name."""
+        """Without what other logs have for themselves, and with this one's own by its plain name; of a log that has
+        none here, what is told of any, as "<name>@"."""
         kept = [(i, *name.partition("@")) for i, name in enumerate(self.names)]
-        here = [(i, name) for i, name, own, of in kept if not own or of == log]
+        mine = log if any(own and of == log for _, _, own, of in kept) else ""
+        here = [(i, name) for i, name, own, of in kept if not own or of == mine]
         return self._part([i for i, _ in here], [name for _, name in here])
 
     def among(self, names: Container[str]) -> "Uncertainty":

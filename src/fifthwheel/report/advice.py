@@ -24,6 +24,8 @@ UNUSUAL_GAIN = 0.1
 """A gain that is so far from 1, and by twice its sigma, is one too: the ratio can be measured."""
 POOR = 0.9
 """A channel of which less is explained, though its noise would allow more, is predicted poorly."""
+NOTHING = 0.05
+"""A channel of which less is explained, while others are explained, has nothing to do with the truck."""
 HARDLY = 0.5
 """Sideways acceleration up to which a log counts as straight, m/s^2."""
 HARD = 3.0
@@ -97,8 +99,15 @@ def value_cautions(identification: "Identification") -> Iterator[str]:
 
 def fit_cautions(identification: "Identification") -> Iterator[str]:
     """Channels that the identified truck predicts poorly, and channels with many outliers."""
+    moving = any(fit.explained > 0.5 for fit in identification.fits)
     for fit in identification.fits:
         share = facts.share(fit)
+        if moving and fit.explained < NOTHING:
+            yield (
+                f"Next to nothing of {fit.signal} in {fit.log} follows from how the truck was driven: check that this "
+                "column is what it is called, and do not believe what rests on it."
+            )
+            continue
         if fit.explained >= POOR or share.by_noise:
             continue
         kind = "" if fit.identified_on else " (predicted only)"
@@ -214,7 +223,11 @@ def _for_confusion(identification: "Identification") -> Iterator[str]:
     """What to hold or to measure, so that something else can be told, or told better."""
     for estimate in identification.parameters:
         if estimate.verdict == "not_identifiable" and estimate.confused_with:
-            yield f"To tell {estimate.name}, hold {estimate.confused_with[0]} at a value that is known otherwise."
+            other = estimate.confused_with[0]
+            if other in identification.initial_vehicle.parameters():
+                yield f"To tell {estimate.name}, hold {other} at a value that is known otherwise."
+            else:
+                yield f"To tell {estimate.name}, calibrate what {other} is about, or add a drive of another kind."
     for estimate, name, part in owed(identification):
         rough = next(e for e in identification.rough if e.name == name)
         known = percent((rough.sigma or 0.0) / abs(rough.value))
