@@ -390,6 +390,7 @@ USAGE = {
     "no passes": ["identify", "log.csv", "-v", TRUCK, "--passes", "0"],
     "an option of the other method": ["identify", "log.csv", "-v", TRUCK, "--passes", "3"],
     "a prior without a part": ["identify", "log.csv", "-v", TRUCK, "--prior", "roll_stiffness"],
+    "a part that is all of it": ["identify", "log.csv", "-v", TRUCK, "--consider", "roll_stiffness=2"],
     "a part that is none": ["identify", "log.csv", "-v", TRUCK, "--consider", "roll_stiffness=much"],
     "not a number": ["simulate", "log.csv", "--count", "many"],
     "out of range": ["simulate", "log.csv", "--rate", "1"],

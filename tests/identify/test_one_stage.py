@@ -219,6 +219,13 @@ def test_held_and_freed(truck: Vehicle, guess: Vehicle) -> None:
     only = identify([record], truck, replace(KNOWN, free=("tractor.yaw_inertia", "semitrailer.mass")))
     assert [e.name for e in only.parameters] == ["tractor.yaw_inertia", "semitrailer.mass"]
     assert max(np.abs(list(in_sigma(only, truck).values()))) < 3.5
+    ended = identify([record], guess, replace(KNOWN, held=("cornering_stiffness",)))
+    assert [e.verdict for e in ended.parameters].count(Verdict.HELD) == 3
+    for wrong in ({"consider": {"roll_axis_hight": 0.1}}, {"priors": {"nonsense": 0.1}}):
+        with pytest.raises(VehicleError, match="no such parameter"):
+            identify([record], guess, replace(KNOWN, **wrong))
+    with pytest.raises(VehicleError, match="is sought, so it cannot only be considered"):
+        identify([record], guess, replace(KNOWN, consider={"payload.height": 0.1}))
     with pytest.raises(VehicleError, match=r"tractor\.yaw_inertai: no such parameter"):
         identify([record], guess, replace(KNOWN, free=("tractor.yaw_inertai",)))
     with pytest.raises(VehicleError, match="nothing is left to seek"):

@@ -77,6 +77,12 @@ def states(
     told = _identification(identification)
     uncertainty = _uncertainty(identification, told)
     settings = ObserverSettings(min_speed=min_speed, places=_places(at or []), bank=INITIAL["bank"] if bank else None)
+    if told:
+        strange = [record.name for record in records if record.name not in {log["name"] for log in told["logs"]}]
+        for name in strange:
+            typer.echo(
+                f"{name}: not a log of that identification; its sensors' zeros are unknown, as sigma says", err=True
+            )
     folder = made_folder(out)
     found = []
     with progress_bar(quiet=as_json) as progress:
