@@ -166,7 +166,7 @@ def bound(case: Case) -> dict[str, float]:
     }
 
 
-def table(case: Case, found: Sequence[dict[str, tuple[float, float, str]]], seconds: float) -> list[str]:
+def table(case: Case, found: Sequence[dict[str, tuple[float, float, str]]]) -> list[str]:
     """Lines of Markdown."""
     truck = point_payload(TRUCK) if case.point else TRUCK
     truth = truck.parameters() | truck.derived()
@@ -175,7 +175,7 @@ def table(case: Case, found: Sequence[dict[str, tuple[float, float, str]]], seco
     lines = [
         f"## {case.title}",
         "",
-        f"{len(found)} seeds, {seconds:.2f} s each. All in per cent.",
+        f"{len(found)} seeds. All in per cent.",
         "",
         "| | mean | rms | worst | bound | rms / bound | sigma | covered | converged |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -216,8 +216,9 @@ def main() -> None:
             seeds = range(options.seeds * (2 if case.bound else 1))
             begun = time.perf_counter()
             found = list(pool.map(run, [case] * len(seeds), seeds, chunksize=5))
-            lines = table(case, found, (time.perf_counter() - begun) * options.jobs / len(seeds))
+            lines = table(case, found)
             print("\n".join(lines), flush=True)
+            print(f"{(time.perf_counter() - begun) * options.jobs / len(seeds):.2f} s a seed\n", flush=True)
             text += lines
     if not options.only:
         Path(__file__).with_suffix(".md").write_text("\n".join(text), encoding="utf-8")
