@@ -6,7 +6,7 @@
 * 8-state Kalman step: the yaw-roll model, its discretisation recomputed at every step, 4 channels;
 * both alone and in a batch of vehicles (several to a vector register);
 * statsmodels and filterpy: the same 8-state filter with its matrices given, not recomputed;
-* Observer.push: one sample at a time, from a dict to a dict;
+* Observer.push and Learner.push: one sample at a time, from a dict to a dict;
 * identification in one stage: 120 s at 100 Hz, by what is unknown;
 * the nonlinear truck at 1 ms: seconds driven by seconds taken;
 * the command line: `fifthwheel identify` on 120 s at 100 Hz, 15 lane changes, as a whole process with the
@@ -33,6 +33,8 @@ from fifthwheel.filters import Noise, dual, kalman, sample_rows
 from fifthwheel.filters.model import pack_array
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.recursive import Learner
+from fifthwheel.logs import Record
 from fifthwheel.native import Scan
 from fifthwheel.observe import Observer
 from fifthwheel.observe.prepare import steered_as_logged
@@ -40,6 +42,8 @@ from fifthwheel.simulate import simulate
 
 SAMPLES, VEHICLES = 20_000, 64
 LAGGING = vehicle.get("cheng_cebon_2011")
+FIVE = OneStage(priors={}, consider={}, nuisances=False)
+ERRORS = OneStage(priors={}, consider={})
 TRUCK = LAGGING.replace({f"{path}.relaxation_length": 0.0 for path in LAGGING.axle_loads()})  # 4 and 8 states
 
 
@@ -163,10 +167,10 @@ def _filterpy(F: np.ndarray, H: np.ndarray, noise: Noise, y: np.ndarray) -> floa
     return len(y) / best(run, 3) / 1e6
 
 
-def push_figures() -> tuple[float, float]:
+def push_figures(live: Callable[[Record], Observer | Learner]) -> tuple[float, float]:
     """Median and 99th percentile of a push, microseconds."""
-    record = simulate(TRUCK, count=5)
-    observer = Observer(TRUCK, record.signals)
+    record = simulate(LAGGING, count=5)
+    observer = live(record)
     columns = {"time": record.time.tolist()} | {name: values.tolist() for name, values in record.signals.items()}
     samples = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     times = []
@@ -184,8 +188,8 @@ def one_stage_figures() -> dict[str, float]:
     names = stage_1_names(LAGGING)
     guess = LAGGING.replace({n: values[n] * f for n, f in zip(names, (0.8, 1.2, 0.8, 1.2), strict=True)})
     cases = {
-        "five parameters": OneStage(priors={}, consider={}, nuisances=False),
-        "and steering, gyros, bank": OneStage(priors={}, consider={}),
+        "five parameters": FIVE,
+        "and steering, gyros, bank": ERRORS,
         "and what is known roughly": OneStage(),
     }
     return {name: best(lambda s=s: identify([record], guess, s), 3) for name, s in cases.items()}
@@ -229,8 +233,15 @@ def main() -> None:
     for name, peer in peers.items():
         ratios = f"{own[0] / peer:.1f} and {given[0] / peer:.1f} times as fast"
         print(f"{'  ' + name + ', matrices given':36s} {peer:8.3f}          ours: {ratios}")
-    median, high = push_figures()
-    print(f"{'Observer.push, us':36s} median {median:.1f}, 99 % {high:.1f}")
+    pushed: dict[str, Callable[[Record], Observer | Learner]] = {
+        "Observer.push, us": lambda record: Observer(LAGGING, record.signals),
+        "Learner.push, five parameters, us": lambda record: Learner(LAGGING, record.signals, FIVE),
+        "Learner.push, and sensors, bank, us": lambda record: Learner(LAGGING, record.signals, ERRORS),
+        "Learner.push, by default, us": lambda record: Learner(LAGGING, record.signals),
+    }
+    for name, live in pushed.items():
+        median, high = push_figures(live)
+        print(f"{name:36s} median {median:.1f}, 99 % {high:.1f}")
     for name, seconds in one_stage_figures().items():
         print(f"{'one stage, ' + name + ', s':36s} {seconds:8.2f}")
     print(f"{'nonlinear truck, times real time':36s} {plant_figure():8.1f}")
