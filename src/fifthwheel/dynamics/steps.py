@@ -24,7 +24,7 @@ SPEEDS = np.geomspace(1.0, 60.0, 32)
 
 
 class StepLimit:
-    """The longest step of a vehicle's model at each speed.
+    """The longest step of a vehicle's model at each speed; in `short` one that is surely allowed, for each whole m/s.
 
     Args:
         margin: how much faster than this vehicle's the fastest mode may become while parameters are being estimated.
@@ -33,6 +33,11 @@ class StepLimit:
     def __init__(self, vehicle: Vehicle, *, roll: bool, margin: float = 1.25) -> None:
         fastest = [np.abs(np.linalg.eigvals(matrices(vehicle, u, roll=roll).A)).max() for u in SPEEDS]
         self.longest = REACH[roll, bool(lagging_groups(vehicle))] / (margin * np.array(fastest))
+        # a little less than the least within each whole m/s: what is shorter needs no dividing, and no array to say so
+        grid = np.arange(0.0, SPEEDS[-1] + 2, 1 / 16)
+        limit = self(np.maximum(grid, 1 / 16)) * 0.99
+        least = np.minimum.reduceat(np.minimum(limit[:-1], limit[1:]), np.arange(0, len(grid) - 1, 16))
+        self.short: list[float] = least.tolist()
 
     def __call__(self, speed: Array) -> Array:
         """Seconds (N,) at speeds (N,), m/s."""

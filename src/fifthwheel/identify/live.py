@@ -60,10 +60,7 @@ class Live:
         self.filter = self._filter()
         self._excitation = Excitation(vehicle, len(self.inputs) - 1, learner)
         self._limit = steps.StepLimit(vehicle, roll=True)
-        # for each whole m/s a step that surely needs no dividing, with a margin for what lies between the points
-        grid = np.arange(0.0, FASTEST + 2, 1 / 16)
-        limit = self._limit(np.maximum(grid, 1 / 16)) * 0.99
-        self._short = np.minimum.reduceat(np.minimum(limit[:-1], limit[1:]), np.arange(0, len(grid) - 1, 16)).tolist()
+        self._short = self._limit.short
         self._inputs = [math.nan] * len(self.inputs)  # last ones seen
         self._seen = [-math.inf] * len(self.inputs)  # and when
         self._time = self._used = self._started = -math.inf  # of the last sample, measurement that was used, start

@@ -72,9 +72,7 @@ class Observer:
         self._row: Any = (ctypes.c_double * self._sample.size).from_buffer(self._sample.data)
         self._out: Any = (ctypes.c_double * self._output.size).from_buffer(self._output.data)
         self._names = [(name, f"{name}.sigma") for name in self.reported]
-        slowest = max(int(np.searchsorted(steps.SPEEDS, self.settings.min_speed)) - 1, 0)
-        crawling = min(self.settings.min_speed / steps.SPEEDS[0], 1.0)
-        self._always = float(self._limit.longest[slowest:].min() * crawling)  # no step up to this needs dividing
+        self._short = self._limit.short
         self._addresses = tuple(a.ctypes.data for a in (self._carry, self._sample, self._constant, self._output))
         self.reset()
 
@@ -116,7 +114,7 @@ class Observer:
             row[1 : 1 + k] = inputs
         else:
             last = self._last
-            if gap > self._always:
+            if gap > self._short[int(inputs[0])] or gap > self._short[int(last[0])]:
                 self._between(previous, time, last, inputs)
             else:
                 row[0] = gap
