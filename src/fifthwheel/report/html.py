@@ -79,8 +79,9 @@ class _Report:
         self._say(
             "hint",
             "Sigma is one standard deviation, from the logs and what was assumed beforehand. Values in grey are no "
-            "findings: the vehicle file's, or those where the search began. Settled after: driving time, in the last "
-            f"pass, from which the value stayed within {percent(found.settings.tolerance)} of its average (–: never).",
+            "findings: the vehicle file's, or those where the search began. Settled after: driving time"
+            f"{'' if found.method == 'one-stage' else ', in the last pass,'} from which the value stayed within "
+            f"{percent(found.settings.tolerance)} of its average (–: never).",
         )
         self.body.append(tables.estimates(found.parameters))
         if found.derived:
