@@ -16,7 +16,6 @@ from fifthwheel import dynamics
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import parameters
 from fifthwheel.identify.information import Verdict
-from fifthwheel.identify.one_stage import ROLLING
 from fifthwheel.identify.posterior import Posterior, posterior, verdicts
 from fifthwheel.identify.problem import Problem
 from fifthwheel.identify.settings import OneStage
@@ -184,16 +183,10 @@ class Forecast:
         told = verdicts(free, [free.names.index(name) for name in seek], self.settings.excited)
         idle = {free.names[i]: verdict for i, verdict in told.items() if verdict is not Verdict.CONVERGED}
         moving = len(idle) < len(seek) or Verdict.NOT_IDENTIFIABLE in idle.values()
-        unseen = frozenset(name for name in seek if _roll_rate(name) not in (None, *channels))
+        unseen = frozenset(name for name in seek if parameters.unseen(name, channels))
         idle |= dict.fromkeys(unseen, Verdict.NOT_IDENTIFIABLE if moving else Verdict.NOT_EXCITED)
         settled = posterior(names, information, considered=[*kept, *idle], nuisances=nuisances)
         return Foreseen(free=free, settled=settled, idle=idle, unseen=unseen)
-
-
-def _roll_rate(name: str) -> str | None:
-    """The signal without which a fit does not believe what it hears of a parameter."""
-    unit, _, rest = name.partition(".")
-    return f"roll_rate.{unit}" if rest in ROLLING else None
 
 
 def stable(vehicle: Vehicle, speed: float) -> bool:

@@ -13,8 +13,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters import Noise, joint
 from fifthwheel.filters.twice import Twice
 from fifthwheel.identify.excitation import Excitation, LearnerSettings
-from fifthwheel.identify.one_stage import ROLLING
-from fifthwheel.identify.parameters import Unknown, group_paths, one_stage_sought, one_stage_unknowns, scaling
+from fifthwheel.identify.parameters import Unknown, group_paths, one_stage_sought, one_stage_unknowns, scaling, unseen
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.stage import begin
 from fifthwheel.observe import Status
@@ -74,12 +73,7 @@ class Live:
     def _unknowns(self) -> Iterator[Unknown]:
         """What is sought stays as the vehicle file has it where the signals tell of it at second hand only."""
         given = self.vehicle.parameters()
-        self.blind = {
-            f"{unit.name}.{rest}"
-            for unit in self.vehicle.units
-            for rest in ROLLING
-            if f"roll_rate.{unit.name}" not in self.outputs
-        } & set(one_stage_sought(self.vehicle, self.settings))
+        self.blind = {name for name in one_stage_sought(self.vehicle, self.settings) if unseen(name, self.outputs)}
         for u in one_stage_unknowns(self.vehicle, self.outputs, self.settings):
             yield replace(u, centre=given[u.name], considered=True) if u.name in self.blind else u
 

@@ -34,9 +34,6 @@ from fifthwheel.vehicle import Vehicle, unit_of
 
 Array = NDArray[np.float64]
 
-ROLLING = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
-"""Of a unit: what only its own roll rate tells."""
-
 HISTORY = 200
 """Points at which it is told what the logs had said by then."""
 
@@ -103,15 +100,9 @@ class OneStageFit:
         }
         moving = len(idle) < len(self.sought) or Verdict.NOT_IDENTIFIABLE in idle.values()
         for name in self.sought:
-            if self._unseen(name):
+            if parameters.unseen(name, self.outputs):
                 idle[name] = Verdict.NOT_IDENTIFIABLE if moving else Verdict.NOT_EXCITED
         return idle
-
-    def _unseen(self, name: str) -> bool:
-        """Whether a parameter of roll has no roll rate of its own unit: yaw rates tell of it at second hand only, by
-        less than what any linear model errs."""
-        unit, _, rest = name.partition(".")
-        return rest in ROLLING and f"roll_rate.{unit}" not in self.outputs
 
     def _fit(self, problem: Problem) -> Minimum:
         """The most probable unknowns, first with residuals taken for white, then for what they are."""
@@ -273,13 +264,10 @@ class OneStageFit:
         slope = float(parameters.scaling([u]).slope(np.array([value]))[0])
         sigma = float(known.sigma[i]) * slope
         verdict = idle.get(u.name, Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED)
-        confused = [] if self._unseen(u.name) else [self._plain(known.names[j]) for j in known.confused(i)]
+        unseen = parameters.unseen(u.name, self.outputs)
+        confused = [] if unseen else [self._plain(known.names[j]) for j in known.confused(i)]
         confused = [name for name in confused if name not in self.model.states]
-        if (
-            verdict == Verdict.NOT_IDENTIFIABLE
-            and not (confused or self._unseen(u.name))
-            and known.alone(i) < self.settings.excited
-        ):
+        if verdict == Verdict.NOT_IDENTIFIABLE and not (confused or unseen) and known.alone(i) < self.settings.excited:
             confused = [self._plain(known.names[known.worst_companion(i)])]
         if u.name not in idle and min(value - u.lower, u.upper - value) < 0.1 * sigma:
             verdict = Verdict.AT_BOUND

@@ -1,7 +1,7 @@
 """What is unknown: the parameters that are sought, what is known only roughly, and the sensors' errors beside them,
 each with prior and bounds."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,6 +113,17 @@ def one_stage_sought(vehicle: Vehicle, settings: OneStage) -> list[str]:
         names = [*stage_1_names(vehicle), *(heights if settings.uniform_payload else apart)]
     held = expanded(vehicle, settings.held)
     return [name for name in names if name not in held]
+
+
+ROLLING = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
+"""Of a unit: what only its own roll rate tells."""
+
+
+def unseen(name: str, channels: Container[str]) -> bool:
+    """Whether a parameter of roll has no roll rate of its own unit among the channels: yaw rates tell of it at second
+    hand only, by less than what any linear model errs."""
+    unit, _, rest = name.partition(".")
+    return rest in ROLLING and f"roll_rate.{unit}" not in channels
 
 
 def expanded(vehicle: Vehicle, names: Iterable[str]) -> list[str]:
