@@ -9,7 +9,7 @@ guess, no sample is seen by one half of the model only, and what the vehicle fil
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -108,15 +108,12 @@ class OneStageFit:
         """The most probable unknowns, first with residuals taken for white, then for what they are."""
         lower, upper = problem.bounds
         z = self._start(problem)
-        adapting = self.settings.adapt_noise
-        titles = ("fit", "fit, noise as found") if adapting else ("fit",)
-        for coloured, title in enumerate(titles):
-
-            def accept(z: Array, coloured: bool = bool(coloured)) -> None:
-                if adapting and not coloured:
-                    problem.adapt(z, coloured=False)
-
-            if coloured:
+        phases: list[tuple[str, Callable[[Array], None]]] = [("fit", _stay)]
+        if self.settings.adapt_noise:
+            white = functools.partial(problem.adapt, coloured=False)
+            phases = [("fit", white), ("fit, noise as found", _stay)]
+        for number, (title, accept) in enumerate(phases):
+            if number:
                 problem.adapt(z, coloured=True)
             found = minimise(
                 problem.expand,
@@ -324,3 +321,7 @@ class OneStageFit:
         whole = np.diag([*[0.0] * len(names), *[u.scale**2 for u in other]])
         whole[: len(names), : len(names)] = scaled
         return Uncertainty(names=(*names, *[f"{u.name}@" for u in other]), covariance=whole)
+
+
+def _stay(_: Array) -> None:
+    """The noise stays as it is."""

@@ -103,7 +103,7 @@ def one_stage_sought(vehicle: Vehicle, settings: OneStage) -> list[str]:
     """Paths of what the one-stage estimator seeks.
 
     Raises:
-        VehicleError: a name that is no parameter, or that cannot be held because it is not sought.
+        VehicleError: a name that is no parameter, nor the end of one.
     """
     if settings.free is not None:
         names = expanded(vehicle, settings.free)

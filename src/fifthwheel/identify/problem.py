@@ -27,7 +27,7 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.stage import Log, colour
 from fifthwheel.logs import Record
 from fifthwheel.observe import noise as variances
-from fifthwheel.observe.prepare import Rows, prepare
+from fifthwheel.observe.prepare import Rows, prepare, swing
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -117,9 +117,8 @@ class Problem:
         """Cholesky factor of the initial state's prior covariance, at the vehicle file's values."""
         inputs = {name: section.input(name) for name in self.model.inputs}
         first = {name: float(v[0]) for name, v in inputs.items()}
-        swing = max(float(np.std(v)) for name, v in inputs.items() if name != "speed")
         bank = self.settings.bank_prior if self.model.bank else None
-        _, P0 = variances.initial(self.vehicle, first, {}, roll=self.model.roll, swing=swing, bank=bank)
+        _, P0 = variances.initial(self.vehicle, first, {}, roll=self.model.roll, swing=swing(inputs), bank=bank)
         return np.asarray(np.linalg.cholesky(P0))
 
     def _prepared(self, i: int, j: int, values: Mapping[str, float]) -> Rows:
@@ -282,13 +281,12 @@ class Problem:
                     hessian[np.ix_(part.places, part.places)] += gram
         return Quadratic(cost, gradient, hessian)
 
-    def adapt(self, z: Array, *, coloured: bool) -> float:
-        """Set each channel's noise in the logs to the residuals at z; the largest change of a variance, as a part.
+    def adapt(self, z: Array, *, coloured: bool) -> None:
+        """Set each channel's noise in the logs to the residuals at z.
 
         What lies beyond the limit for outliers counts as lying on it. With `coloured`, residuals that hang together
         count for as many as they are worth.
         """
-        change = 0.0
         for i, log in enumerate(self.logs):
             parts = [part for j in range(len(log.sections)) for part in self.parts(z, i, j, directions="none")]
             for c, name in enumerate(self.model.outputs):
@@ -298,13 +296,10 @@ class Problem:
                 if len(size) < 20:
                     continue
                 factor = float(np.clip(np.mean(size**2), 1e-3, 1e3))
-                before = log.noise[name] * self.colour[i][name]
-                log.noise[name] = before * factor
+                log.noise[name] *= self.colour[i][name] * factor
                 if coloured:
                     rate = log.sections[0].rate
                     self.colour[i][name] = colour(size, int(self.settings.correlation_time * rate))
-                change = max(change, abs(np.log(log.noise[name] * self.colour[i][name] / before)))
-        return change
 
 
 def _samples(rows: Rows, chunk: slice) -> tuple[slice | NDArray[np.int64], slice | NDArray[np.int64]]:
