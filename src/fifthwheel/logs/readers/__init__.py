@@ -1,0 +1,78 @@
+"""One reader a format. A file's content says which it is; its name does not count."""
+
+import importlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fifthwheel.errors import SignalError
+from fifthwheel.logs.log import Log, Progress, quiet
+
+_TEXT_HEAD = 4096
+_FRAME = re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A kind of file."""
+
+    name: str
+    """In words, for messages."""
+    module: str
+    """Module of this package; its open_log(path, databases=..., progress=...) gives the Log."""
+    begins: Callable[[bytes], bool]
+    """Whether a file that begins with these bytes is one."""
+    extra: str | None = None
+    """What to install besides: pip install 'fifthwheel[extra]'."""
+
+
+FORMATS = (
+    Format(name="Parquet", module="parquet", begins=lambda head: head.startswith(b"PAR1")),
+    Format(name="ASAM MDF 4", module="mf4", extra="mf4", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF ")),
+    Format(
+        name="MATLAB",
+        module="mat",
+        extra="mat",
+        begins=lambda head: head.startswith((b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", b"\x89HDF\r\n\x1a\n")),
+    ),
+    Format(name="MCAP", module="mcap", extra="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
+    Format(name="Vector BLF", module="can", extra="can", begins=lambda head: head.startswith(b"LOGG")),
+    Format(name="Vector ASC", module="can", extra="can", begins=lambda head: head.lstrip().startswith((b"date ", b"base hex", b"base dec"))),
+    Format(name="PCAN trace", module="can", extra="can", begins=lambda head: head.lstrip().startswith((b";$FILEVERSION", b";##"))),
+    Format(name="candump", module="can", extra="can", begins=lambda head: _FRAME.match(head) is not None),
+    Format(name="CSV", module="text", begins=lambda head: True),
+)
+"""In the order in which they are tried; what nothing else recognises is text, or an error of its reader."""
+
+
+def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: Progress = quiet) -> Log:
+    """Open a log of any format.
+
+    Args:
+        path: the file.
+        databases: DBC or ARXML files for CAN frames, tried in order before the built-in J1939 messages.
+        progress: is told the share of the file read where opening needs the whole of it.
+
+    Raises:
+        SignalError: cannot be read, is no log, or needs an extra that is not installed.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            head = file.read(_TEXT_HEAD)
+    except OSError as error:
+        raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    if not head:
+        raise SignalError(f"{path.name}: empty, 0 bytes; the log was never written")
+    found = next(one for one in FORMATS if one.begins(head))
+    try:
+        module = importlib.import_module(f"{__name__}.{found.module}")
+        log: Log = module.open_log(path, databases=databases, progress=progress)
+    except ImportError as error:
+        if found.extra is None:
+            raise
+        raise SignalError(
+            f"{path.name}: a file in the format {found.name}; to read it, pip install 'fifthwheel[{found.extra}]'"
+        ) from error
+    return log
