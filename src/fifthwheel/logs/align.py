@@ -1,6 +1,6 @@
 """One time base for channels of several rates and delays, without inventing a measurement."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +8,8 @@ import numpy as np
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.names import is_input
 from fifthwheel.logs.record import Array
+from fifthwheel.logs.resample import moved
+from fifthwheel.logs.stream import DENSE
 
 _SAME = 1e-6
 """s; stamps closer than this are one instant."""
@@ -18,7 +20,7 @@ class Samples:
     """A channel as it was sampled."""
 
     time: Array
-    """(n,) s, when its values held, NaN where a row has no stamp."""
+    """(n,) s, when its values held."""
     values: Array
     """(n,) in SI."""
     own: bool
@@ -26,34 +28,29 @@ class Samples:
 
 
 def align(
-    base: Samples | None, *, signals: Mapping[str, Samples], reference: Mapping[str, Samples]
+    base: Samples | None, *, signals: Mapping[str, Samples], reference: Mapping[str, Samples], rate: float = np.inf
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """Time (N,) s, and every signal on it.
 
     The base is the union of the rows' instants and of those of every measurement with other instants. A measurement
     keeps each of its samples where it was taken and is NaN elsewhere. An input (speed, steer) with other instants is
     linear between its neighbours; outside its first and last sample, and in holes of its own clock, it is NaN: nothing
-    is extrapolated.
+    is extrapolated. Where clocks that tick apart would make the base denser than 1.5 times `rate` (Hz), it is the
+    multiples of 1 / rate instead, and every measurement goes to the nearest of them along the line to its neighbour.
     """
     every = [*signals.items(), *reference.items()]
     if base is not None and not any(samples.own for _, samples in every):
-        rows = np.isfinite(base.time)
-        return (
-            base.time[rows],
-            {n: s.values[rows] for n, s in signals.items()},
-            {n: s.values[rows] for n, s in reference.items()},
+        return base.time, {n: s.values for n, s in signals.items()}, {n: s.values for n, s in reference.items()}
+    time = _union(base, every)
+    if time.size > 2 and (time.size - 1) / (time[-1] - time[0]) > DENSE * rate:
+        moving = {n: _moved(n, s, rate) for n, s in every}
+        rows = (
+            None
+            if base is None
+            else Samples(time=np.unique(np.rint(base.time * rate)) / rate, values=base.time, own=False)
         )
-    clocks = [] if base is None else [base.time]
-    clocks += [s.time[np.isfinite(s.values)] for name, s in every if s.own and not is_input(name)]
-    if not clocks:
-        clocks = [s.time for _, s in every]
-    instants = np.unique(np.concatenate(clocks))
-    instants = instants[np.isfinite(instants)]
-    time = instants[np.concatenate([[True], np.diff(instants) > _SAME])] if instants.size else instants
-    if time.size < 2:
-        raise SignalError(
-            f"time: {time.size} instants in all channels together, at least 2 expected; check the time columns"
-        )
+        time = _union(rows, list(moving.items()))
+        return time, {n: _onto(time, n, moving[n]) for n in signals}, {n: _onto(time, n, moving[n]) for n in reference}
     return (
         time,
         {n: _onto(time, n, s) for n, s in signals.items()},
@@ -61,19 +58,39 @@ def align(
     )
 
 
+def _union(base: Samples | None, every: Sequence[tuple[str, Samples]]) -> Array:
+    clocks = [] if base is None else [base.time]
+    clocks += [s.time[np.isfinite(s.values)] for name, s in every if s.own and not is_input(name)]
+    if not clocks:
+        clocks = [s.time for _, s in every]
+    instants = np.unique(np.concatenate(clocks))
+    time = instants[np.concatenate([[True], np.diff(instants) > _SAME])] if instants.size else instants
+    if time.size < 2:
+        raise SignalError(
+            f"time: {time.size} instants in all channels together, at least 2 expected; check the time columns"
+        )
+    return time
+
+
+def _moved(name: str, samples: Samples, rate: float) -> Samples:
+    if is_input(name):
+        return samples
+    seen = np.isfinite(samples.values)
+    time, values = moved(samples.time[seen], samples.values[seen], rate)
+    return Samples(time=time, values=values, own=True)
+
+
 def _onto(time: Array, name: str, samples: Samples) -> Array:
-    stamped = np.isfinite(samples.time)
-    at, values = samples.time[stamped], samples.values[stamped]
-    if is_input(name) and at.size:
-        return _between(time, at, values)
+    if is_input(name) and samples.time.size:
+        return between(time, samples.time, samples.values)
     found = np.full(time.size, np.nan)
-    taken = np.isfinite(values)
-    nearest = np.searchsorted(time, at[taken] + _SAME, side="right") - 1
-    found[nearest] = values[taken]
+    taken = np.isfinite(samples.values)
+    nearest = np.searchsorted(time, samples.time[taken] + _SAME, side="right") - 1
+    found[nearest] = samples.values[taken]
     return found
 
 
-def _between(time: Array, at: Array, values: Array) -> Array:
+def between(time: Array, at: Array, values: Array) -> Array:
     """Linear between samples; NaN outside, next to missing ones and in holes of over 0.5 s and three periods."""
     found = np.interp(time, at, values, left=np.nan, right=np.nan)
     if at.size > 1:

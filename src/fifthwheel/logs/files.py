@@ -1,7 +1,7 @@
 """Files in and out: a log of any known format to a Record, and a Record to CSV or Parquet."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pyarrow as pa
@@ -9,30 +9,41 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
 from fifthwheel.errors import SignalError
+from fifthwheel.logs.assemble import assemble
+from fifthwheel.logs.log import Progress, quiet
 from fifthwheel.logs.names import REFERENCE, header, split_header
+from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.record import Record
 from fifthwheel.logs.signals import SignalMap
-from fifthwheel.logs.table import Table
-from fifthwheel.logs.text import read_text
 
 
-def read(path: str | Path, signals: SignalMap | None = None, *, name: str | None = None) -> Record:
-    """The record in a CSV or Parquet file, told apart by content.
+def read(
+    path: str | Path, signals: SignalMap | None = None, *, name: str | None = None, progress: Progress = quiet
+) -> Record:
+    """The record in a log of any format that is told apart by content: CSV, Parquet, MF4, MATLAB, MCAP, CAN traces.
 
-    Without a map the columns are taken whose headers are names of signals ("yaw_rate.tractor [deg/s]"), those that
-    begin with "reference." apart, on the time in column "time" or "t". Anything that cannot be read is a SignalError;
-    what had to be left out stands in the record's notes. The record is called like the file unless `name` says
-    otherwise.
+    The map says which column is which signal; besides, or without one, the columns are taken whose headers are names
+    of signals ("yaw_rate.tractor [deg/s]"), those that begin with "reference." apart, on the time in column "time" or
+    "t" or on the file's own stamps. Anything that cannot be read is a SignalError; what had to be left out stands in
+    the record's notes. The record is called like the file unless `name` says otherwise. `progress` is told the share
+    of the file that is read.
     """
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    if not data:
-        raise SignalError(f"{path.name}: empty, 0 bytes; the log was never written")
-    table = _read_parquet(data, path.name) if data.startswith(b"PAR1") else read_text(data, path.name)
-    return (signals or SignalMap.of_headers(table.headers, table.source)).apply(table, name=name or path.stem)
+    asked = signals or SignalMap()
+    with open_log(path, asked.databases, progress) as log:
+        wanted = asked.completed(log.columns)
+        if not wanted.signals and not wanted.reference:
+            raise SignalError(
+                f"{log.name}: no column has the name of a signal, there is {_listed(log.columns)}; write a "
+                f"signals.toml that says which column is which, or let `fifthwheel signals` propose one:\n"
+                f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
+            )
+        return assemble(log, wanted, name=name or path.stem, progress=progress)
+
+
+def _listed(names: Iterable[str], most: int = 40) -> str:
+    given = list(names)
+    return ", ".join(given[:most]) + (f" and {len(given) - most} more" if len(given) > most else "")
 
 
 def write(record: Record, path: str | Path) -> None:
@@ -62,26 +73,6 @@ def writer(path: Path) -> Callable[[pa.Table, Path], None]:
     if path.suffix.lower() not in writers:
         raise SignalError(f"{path.name}: no format for {path.suffix!r}; end the name in {' or '.join(writers)}")
     return writers[path.suffix.lower()]
-
-
-def _read_parquet(data: bytes, source: str) -> Table:
-    try:
-        table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
-        table.validate(full=True)
-        headers = [_header(field) for field in table.schema]
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise SignalError(
-            f"{source}: a Parquet file cut short or damaged; copy it again, or export it as CSV"
-        ) from error
-    if not table.num_rows:
-        raise SignalError(f"{source}: columns but no rows; the log is empty")
-    return Table(source=source, headers=headers, columns=table.columns)
-
-
-def _header(field: pa.Field) -> str:
-    """Name of a column with its unit, which other writers keep in the metadata only."""
-    unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-    return field.name if not unit or split_header(field.name)[1] else f"{field.name} [{unit}]"
 
 
 def _write_csv(table: pa.Table, path: Path) -> None:

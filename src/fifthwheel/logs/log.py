@@ -56,6 +56,8 @@ class Log(ABC):
         """File name, for messages."""
         self.notes: list[str] = []
         """What was left out or is damaged, a sentence each; complete once all pieces are read."""
+        self.unusable: dict[str, str] = {}
+        """Columns asked for that hold no numbers, and why; all NaN, and complete once all pieces are read."""
 
     @property
     @abstractmethod
@@ -86,7 +88,7 @@ class Log(ABC):
             raise SignalError(f"{self.name}: column {name!r} has several sources; say which: {', '.join(alike)}")
         raise SignalError(f"{self.name}: no column {name!r}; {suggest(name, list(self.columns))}")
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  what holds no file has nothing to close
         """Let go of the file."""
 
     def __enter__(self) -> Self:

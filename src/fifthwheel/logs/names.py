@@ -10,6 +10,7 @@ import re
 from difflib import get_close_matches
 
 from fifthwheel.errors import SignalError
+from fifthwheel.logs.units import is_unit
 
 REFERENCE = "reference."
 
@@ -44,12 +45,15 @@ QUANTITIES: dict[str, str] = {
     "position_x": "m",
     "position_y": "m",
     "curvature": "1/m",
+    "wheel_speed": "m/s",
+    "axle_load": "N",
     "bank": "rad",
 }
 """Every quantity a signal can be, with its SI unit."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
 _HEADER = re.compile(r"\s*(?P<name>.*?)\s*(\[(?P<unit>[^\[\]]*)\])?\s*")
+_ROUND = re.compile(r"(?P<name>.*?)\s*\((?P<unit>[^()]+)\)")
 
 
 def si_unit(name: str) -> str | None:
@@ -88,10 +92,12 @@ def header(name: str) -> str:
 
 
 def split_header(text: str) -> tuple[str, str | None]:
-    """Name and unit of a column header: "speed [km/h]" -> ("speed", "km/h"); no brackets, no unit."""
+    """Name and unit of a column header: "speed [km/h]", "speed (km/h)" -> ("speed", "km/h"); no brackets, no unit."""
     match = _HEADER.fullmatch(text.replace("\n", " "))
     if match is None:  # cannot be: every part of the pattern may be empty
         return text, None
+    if match["unit"] is None and (round_ := _ROUND.fullmatch(match["name"])) and is_unit(round_["unit"]):
+        return round_["name"], round_["unit"].strip()
     return match["name"], (match["unit"] or "").strip() or None
 
 

@@ -142,15 +142,18 @@ class Record:
         return replace(self, time=self.time[rows], signals=signals, reference=reference, name=name)
 
 
-def increasing(time: Array, name: str = "time") -> Array:
-    """The time itself, s, when finite and strictly increasing; else a SignalError at the first bad row (from 1)."""
+def increasing(time: Array, name: str = "time", before: int = 0) -> Array:
+    """The time itself, s, when finite and strictly increasing; else a SignalError at the first bad row (from 1).
+
+    before: rows that came earlier, for the message.
+    """
     if not np.isfinite(time).all():
-        row = int((~np.isfinite(time)).argmax())
+        row = int((~np.isfinite(time)).argmax()) + before
         raise SignalError(f"{name}: no finite value at row {row + 1}; every row needs its time, leave it out otherwise")
     steps = np.diff(time)
     if (steps <= 0).any():
         row = int((steps <= 0).argmax()) + 1
-        at = f"{time[row]:.6g} s at row {row + 1}"
+        at = f"{time[row]:.6g} s at row {row + before + 1}"
         if steps[row - 1] == 0:
             raise SignalError(f"{name}: {at} is there twice; keep one of the rows, or give more digits of the time")
         raise SignalError(

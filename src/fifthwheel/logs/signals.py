@@ -24,6 +24,7 @@ time = "t_imu"                      # on a clock of its own
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -31,13 +32,9 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.align import Samples, align
 from fifthwheel.logs.names import REFERENCE, known, si_unit, split_header, suggest
-from fifthwheel.logs.record import Array, Record, increasing
-from fifthwheel.logs.table import Table
+from fifthwheel.logs.record import Array
 from fifthwheel.logs.units import factor, quantity
-
-_TIMES = ("time", "t")
 
 
 class TimeColumn(BaseModel):
@@ -45,10 +42,29 @@ class TimeColumn(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    column: str
-    """Header of the column, with or without its [unit]."""
+    column: str | None = None
+    """Header of the column, with or without its [unit]; default: "time" or "t". Only of tables without own stamps."""
     unit: str | None = None
     """Default: the header's, else s."""
+    rate: float | str = 100.0
+    """Samples a second, Hz, to which denser channels (from 1.5 times as many on) are taken, without aliasing."""
+    start: float | str | None = None
+    """What is before is left out, s."""
+    stop: float | str | None = None
+    """What is after is left out, s."""
+
+    @field_validator("rate")
+    @classmethod
+    def _hertz(cls, value: float | str) -> float:
+        rate = quantity(value, "Hz")
+        if not rate >= 1.0:
+            raise ValueError("at least 1 Hz")
+        return rate
+
+    @field_validator("start", "stop")
+    @classmethod
+    def _instant(cls, value: float | str | None) -> float | None:
+        return None if value is None else quantity(value, "s")
 
 
 class Channel(BaseModel):
@@ -68,6 +84,8 @@ class Channel(BaseModel):
     """Multiplies, such as 1 / steering ratio."""
     offset: float | str = 0.0
     """Subtracted last; a number in SI, or a text with its unit: "0.1 deg"."""
+    points: tuple[tuple[float, float], ...] | None = Field(default=None, min_length=2)
+    """A calibration: pairs of what the column shows and what that is in `unit`, linear between and beyond."""
     delay: float | str = 0.0
     """By how much the channel lags, s, or a text with its unit: "200 ms"."""
     time: str | None = None
@@ -83,6 +101,23 @@ class Channel(BaseModel):
     @classmethod
     def _seconds(cls, value: float | str) -> float:
         return quantity(value, "s")
+
+    @field_validator("points")
+    @classmethod
+    def _rising(cls, value: tuple[tuple[float, float], ...] | None) -> tuple[tuple[float, float], ...] | None:
+        if value is not None and any(b[0] <= a[0] for a, b in pairwise(value)):
+            raise ValueError("what the column shows must increase from pair to pair")
+        return value
+
+    def calibrated(self, values: Array, shown: str | None, si: str) -> Array:
+        """A column's values (n,) in SI; `shown` is the unit that the log says."""
+        if self.points is None:
+            return values * factor(self.unit or shown or si, si)
+        x, y = np.array(self.points).T
+        k = np.clip(np.searchsorted(x, values) - 1, 0, x.size - 2)
+        return np.asarray(y[k] + (values - x[k]) * ((y[k + 1] - y[k]) / (x[k + 1] - x[k]))) * factor(
+            self.unit or si, si
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -117,6 +152,10 @@ class SignalMap(BaseModel):
     """What the estimator gets."""
     reference: dict[Name, Channel] = Field(default_factory=dict)
     """What it never sees and is only compared with."""
+    ignore: tuple[str, ...] = ()
+    """Columns, or signals, that have the name of a signal and are not to be used; the others with such names are."""
+    databases: tuple[Path, ...] = ()
+    """DBC or ARXML files for CAN frames, from the folder of the map."""
 
     @field_validator("signals", "reference", mode="before")
     @classmethod
@@ -125,8 +164,6 @@ class SignalMap(BaseModel):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        if not self.signals and not self.reference:
-            raise ValueError('no signals; name one at least: [signals."yaw_rate.tractor"]')
         for name, channel in (*self.signals.items(), *self.reference.items()):
             si = si_unit(name) or "1"
             try:
@@ -136,6 +173,17 @@ class SignalMap(BaseModel):
                 raise SignalError(f"{name}: {error}") from error
         return self
 
+    @property
+    def rate(self) -> float:
+        """Samples a second to which denser channels are taken, Hz."""
+        return float((self.time or TimeColumn()).rate)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """What of the record is wanted, s."""
+        time = self.time or TimeColumn()
+        return (-np.inf if time.start is None else float(time.start), np.inf if time.stop is None else float(time.stop))
+
     @classmethod
     def load(cls, path: str | Path) -> "SignalMap":
         """The map in a TOML file."""
@@ -143,7 +191,8 @@ class SignalMap(BaseModel):
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise SignalError(f"{path}: cannot be read ({error}); expected a TOML file in UTF-8") from error
-        return cls.parse(text, source=Path(path).name)
+        found = cls.parse(text, source=Path(path).name)
+        return found.model_copy(update={"databases": tuple(Path(path).parent / d for d in found.databases)})
 
     @classmethod
     def parse(cls, text: str, *, source: str = "signals.toml") -> "SignalMap":
@@ -155,81 +204,32 @@ class SignalMap(BaseModel):
         except ValidationError as error:
             raise SignalError("\n".join(f"{source}: {_fault(dict(entry))}" for entry in error.errors())) from error
 
-    @classmethod
-    def of_headers(cls, headers: Iterable[str], source: str) -> "SignalMap":
-        """The map a table needs none for: its headers are names of signals themselves, "reference." before some."""
-        names = [split_header(header)[0] for header in headers]
-        found: dict[bool, dict[str, Channel]] = {False: {}, True: {}}
-        for name in names:
+    @staticmethod
+    def of_columns(columns: Iterable[str]) -> tuple[dict[str, Channel], dict[str, Channel]]:
+        """Signals and reference of the columns that are called like signals themselves, "reference." before some."""
+        found: tuple[dict[str, Channel], dict[str, Channel]] = ({}, {})
+        for column in columns:
+            name = column.partition("@")[0]
             signal = name.removeprefix(REFERENCE)
             if si_unit(signal) is not None and signal != "time":
                 found[name != signal][signal] = Channel(column=name)
-        if not any(found.values()):
-            raise SignalError(
-                f"{source}: no column has the name of a signal, there is {', '.join(names)}; write a signals.toml that "
-                f'says which column is which:\n[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
-            )
-        return cls(signals=found[False], reference=found[True])
+        return found
 
-    def apply(self, table: Table, *, name: str) -> Record:
-        """The record that the table holds, all on one time base (align.py)."""
-        notes = list(table.notes)
-        base = self._base(table, notes)
-        parts: dict[str, dict[str, Samples]] = {"signals": {}, "reference": {}}
-        for part, samples in parts.items():
-            for signal, channel in getattr(self, part).items():
-                samples[signal] = _samples(signal, channel, table, base, notes)
-        time, signals, reference = align(base, **parts)
-        return Record(time=time, signals=signals, reference=reference, name=name, notes=tuple(dict.fromkeys(notes)))
+    def completed(self, columns: Iterable[str]) -> "SignalMap":
+        """With the columns besides that are called like signals, those of the map and those it ignores left out."""
+        named = SignalMap.of_columns(columns)
+        used = {c for channel in (*self.signals.values(), *self.reference.values()) for c in channel.columns}
+        used |= {split_header(column)[0] for column in used} | set(self.ignore)
 
-    def _base(self, table: Table, notes: list[str]) -> Samples | None:
-        """Time of the rows, s, as a signal of itself, NaN where a row has none; None when every channel has its own."""
-        column, unit = (self.time.column, self.time.unit) if self.time else (None, None)
-        if column is None:
-            names = [split_header(header)[0] for header in table.headers]
-            column = next((name for name in _TIMES if name in names), None)
-            if column is None and all(c.time for c in (*self.signals.values(), *self.reference.values())):
-                return None
-            if column is None:
-                raise SignalError(
-                    f"{table.source}: no time, neither {' nor '.join(map(repr, _TIMES))} among {', '.join(names)}; "
-                    f'say which column it is:\n[time]\ncolumn = "..."'
-                )
-        time = _clock(column, unit, table)
-        missing = ~np.isfinite(time)
-        if missing.any() and not missing.all():
-            notes.append(f"time: {missing.sum()} rows left out that have none")
-        increasing(time if missing.all() else time[~missing], f"{table.source}: {column}")
-        return Samples(time=time, values=time, own=False)
+        def more(mine: Mapping[str, Channel], theirs: Mapping[str, Channel]) -> dict[str, Channel]:
+            return {
+                **mine,
+                **{n: c for n, c in theirs.items() if n not in mine and c.column not in used and n not in used},
+            }
 
-
-def _clock(column: str, unit: str | None, table: Table) -> Array:
-    values, _ = table.numbers(column)
-    return values * factor(unit or table.unit(column) or "s", "s")
-
-
-def _samples(signal: str, channel: Channel, table: Table, base: Samples | None, notes: list[str]) -> Samples:
-    """A channel's values in SI at the instants they held."""
-    si = si_unit(signal) or "1"
-    total = np.zeros(())
-    for column in channel.columns:
-        values, words = table.numbers(column)
-        if words:
-            notes.append(f"{signal}: {words} cells of column {column!r} are no numbers, taken as missing")
-        total = total + values * factor(channel.unit or table.unit(column) or si, si)
-    total = channel.sign * channel.gain * total - quantity(channel.offset, si)
-    delay = quantity(channel.delay, "s")
-    if channel.time is None:
-        if base is None:
-            raise SignalError(f"{signal}: no time; name its column, time = '...', or that of all rows under [time]")
-        return Samples(time=base.time - delay, values=total, own=delay != 0)
-    stamps = _clock(channel.time, None, table)
-    fresh = np.isfinite(stamps) & np.isfinite(total)
-    fresh[fresh] = np.concatenate([[True], np.diff(stamps[fresh]) != 0])[
-        : fresh.sum()
-    ]  # a stamp held is the same sample
-    time = increasing(stamps[fresh], f"{table.source}: {channel.time}")
-    return Samples(time=time - delay, values=total[fresh], own=True)
+        return self.model_copy(
+            update={"signals": more(self.signals, named[0]), "reference": more(self.reference, named[1])}
+        )
 
 
 def _fault(error: dict[str, Any]) -> str:

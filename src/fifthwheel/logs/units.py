@@ -16,26 +16,60 @@ _TABLE: dict[str, dict[str, float]] = {
     "rad": {"rad": 1, "deg": _DEG, "mrad": 1e-3},
     "rad/s": {"rad/s": 1, "deg/s": _DEG, "mrad/s": 1e-3},
     "rad/s^2": {"rad/s^2": 1, "deg/s^2": _DEG},
-    "N": {"N": 1, "kN": 1e3},
+    "N": {"N": 1, "kN": 1e3, "daN": 10, "kg": _G, "t": _G * 1e3, "lbf": 4.4482216152605},
     "Hz": {"Hz": 1, "kHz": 1e3},
     "1": {"1": 1, "%": 1e-2},
     "1/m": {"1/m": 1, "1/km": 1e-3},
 }
 _SPELLING = (("**", "^"), ("²", "^2"), ("s2", "s^2"), ("degrees", "deg"), ("°", "deg"), ("sec", "s"), ("kmh", "km/h"))
+_OTHERS = {
+    "-",
+    "bar",
+    "mbar",
+    "Pa",
+    "kPa",
+    "MPa",
+    "V",
+    "mV",
+    "A",
+    "mA",
+    "degC",
+    "C",
+    "K",
+    "rpm",
+    "1/min",
+    "Nm",
+    "W",
+    "kW",
+    "l",
+    "bit",
+}
+"""Spellings of units that are known for such, though no signal is in them."""
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
 @cache
 def factor(unit: str, si: str) -> float:
     """What a value in `unit` is multiplied by to be in the SI unit `si`: factor("deg/s", "rad/s") = 0.01745..."""
-    spelt = unit.strip()
-    for other, ours in _SPELLING:
-        spelt = spelt.replace(other, ours)
+    spelt = _spelt(unit)
     if spelt in _TABLE[si]:
         return float(_TABLE[si][spelt])
     if any(spelt in units for units in _TABLE.values()):
         raise SignalError(f"unit {unit!r} does not fit: expected one of {', '.join(_TABLE[si])}")
     return _by_pint(unit, si)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit as logs write them."""
+    spelt = _spelt(text)
+    return spelt in _OTHERS or any(spelt in units for units in _TABLE.values())
+
+
+def _spelt(unit: str) -> str:
+    spelt = unit.strip()
+    for other, ours in _SPELLING:
+        spelt = spelt.replace(other, ours)
+    return spelt
 
 
 def quantity(value: float | str, si: str) -> float:

@@ -38,8 +38,18 @@ FORMATS = (
     ),
     Format(name="MCAP", module="mcap", extra="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
     Format(name="Vector BLF", module="can", extra="can", begins=lambda head: head.startswith(b"LOGG")),
-    Format(name="Vector ASC", module="can", extra="can", begins=lambda head: head.lstrip().startswith((b"date ", b"base hex", b"base dec"))),
-    Format(name="PCAN trace", module="can", extra="can", begins=lambda head: head.lstrip().startswith((b";$FILEVERSION", b";##"))),
+    Format(
+        name="Vector ASC",
+        module="can",
+        extra="can",
+        begins=lambda head: head.lstrip().startswith((b"date ", b"base hex", b"base dec")),
+    ),
+    Format(
+        name="PCAN trace",
+        module="can",
+        extra="can",
+        begins=lambda head: head.lstrip().startswith((b";$FILEVERSION", b";##")),
+    ),
     Format(name="candump", module="can", extra="can", begins=lambda head: _FRAME.match(head) is not None),
     Format(name="CSV", module="text", begins=lambda head: True),
 )
