@@ -68,6 +68,7 @@ INJECTED = [
     (Fault.WRONG_COLUMN, STEER, "error", another(STEER)),
     (Fault.WRONG_COLUMN, RATE, "error", another(RATE)),
     (Fault.WRONG_COLUMN, RATE2, "error", another(RATE2)),
+    (Fault.GAIN, STEER, "warning", scaled(STEER, 3)),
     (Fault.OFFSET, STEER, "warning", scaled(STEER, 1, 0.04)),
     (Fault.OFFSET, HITCH, "warning", scaled(HITCH, 1, -0.06)),
 ]
@@ -163,3 +164,36 @@ def test_a_real_truck_with_a_swapped_sign(data, run, signal):
     record = read(data / "real_truck" / f"{run}.csv", SignalMap.parse(MAP))
     errors = [f for f in check(scaled(signal, -1)(record)) if f.severity == "error"]
     assert [(f.signal, f.fault) for f in errors] == [(signal, Fault.SWAPPED_SIGN)]
+
+
+def with_wheels_and_roll(record, *, wheel=1.0, roll=1.0):
+    """Wheel speeds, and the roll rate of a body that leans by 0.03 rad at 1 m/s^2, in the units of the factors."""
+    random = np.random.default_rng(3)
+    speed, sideways = record.signals["speed"], record.signals["speed"] * record.signals[RATE]
+    smooth = np.convolve(sideways, np.ones(15) / 15, mode="same")
+    lean = 0.03 * np.gradient(smooth, record.time) + 0.005 * random.standard_normal(len(record))
+    return record.with_signals({"wheel_speed.tractor.front.left": wheel * speed, "roll_rate.semitrailer": roll * lean})
+
+
+def test_wheels_and_a_body_that_rolls_outwards(a_drive):
+    assert check(with_wheels_and_roll(a_drive)) == ()
+
+
+@pytest.mark.parametrize(
+    ("factors", "fault", "signal"),
+    [
+        ({"roll": -1}, Fault.SWAPPED_SIGN, "roll_rate.semitrailer"),
+        ({"roll": 180 / np.pi}, Fault.DEGREES, "roll_rate.semitrailer"),
+        ({"wheel": 3.6}, Fault.UNIT, "wheel_speed.tractor.front.left"),
+        ({"wheel": 0.5}, Fault.UNIT, "speed"),
+    ],
+)
+def test_wheels_and_rolling_that_contradict(a_drive, factors, fault, signal):
+    errors = [f for f in check(with_wheels_and_roll(a_drive, **factors)) if f.severity == "error"]
+    assert [(f.signal, f.fault) for f in errors][:1] == [(signal, fault)]
+
+
+def test_a_slow_drive_in_km_per_h(a_drive):
+    slow = with_wheels_and_roll(drive(speed=9.0))
+    fast = slow.with_signals({"speed": 3.6 * slow.signals["speed"]})
+    assert [(f.signal, f.fault) for f in check(fast) if f.fault is Fault.UNIT][:1] == [("speed", Fault.UNIT)]

@@ -29,6 +29,8 @@ class Fault(Enum):
     """Another wrong unit: km/h, g."""
     STEERING_WHEEL = "steering wheel"
     """The angle at the driver's hands taken for that of the road wheels."""
+    GAIN = "gain"
+    """Another steering ratio than said, or a speed in another unit."""
     SWAPPED_SIGN = "swapped sign"
     """Right counted positive."""
     WRONG_COLUMN = "wrong column"

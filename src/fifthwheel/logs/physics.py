@@ -2,7 +2,8 @@
 
 With speed u, yaw rate r of the leading unit and left positive: steer is r (l + K u^2) / u; a towed unit of length L
 follows as L/u r2' + r2 = r, at an articulation of -r2 L/u, so that a LEFT turn articulates to the NEGATIVE; lateral
-acceleration is u r. Rough, but a sign or a factor of 57 is not missed.
+acceleration is u r, and a body rolls outwards with it, so that its roll rate goes with (u r)'. Rough, but a sign or a
+factor of 57 is not missed.
 """
 
 from collections import Counter
@@ -22,7 +23,9 @@ _TOWED = 8.0
 """m; length of a towed unit, coupling to axles, when nothing is known of it."""
 _UNDERSTEER = 0.004
 """s^2/m; understeer gradient of a heavy truck; measured ones lie between 0.002 and 0.008."""
-_STRONG = {"steer": 0.003, "yaw_rate": 0.01, "articulation": 0.01, "lateral_acceleration": 0.3}
+_LEAN = 0.03
+"""rad s^2/m; roll of a body by lateral acceleration."""
+_STRONG = {"steer": 0.003, "yaw_rate": 0.01, "articulation": 0.01, "lateral_acceleration": 0.3, "roll_rate": 0.003}
 """Standard deviation above which a signal tells of turns rather than of noise, SI."""
 _OFFSET = {"steer": 0.02, "yaw_rate": 0.02, "articulation": 0.04, "lateral_acceleration": 1.0}
 """Offset worth a warning, SI."""
@@ -44,11 +47,17 @@ class Relation:
     """Mean of the signal where 0 is expected, SI."""
     strong: bool
     """Whether both vary enough to be judged."""
+    wheelbase: float
+    """m, of the leading unit."""
 
     @property
     def fault(self) -> Fault | None:
         """What the relation says is wrong, if anything; of the hub when a hub's inverse gain explains it."""
         quantity = self.signal.partition(".")[0]
+        if quantity == "roll_rate":  # roads and winds roll a body too, and how far it leans is not known
+            if self.strong and self.correlation < -0.5:
+                return Fault.SWAPPED_SIGN
+            return Fault.DEGREES if self.correlation > 0.8 and self.gain > 20 else None
         if self.strong and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
         if self.strong and self.correlation < -0.5:
@@ -60,6 +69,8 @@ class Relation:
                 return Fault.DEGREES
             if quantity == "lateral_acceleration" and self.gain < 0.4:
                 return Fault.UNIT
+            if self.strong and quantity == "steer" and not 0.35 < self.gain < 2.2:
+                return Fault.GAIN
             if self.strong and abs(self.offset) > _OFFSET[quantity]:
                 return Fault.OFFSET
         return None
@@ -101,6 +112,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         "yaw_rate": towed,
         "articulation": -towed * _TOWED / u,
         "lateral_acceleration": u * rate,
+        "roll_rate": _LEAN * np.gradient(_lag(u * rate, np.full(time.size, 0.15)), _STEP),
     }
     turning = float(np.std(rate[fast])) > _STRONG["yaw_rate"]
     for name in record.signals:
@@ -125,6 +137,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             gain=gain,
             offset=float(np.mean(mine[here]) - np.sign(correlation) * gain * np.mean(theirs[here])),
             strong=turning and float(np.std(mine[here])) > _STRONG[quantity],
+            wheelbase=wheelbase,
         )
 
 
@@ -177,7 +190,7 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
     c, g = relation.correlation, relation.gain if not hub else 1 / max(relation.gain, 1e-12)
     says = {
         Fault.SWAPPED_SIGN: f"goes against {other} (correlation {c:.2f}); left turns are positive in yaw rate, "
-        "steer and acceleration, negative in articulation; set sign = -1 here" + ("" if hub else f", or for {other}"),
+        "steer and acceleration, negative in articulation, and roll is positive in them; set sign = -1 here" + ("" if hub else f", or for {other}"),
         Fault.WRONG_COLUMN: f"has nothing to do with {other} (coherence {relation.coherence:.2f}, expected 0.3) "
         "though both vary; map another column, or check the delay",
         Fault.DEGREES: f"{g:.0f} times what {other} lets expect, looks like degrees; set unit = "
@@ -188,10 +201,12 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
         + (' and unit = "deg"' if g > 300 else ""),
         Fault.UNIT: f"speed * {other} is {1 / g:.1f} times {relation.signal}; "
         + ('the acceleration looks like g, set its unit = "g"' if g < 0.18 else 'looks like km/h, set unit = "km/h"'),
+        Fault.GAIN: f"{g:.2g} times what {other}, speed and a wheelbase of {relation.wheelbase:.3g} m let expect; "
+        "check the steering ratio (gain), and whether speed is in km/h",
         Fault.OFFSET: f"about {relation.offset:.3g} {unit} where {other} lets expect 0; subtract it with offset = "
         f"{relation.offset:.3g}",
     }[fault]
     if fault is Fault.UNIT and g >= 0.18:
         blamed = "speed"
-    severe = fault is not Fault.OFFSET
+    severe = fault not in (Fault.OFFSET, Fault.GAIN)
     return Finding(signal=blamed, fault=fault, severity="error" if severe else "warning", message=f"{blamed}: {says}")

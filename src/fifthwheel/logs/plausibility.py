@@ -24,7 +24,7 @@ def check(record: Record, *, wheelbase: float | None = None) -> tuple[Finding, .
     """
     together = list(disagreements(record, wheelbase=4.5 if wheelbase is None else wheelbase, min_speed=MIN_SPEED))
     explained = {finding.signal for finding in together if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
-    found = [*_speed(record), *together]
+    found = [*_speed(record), *_wheels(record), *together]
     for name in record.signals:
         found += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
         found += [] if name in explained else _range(record, name)
@@ -65,6 +65,32 @@ def _speed(record: Record) -> Iterator[Finding]:
             "warning",
             f"{slow:.0%} under {MIN_SPEED:g} m/s; cut the record, it is faster within {first:.2f} to {last:.2f} s",
         )
+
+
+def _wheels(record: Record) -> Iterator[Finding]:
+    """Wheels that turn at another speed than the vehicle's."""
+    wheels = [name for name in record.signals if name.startswith("wheel_speed.")]
+    if not wheels or "speed" not in record.signals:
+        return
+    at, speed = seen(record, "speed")
+    for name in wheels:
+        time, values = seen(record, name)
+        if at.size < 2 or not time.size:
+            continue
+        own = np.interp(time, at, speed)
+        fast = (own > 0.5) & (values > 0.5)
+        if fast.sum() < 10:
+            continue
+        ratio = float(np.median(values[fast] / own[fast]))
+        if 0.85 < ratio < 1.18:
+            continue
+        blamed, cure = "speed", f"check the units of both and the column of {name}"
+        if 3.2 < ratio < 4.0:
+            blamed, cure = name, 'the wheel looks like km/h, set its unit = "km/h"'
+        elif 0.25 < ratio < 0.31:
+            cure = 'it looks like km/h, set unit = "km/h"'
+        message = f"{blamed}: {name} is {ratio:.2f} times the speed, 1 expected; {cure}"
+        yield Finding(signal=blamed, fault=Fault.UNIT, severity="error", message=message)
 
 
 def _range(record: Record, name: str) -> Iterator[Finding]:

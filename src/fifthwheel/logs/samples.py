@@ -34,6 +34,9 @@ LIMITS: dict[str, Limit] = {
     "sideslip": Limit(most=1.0, jump=0.1, turn=np.inf, unit="rad"),
     "roll": Limit(most=0.5, jump=0.05, turn=0.02, unit="rad"),
     "roll_rate": Limit(most=2.0, jump=0.4, turn=np.inf, unit="rad/s"),
+    "wheel_speed": Limit(most=45.0, jump=2.0, turn=np.inf, unit="m/s"),
+    "longitudinal_acceleration": Limit(most=12.0, jump=3.0, turn=np.inf, unit="m/s^2"),
+    "axle_load": Limit(most=5e5, jump=1e5, turn=np.inf, unit="N"),
 }
 
 
