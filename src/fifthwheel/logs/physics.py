@@ -25,6 +25,8 @@ _UNDERSTEER = 0.004
 """s^2/m; understeer gradient of a heavy truck; measured ones lie between 0.002 and 0.008."""
 _LEAN = 0.03
 """rad s^2/m; roll of a body by lateral acceleration."""
+_LEANING = 0.15
+"""s; two lags of this stand for the roll mode, 1 Hz and well damped."""
 _STRONG = {"steer": 0.003, "yaw_rate": 0.01, "articulation": 0.01, "lateral_acceleration": 0.3, "roll_rate": 0.003}
 """Standard deviation above which a signal tells of turns rather than of noise, SI."""
 _OFFSET = {"steer": 0.02, "yaw_rate": 0.02, "articulation": 0.04, "lateral_acceleration": 1.0}
@@ -112,11 +114,16 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         "yaw_rate": towed,
         "articulation": -towed * _TOWED / u,
         "lateral_acceleration": u * rate,
-        "roll_rate": _LEAN * np.gradient(_lag(u * rate, np.full(time.size, 0.15)), _STEP),
     }
     turning = float(np.std(rate[fast])) > _STRONG["yaw_rate"]
     for name in record.signals:
         quantity, _, place = name.partition(".")
+        if quantity == "roll_rate":  # of the unit's own yaw rate, if there is one
+            own, known_own = _gridded(record, f"yaw_rate.{place}", time)
+            sideways = u * (own if known_own.any() else rate)
+            for _ in range(2):
+                sideways = _lag(sideways, np.full(time.size, _LEANING))
+            expected["roll_rate"] = _LEAN * np.gradient(sideways, _STEP)
         if quantity not in expected or name == hub or (quantity == "steer" and not place.endswith(".front")):
             continue
         values, seen_here = _gridded(record, name, time)
@@ -150,6 +157,8 @@ def _hub(record: Record) -> str | None:
 
 def _gridded(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:
     """A signal without its spikes, linear on the grid, and where it has a sample within 0.5 s."""
+    if name not in record.signals:
+        return np.zeros(time.size), np.zeros(time.size, dtype=bool)
     at, values = seen(record, name)
     keep = ~lone(at, values, LIMITS[name.partition(".")[0]].jump)
     if keep.sum() < max(2, 0.9 * keep.size):
