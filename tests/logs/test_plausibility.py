@@ -170,7 +170,7 @@ def with_wheels_and_roll(record, *, wheel=1.0, roll=1.0):
     """Wheel speeds, and the roll rate of a body that leans by 0.03 rad at 1 m/s^2, in the units of the factors."""
     random = np.random.default_rng(3)
     speed, sideways = record.signals["speed"], record.signals["speed"] * record.signals[RATE]
-    smooth = np.convolve(sideways, np.ones(15) / 15, mode="same")
+    smooth = np.convolve(sideways, np.ones(25) / 25)[: len(record)]  # a body takes a quarter of a second
     lean = 0.03 * np.gradient(smooth, record.time) + 0.005 * random.standard_normal(len(record))
     return record.with_signals({"wheel_speed.tractor.front.left": wheel * speed, "roll_rate.semitrailer": roll * lean})
 

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +22,13 @@ app = typer.Typer(
     help="Parameters and states of articulated heavy vehicles, from the sensors they have.",
 )
 
-Logs = Annotated[list[Path], typer.Argument(help="Logs of one truck: CSV or Parquet.", show_default=False)]
+_LARGE = 20_000_000
+"""Bytes from which reading shows how far it is."""
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(help="Logs of one truck: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces.", show_default=False),
+]
 VehicleOption = Annotated[
     str, typer.Option("--vehicle", "-v", help="The truck: a TOML file, or a name that `fifthwheel vehicle` lists.")
 ]
@@ -33,6 +40,20 @@ OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the res
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
 CheckOption = Annotated[
     bool, typer.Option("--check/--no-check", help="Refuse signals that cannot be what they are called.")
+]
+
+
+class FigureFile(StrEnum):
+    """As what figures are written."""
+
+    svg = "svg"
+    png = "png"
+    pdf = "pdf"
+
+
+FiguresOption = Annotated[
+    FigureFile | None,
+    typer.Option("--figures", help="Write every figure of the report to OUT/figures too; needs matplotlib."),
 ]
 
 
@@ -53,13 +74,22 @@ def read_vehicle(name: str) -> "Vehicle":
 
 
 def read_records(paths: list[Path], signals: Path | None) -> "list[Record]":
-    """The logs, each under a name of its own."""
+    """The logs, each under a name of its own, with a progress bar where they are large."""
     from fifthwheel.logs import SignalMap, read
 
     signal_map = SignalMap.load(signals) if signals else None
     stems = [path.stem for path in paths]
     names = [path.stem if stems.count(path.stem) == 1 else str(path) for path in paths]
-    return [read(path, signal_map, name=name) for path, name in zip(paths, names, strict=True)]
+    with reading(paths) as progress:
+        return [read(p, signal_map, name=n, progress=progress(p)) for p, n in zip(paths, names, strict=True)]
+
+
+@contextmanager
+def reading(paths: list[Path]) -> "Iterator[Callable[[Path], Callable[[float], None]]]":
+    """What gives each file its progress, shown on the terminal when they are large together."""
+    size = sum(path.stat().st_size for path in paths if path.is_file())
+    with progress_bar(quiet=size < _LARGE) as show:
+        yield lambda path: lambda done: show(f"reading {path.name}", round(1000 * done), 1000)
 
 
 def made_folder(path: Path) -> Path:

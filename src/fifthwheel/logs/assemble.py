@@ -120,13 +120,19 @@ def _places(
     return found
 
 
+def time_column(log: Log) -> str | None:
+    """The column that a table's time stands in unless the map says otherwise, if there is one."""
+    small = {name.lower(): name for name in reversed(list(log.columns)) if not log.columns[name].clock}
+    return next((small[name] for name in TIMES if name in small), None)
+
+
 def _time_column(log: Log, signal_map: SignalMap, signal: str) -> tuple[str, str | None]:
     """The column that is the time of a table's rows, and its unit where the map says it."""
-    if signal_map.time is not None and signal_map.time.column is not None:
-        return log.find(signal_map.time.column), signal_map.time.unit
-    unit = signal_map.time.unit if signal_map.time else None
-    small = {name.lower(): name for name in reversed(list(log.columns))}
-    found = next((small[name] for name in TIMES if name in small), None)
+    asked = signal_map.time
+    unit = asked.unit if asked else None
+    if asked is not None and asked.column is not None:
+        return log.find(asked.column), unit
+    found = time_column(log)
     if found is None:
         raise SignalError(
             f"{log.name}: no time for {signal}, neither 'time' nor 't' among {', '.join(log.columns)}; "

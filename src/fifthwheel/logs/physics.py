@@ -21,7 +21,7 @@ _STEP = 0.05
 """s; step of the grid on which signals are compared."""
 _TOWED = 8.0
 """m; length of a towed unit, coupling to axles, when nothing is known of it."""
-_UNDERSTEER = 0.004
+UNDERSTEER = 0.004
 """s^2/m; understeer gradient of a heavy truck; measured ones lie between 0.002 and 0.008."""
 _LEAN = 0.03
 """rad s^2/m; roll of a body by lateral acceleration."""
@@ -103,14 +103,14 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         return
     start, stop = record.span
     time = np.arange(start, stop, _STEP)
-    (speed, known), (rate, there) = _gridded(record, "speed", time), _gridded(record, hub, time)
+    (speed, known), (rate, there) = on_grid(record, "speed", time), on_grid(record, hub, time)
     fast = known & there & (speed > min_speed) & (speed < LIMITS["speed"].most)
     if fast.sum() * _STEP < 3.0:
         return
     u = np.maximum(speed, min_speed)
     towed = _lag(rate, _TOWED / u)
     expected = {
-        "steer": rate * (wheelbase + _UNDERSTEER * u**2) / u,
+        "steer": rate * (wheelbase + UNDERSTEER * u**2) / u,
         "yaw_rate": towed,
         "articulation": -towed * _TOWED / u,
         "lateral_acceleration": u * rate,
@@ -119,14 +119,14 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
     for name in record.signals:
         quantity, _, place = name.partition(".")
         if quantity == "roll_rate":  # of the unit's own yaw rate, if there is one
-            own, known_own = _gridded(record, f"yaw_rate.{place}", time)
+            own, known_own = on_grid(record, f"yaw_rate.{place}", time)
             sideways = u * (own if known_own.any() else rate)
             for _ in range(2):
                 sideways = _lag(sideways, np.full(time.size, _LEANING))
             expected["roll_rate"] = _LEAN * np.gradient(sideways, _STEP)
         if quantity not in expected or name == hub or (quantity == "steer" and not place.endswith(".front")):
             continue
-        values, seen_here = _gridded(record, name, time)
+        values, seen_here = on_grid(record, name, time)
         if quantity == "steer":
             values = _lag(values, np.full(time.size, 0.25))
         here = fast & seen_here
@@ -134,15 +134,15 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             continue
         mine, theirs = (_lag(x, np.full(time.size, 0.3)) for x in (values, expected[quantity]))
         gain = float(np.std(mine[here]) / max(float(np.std(theirs[here])), 1e-12))
-        correlation = _correlation(mine, theirs, here, 0)
+        together = correlation(mine, theirs, here, 0)
         shifts = range(-30, 31, 2)
         yield Relation(
             signal=name,
             hub=hub,
-            correlation=correlation,
-            coherence=max(abs(_correlation(mine, theirs, here, shift)) for shift in shifts),
+            correlation=together,
+            coherence=max(abs(correlation(mine, theirs, here, shift)) for shift in shifts),
             gain=gain,
-            offset=float(np.mean(mine[here]) - np.sign(correlation) * gain * np.mean(theirs[here])),
+            offset=float(np.mean(mine[here]) - np.sign(together) * gain * np.mean(theirs[here])),
             strong=turning and float(np.std(mine[here])) > _STRONG[quantity],
             wheelbase=wheelbase,
         )
@@ -155,8 +155,8 @@ def _hub(record: Record) -> str | None:
     return next((name for name in rates if name.partition(".")[2] in leading), rates[0] if rates else None)
 
 
-def _gridded(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """A signal without its spikes, linear on the grid, and where it has a sample within 0.5 s."""
+def on_grid(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """A signal (N,) without its spikes, linear on the grid, and where it has a sample within 0.5 s."""
     if name not in record.signals:
         return np.zeros(time.size), np.zeros(time.size, dtype=bool)
     at, values = seen(record, name)
@@ -180,7 +180,7 @@ def _lag(values: Array, constant: Array) -> Array:
     return out
 
 
-def _correlation(a: Array, b: Array, where: NDArray[np.bool_], shift: int) -> float:
+def correlation(a: Array, b: Array, where: NDArray[np.bool_], shift: int) -> float:
     """Of a with b `shift` grid steps later; 0 where either is constant or little is left."""
     stop = a.size - abs(shift)
     one, other = max(0, -shift), max(0, shift)
@@ -199,7 +199,8 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
     c, g = relation.correlation, relation.gain if not hub else 1 / max(relation.gain, 1e-12)
     says = {
         Fault.SWAPPED_SIGN: f"goes against {other} (correlation {c:.2f}); left turns are positive in yaw rate, "
-        "steer and acceleration, negative in articulation, and roll is positive in them; set sign = -1 here" + ("" if hub else f", or for {other}"),
+        "steer and acceleration, negative in articulation, and roll is positive in them; set sign = -1 here"
+        + ("" if hub else f", or for {other}"),
         Fault.WRONG_COLUMN: f"has nothing to do with {other} (coherence {relation.coherence:.2f}, expected 0.3) "
         "though both vary; map another column, or check the delay",
         Fault.DEGREES: f"{g:.0f} times what {other} lets expect, looks like degrees; set unit = "
