@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from fifthwheel import __version__
-from fifthwheel.cli import check, design, identify, reproduce, signals, simulate, states, vehicle  # noqa: F401 - they join the application
+from fifthwheel.cli import check, design, identify, reproduce, signals, simulate, states, vehicle, weigh  # noqa: F401 - they join the application
 from fifthwheel.cli.app import app
 
 

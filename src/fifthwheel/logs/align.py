@@ -8,8 +8,7 @@ import numpy as np
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.names import is_input
 from fifthwheel.logs.record import Array
-from fifthwheel.logs.resample import moved
-from fifthwheel.logs.stream import DENSE
+from fifthwheel.logs.resample import DENSE, moved
 
 _SAME = 1e-6
 """s; stamps closer than this are one instant."""
@@ -35,7 +34,7 @@ def align(
     The base is the union of the rows' instants and of those of every measurement with other instants. A measurement
     keeps each of its samples where it was taken and is NaN elsewhere. An input (speed, steer) with other instants is
     linear between its neighbours; outside its first and last sample, and in holes of its own clock, it is NaN: nothing
-    is extrapolated. Where clocks that tick apart would make the base denser than 1.5 times `rate` (Hz), it is the
+    is extrapolated. Where clocks that tick apart would make the base denser than 2.5 times `rate` (Hz), it is the
     multiples of 1 / rate instead, and every measurement goes to the nearest of them along the line to its neighbour.
     """
     every = [*signals.items(), *reference.items()]

@@ -8,6 +8,8 @@ _HALF = 4
 """Half the kernel's length in new steps."""
 _CUT_OFF = 0.35
 """Of the new rate; a Hann window of that length is 44 dB down from 0.54 of it on."""
+DENSE = 2.5
+"""So many times the wanted rate a channel may have before it is thinned."""
 _COVERED = 0.02
 """Most of the kernel's weight that may lie in a hole."""
 
@@ -21,30 +23,46 @@ _AREA = 1.0
 _AREA = float(np.sum(_kernel(np.arange(-_HALF, _HALF, 1e-3))) * 1e-3)
 
 
-def decimated(time: Array, values: Array, rate: float) -> tuple[Array, Array]:
+def usual_steps(time: Array, values: Array) -> Array:
+    """Median step (c,) s between the samples that each column of values (n, c) has; NaN of fewer than two."""
+    every = float(np.median(np.diff(time))) if time.size > 1 else np.nan
+    steps = np.full(values.shape[1], every)
+    missing = np.isnan(values)
+    for column in np.flatnonzero(missing.any(axis=0)):
+        own = np.diff(time[~missing[:, column]])
+        steps[column] = np.median(own) if own.size else np.nan
+    return steps
+
+
+def decimated(time: Array, values: Array, rate: float, steps: Array | None = None) -> tuple[Array, Array]:
     """Time (m,) s at multiples of 1 / rate, and values (m, c) there, low-passed below half of that rate.
 
-    time (n,) s increasing, values (n, c) with NaN where missing, rate Hz below that of the samples. Every new value is
-    the convolution with a symmetric windowed sinc, by the trapezoidal rule over the samples as they lie, so that
-    jitter does not matter and nothing is delayed; where over 2 % of the kernel lies in a hole (three usual steps
-    without a sample, or the ends) it is NaN. Instants further than half a new step from any sample do not appear.
+    time (n,) s increasing, values (n, c) with NaN where missing, rate Hz, steps (c,) s the usual steps of the columns,
+    by default as they are here. Every new value is the convolution with a symmetric windowed sinc, by the trapezoidal
+    rule over the samples as they lie, so that jitter does not matter and nothing is delayed; where over 2 % of the
+    kernel lies in a hole (three usual steps without a sample, or the ends) it is NaN. Instants further than half a new
+    step from any sample do not appear. A column with fewer samples than 2.5 times the rate is only moved().
     """
+    steps = usual_steps(time, values) if steps is None else steps
     at = np.unique(np.rint(time * rate))
     found = np.full((at.size, values.shape[1]), np.nan)
-    missing = np.isnan(values)
-    whole = ~missing.any(axis=0)
-    if whole.any():
-        found[:, whole] = _convolved(time, values[:, whole], at, rate)
-    for column in np.flatnonzero(~whole):
-        seen = ~missing[:, column]
-        if seen.sum() > 1:
-            found[:, column] = _convolved(time[seen], values[seen, column][:, None], at, rate)[:, 0]
+    missing = np.isnan(values).any(axis=0)
+    alike = ~missing & (steps * DENSE * rate < 1)
+    if alike.any():
+        found[:, alike] = _convolved(time, values[:, alike], at, rate, float(steps[alike][0]))
+    for column in np.flatnonzero(~alike):
+        seen = np.isfinite(values[:, column])
+        mine = time[seen], values[seen, column]
+        if steps[column] * DENSE * rate < 1:
+            found[:, column] = _convolved(mine[0], mine[1][:, None], at, rate, float(steps[column]))[:, 0]
+        elif seen.any():
+            near, there = moved(*mine, rate)
+            found[np.searchsorted(at, np.rint(near * rate)), column] = there
     return at / rate, found
 
 
-def _convolved(time: Array, values: Array, at: Array, rate: float) -> Array:
-    steps = np.diff(time)
-    steps = np.minimum(steps, 3 * float(np.median(steps)))
+def _convolved(time: Array, values: Array, at: Array, rate: float, step: float) -> Array:
+    steps = np.minimum(np.diff(time), 3 * step)
     weight = rate * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0)) / 2
     total, covered = np.zeros((at.size, values.shape[1])), np.zeros(at.size)
     below = np.floor(time * rate)

@@ -47,7 +47,7 @@ class TimeColumn(BaseModel):
     unit: str | None = None
     """Default: the header's, else s."""
     rate: float | str = 100.0
-    """Samples a second, Hz, to which denser channels (from 1.5 times as many on) are taken, without aliasing."""
+    """Samples a second, Hz, to which denser channels (from 2.5 times as many on) are taken, without aliasing."""
     start: float | str | None = None
     """What is before is left out, s."""
     stop: float | str | None = None

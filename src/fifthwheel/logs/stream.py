@@ -5,10 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fifthwheel.logs.record import Array, increasing
-from fifthwheel.logs.resample import decimated
+from fifthwheel.logs.resample import DENSE, decimated, usual_steps
 
-DENSE = 1.5
-"""So many times the wanted rate a clock may have before it is thinned."""
 _BEFORE = 1000
 """Samples from which a clock's rate is told."""
 _OVERLAP = 6
@@ -35,6 +33,7 @@ class Stream:
         self._times_left: list[Array] = []
         self._values_left: list[Array] = []
         self._last = -np.inf
+        self._steps: Array | None = None
 
     def push(self, time: Array, values: Mapping[str, Array]) -> None:
         """Add samples: time (n,) s, values (n,) by name; a SignalError when time does not increase."""
@@ -70,14 +69,15 @@ class Stream:
             return
         time, values = np.concatenate(self._times_left), np.concatenate(self._values_left)
         self._times_left, self._values_left = [], []
-        if not self._times and time.size > 2:
-            own = float(1 / np.median(np.diff(time)))
+        if self._steps is None and time.size > 2:
+            self._steps = usual_steps(time[:_BEFORE], values[:_BEFORE])
+            own = float(1 / np.median(np.diff(time[:_BEFORE])))
             self.thinned_from = own if own > DENSE * self._rate else None
         if self.thinned_from is None:
             self._times.append(time)
             self._values.append(values)
             return
-        thin, found = decimated(time, values, self._rate)
+        thin, found = decimated(time, values, self._rate, self._steps)
         before = self._times[-1][-1] if self._times else -np.inf
         after = np.inf if last else time[-1] - _OVERLAP / self._rate
         new = (thin > before) & (thin <= after)

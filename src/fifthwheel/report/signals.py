@@ -1,6 +1,6 @@
 """What a log holds, on a terminal."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from fifthwheel.logs import Finding, Record
     from fifthwheel.logs.propose import Proposal
     from fifthwheel.logs.survey import Survey
+    from fifthwheel.logs.weigh import Load
+    from fifthwheel.vehicle import Vehicle
 
 
 def show_survey(found: "Survey", proposal: "Proposal", console: "Console | None" = None) -> None:
@@ -62,3 +64,21 @@ def show_record(record: "Record", findings: "Sequence[Finding]", console: "Conso
             page.row(table, f"{part}{name}", unit_of(name), *told, missing)
     page.show(table)
     page.lists(("Beware", [str(finding) for finding in findings]), ("Notes", record.notes))
+
+
+def show_weighed(
+    loads: "Mapping[str, Load]", before: "Vehicle", after: "Vehicle", console: "Console | None" = None
+) -> None:
+    """Print axle loads beside those of the vehicle file, and what masses and CoG positions become by them."""
+    page = Page(console)
+    table = page.table("Axle group", "Weighed, kN:>", "Scatter:>", "File, kN:>", "Now, kN:>")
+    expected, now = before.axle_loads(), after.axle_loads()
+    for path in expected:
+        load = loads.get(path)
+        told = ("–", "–") if load is None else (f"{load.value / 1e3:.2f}", f"{load.scatter / 1e3:.2f}")
+        page.row(table, path, *told, f"{expected[path] / 1e3:.2f}", f"{now[path] / 1e3:.2f}")
+    page.show(table)
+    table = page.table("Unit", "Mass, kg:>", "before:>", "CoG, m:>", "before:>")
+    for old, new in zip(before.units, after.units, strict=True):
+        page.row(table, new.name, f"{new.mass:.0f}", f"{old.mass:.0f}", f"{new.cog:.3f}", f"{old.cog:.3f}")
+    page.show(table)

@@ -17,6 +17,8 @@ from fifthwheel.logs.readers.lines import Lines
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 _HEAD = 1 << 18
 _BLOCK = 1 << 20
+_RUBBISH = 0.01
+"""Share of control characters above which a file is no text; fewer are damage."""
 _LOOKED_AT = 200
 """Lines of the head from which the layout is told."""
 
@@ -35,7 +37,7 @@ class TextLog(Log):
         with Lines(path) as lines:
             head = lines.read(_HEAD)
             self._left_over = lines.left_over
-        if _CONTROL.search(head[:100_000]):
+        if len(_CONTROL.findall(head)) > _RUBBISH * len(head):
             raise SignalError(f"{self.name}: not a table, it holds binary data; expected CSV or another known format")
         whole = head if len(head) < _HEAD else head[: head.rindex(b"\n") + 1] if b"\n" in head else head
         self._layout = find_layout(whole.decode("utf-8", "replace"), _LOOKED_AT, self.name)

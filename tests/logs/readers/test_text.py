@@ -1,0 +1,112 @@
+"""CSV in the wild: what loggers and spreadsheets put around and into a table."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.errors import SignalError
+from fifthwheel.logs.readers import open_log
+from fifthwheel.logs.readers import text as module
+
+
+def opened(tmp_path, content):
+    path = tmp_path / "log.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return open_log(path)
+
+
+def columns(log):
+    pieces = [piece.values for piece in log.pieces(list(log.columns))]
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in log.columns}
+
+
+PREAMBLE = """Sample rate: 100 Hz
+Start time: 19.06.2025 10:11:12
+Events:
+
+Time;vx;Lenkwinkel;Gierrate
+s;km/h;°;°/s
+0,00;50,1;1,2;0,3
+0,01;50,2;1,3;0,4
+0,02;50,3;;0,5
+"""
+CANAPE = "Name;time;speed;yaw\nUnit;s;km/h;deg/s\nComment;;from EBS;gyro\n;0.0;50.1;0.3\n;0.01;50.2;0.4\n;0.02;50.3;0.5\n"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+def test_a_preamble_a_row_of_units_and_decimal_commas(tmp_path, encoding):
+    log = opened(tmp_path, PREAMBLE.encode(encoding))
+    assert [(c.name, c.unit) for c in log.columns.values()] == [
+        ("Time", "s"), ("vx", "km/h"), ("Lenkwinkel", "°"), ("Gierrate", "°/s"),
+    ]  # fmt: skip
+    found = columns(log)
+    assert found["Time"] == pytest.approx([0, 0.01, 0.02])
+    assert found["vx"] == pytest.approx([50.1, 50.2, 50.3])
+    assert found["Lenkwinkel"] == pytest.approx([1.2, 1.3, np.nan], nan_ok=True)
+    assert log.notes == ["3 lines above the table left out"]
+
+
+def test_names_units_and_comments_above_the_rows(tmp_path):
+    log = opened(tmp_path, CANAPE)
+    assert [(c.name, c.unit) for c in log.columns.values()][1:] == [("time", "s"), ("speed", "km/h"), ("yaw", "deg/s")]
+    assert columns(log)["yaw"] == pytest.approx([0.3, 0.4, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("content", "time"),
+    [
+        ("# by hand\n  t    vx   r\n 0.0  50.1  0.3\n 0.01  50.2  0.4\n 0.02 50.3\t0.5 \n", [0, 0.01, 0.02]),
+        ("t|vx|r\n0.0|50.1|0.3\n0.01|50.2|0.4\n0.02|50.3|0.5\n", [0, 0.01, 0.02]),
+        ('"t","vx","r"\n"0,0","50,1","0,3"\n"0,01","50,2","0,4"\n"0,02","50,3","0,5"\n', [0, 0.01, 0.02]),
+        ("t;vx;r;\n0;50.1;0.3;\n1;50.2;0.4;\n2;50.3;0.5;\n", [0, 1, 2]),
+        ("t;vx;r;\n0;50.1;0.3\n1;50.2;0.4\n2;50.3;0.5\n", [0, 1, 2]),
+        ("t,vx (km/h),r [deg/s]\n0,50.1,0.3\n1,50.2,0.4\n2,50.3,0.5\n", [0, 1, 2]),
+        ("t,vx,r\n23:59:59.990,50.1,0.3\n00:00:00.000,50.2,0.4\n00:00:00.010,50.3,0.5\n", [0, 0.01, 0.02]),
+        ("t,vx,r\n2025-06-19T10:11:12.000Z,50.1,0.3\n2025-06-19T10:11:12.01Z,50.2,0.4\n2025-06-19 10:11:12.02,50.3,0.5\n",
+         [0, 0.01, 0.02]),
+        ("t;vx;r\n30.06.2025 23:59:59,5;50,1;0,3\n01.07.2025 00:00:00,5;50,2;0,4\n01.07.2025 00:00:01,5;50,3;0,5\n",
+         [0, 1, 2]),
+        ("t,vx,r\n06/19/2025 11:59:59 AM,50.1,0.3\n06/19/2025 12:00:00 PM,50.2,0.4\n06/19/2025 12:00:01 PM,50.3,0.5\n",
+         [0, 1, 2]),
+        ("t,vx,r\n19/06/2025 11:59:59,50.1,0.3\n19/06/2025 12:00:00,50.2,0.4\n19/06/2025 12:00:01,50.3,0.5\n", [0, 1, 2]),
+    ],
+)  # fmt: skip
+def test_separators_dates_and_times_of_day(tmp_path, content, time):
+    found = columns(opened(tmp_path, content))
+    assert found["t"] - found["t"][0] == pytest.approx(time, abs=1e-6)
+    assert found["vx"] == pytest.approx([50.1, 50.2, 50.3])
+    assert found["r"] == pytest.approx([0.3, 0.4, 0.5])
+
+
+def test_instants_are_those_of_the_calendar(tmp_path):
+    found = columns(opened(tmp_path, "t,v\n2024-02-29T00:00:00.25,1\n2024-03-01T00:00:00.25,1\n"))
+    assert found["t"] == pytest.approx([1709164800.25, 1709251200.25])
+
+
+def test_a_large_table_comes_in_pieces_that_fit_together(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "_BLOCK", 4000)
+    rows = np.column_stack([np.arange(5000) * 0.01, np.random.default_rng(0).normal(size=5000)]).round(6)
+    log = opened(tmp_path, "t,r\n" + "".join(f"{t},{r}\n" for t, r in rows))
+    pieces = list(log.pieces(["t", "r"]))
+    assert len(pieces) > 10
+    assert [piece.done for piece in pieces] == sorted(piece.done for piece in pieces)
+    assert pieces[-1].done == 1.0
+    assert np.concatenate([piece.values["r"] for piece in pieces]) == pytest.approx(rows[:, 1])
+    assert list(next(log.pieces(["r"])).values) == ["r"]
+
+
+def test_binary_rubbish_within_a_table_costs_its_lines_only(tmp_path):
+    good = "".join(f"{k / 10},{k}\n" for k in range(100))
+    log = opened(tmp_path, b"t,r\n" + good.encode() + b"\xff\x00\x81,\x93\nxx,\xfe,\x00,\n" + b"10.0,100\n")
+    found = columns(log)
+    assert found["r"][-1] == 100
+    assert np.isnan(found["r"][100])
+    assert any("1 lines left out" in note for note in log.notes)
+
+
+def test_text_among_the_columns_harms_only_who_asks_for_it(tmp_path):
+    log = opened(tmp_path, "t,v,state\n0,1,drive\n1,2,drive\n2,3,brake\n")
+    columns(log)
+    assert list(log.unusable) == ["state"]
+    columns(log)
+    with pytest.raises(SignalError, match="no column 'sped'"):
+        log.find("sped")
