@@ -64,6 +64,8 @@ def test_unit_sign_gain_offset_and_sum(tmp_path):
         ("[signals.speed]\ncolumn = 'v'\noffset = '1 deg'", "speed: unit 'deg' does not fit"),
         ("[signals.speed]\ncolumn = 'v'\ndelay = '1 m'", "delay: unit 'm' does not fit"),
         ("[signals.speed]\ncolumn = 'v'\ngain = nan", r"signals\.speed\.gain: input should be a finite number"),
+        ("[signals.speed]\ncolumn = 'v'\npoints = [[1, 2], [1, 3]]", "must increase from pair to pair"),
+        ("[time]\nrate = 0", "at least 1 Hz"),
         ("signals = 3", "signals: .*got 3"),
         ("[signals", "not TOML"),
     ],
@@ -139,3 +141,54 @@ def test_clocks_that_never_tick(tmp_path):
     toml = "[signals.roll.tractor]\ncolumn='r'\ntime='t_r'"
     with pytest.raises(SignalError, match=r"0 instants in all channels together"):
         reading(tmp_path, toml, t_r=[float("nan")] * 3, r=[1, 2, 3])
+
+
+def test_a_map_of_some_columns_leaves_those_that_need_none(tmp_path):
+    columns = {"t": T, "vx": T, "yaw_rate.tractor": T, "roll_rate.tractor": T, "reference.roll.tractor": T}
+    made = reading(tmp_path, "[signals]\nspeed = 'vx'", **columns)
+    assert list(made.signals) == ["speed", "yaw_rate.tractor", "roll_rate.tractor"]
+    assert list(made.reference) == ["roll.tractor"]
+    made = reading(tmp_path, "ignore = ['roll_rate.tractor']\n[signals]\nspeed = 'vx'", **columns)
+    assert list(made.signals) == ["speed", "yaw_rate.tractor"]
+    made = reading(tmp_path, "[signals]\nspeed = 'vx'\n'yaw_rate.semitrailer' = 'yaw_rate.tractor'", **columns)
+    assert list(made.signals) == ["speed", "yaw_rate.semitrailer", "roll_rate.tractor"]
+
+
+def test_a_part_of_a_log(tmp_path):
+    made = reading(tmp_path, "[time]\nstart = '2 s'\nstop = 5.05\n[signals]\nspeed = 'v'", t=T, v=T)
+    assert made.span == (2.0, 5.0)
+
+
+def test_columns_of_several_clocks_are_added_on_the_first(tmp_path):
+    slow = [k - k % 4 for k in range(100)]
+    toml = "[signals.'yaw_rate.semitrailer']\nsum = ['r', 'dr']\n"
+    made = reading(tmp_path, toml, t=T, r=T, dr=[T[k] for k in slow])
+    assert made.signals["yaw_rate.semitrailer"] == pytest.approx(np.array(T) + np.array(T)[slow])
+
+
+def test_clocks_that_tick_apart_meet_on_a_common_base(tmp_path):
+    n = 3000
+    t = (np.arange(n) * 0.01).round(6)
+    columns = {"t1": t, "t2": t + 0.0031, "t3": t + 0.0067, "v": 0 * t + 10, "a": np.sin(t), "b": np.sin(t + 0.0031)}
+    toml = """
+        [signals]
+        speed = {column = "v", time = "t3"}
+        "yaw_rate.tractor" = {column = "a", time = "t1"}
+        "yaw_rate.semitrailer" = {column = "b", time = "t2"}
+        "roll_rate.tractor" = {column = "b", time = "t2"}
+        "roll.tractor" = {column = "a", time = "t1"}
+        [time]
+        rate = 50
+    """
+    made = reading(tmp_path, toml, **{name: values.tolist() for name, values in columns.items()})
+    assert made.rate == pytest.approx(50)
+    for name in ("yaw_rate.tractor", "yaw_rate.semitrailer"):
+        seen = np.isfinite(made.signals[name])
+        assert seen.mean() > 0.98
+        assert made.signals[name][seen][1:-1] == pytest.approx(np.sin(made.time[seen])[1:-1], abs=2e-4)
+
+
+def test_a_time_since_1970_counts_from_the_start(tmp_path):
+    made = reading(tmp_path, "[signals]\nspeed = 'v'", t=[1.5e9 + 0.25 + x for x in T], v=T)
+    assert made.span == pytest.approx((0.25, 10.15))
+    assert made.notes == ("time counts from 2017-07-14 02:40:00 UTC",)

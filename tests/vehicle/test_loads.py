@@ -76,3 +76,12 @@ def test_only_a_tractor_and_semitrailer() -> None:
     alone = Vehicle(name="alone", units=ARTICLE.units[:1])
     with pytest.raises(VehicleError, match="alone: expected a tractor with two axle groups"):
         with_axle_loads(alone, alone.axle_loads())
+
+
+@given(mass=st.floats(100, 30e3), cog=st.floats(-7.5, -1))
+def test_without_the_front_axle(mass: float, cog: float) -> None:
+    truth = loaded(mass, cog)
+    loads = {path: load for path, load in truth.axle_loads().items() if path != "tractor.front"}
+    assert with_axle_loads(ARTICLE, loads).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
+    with pytest.raises(VehicleError, match=r"tractor.drive: expected more than the tractor's own"):
+        with_axle_loads(ARTICLE, loads | {"tractor.drive": 1e3})

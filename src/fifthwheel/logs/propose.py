@@ -171,7 +171,7 @@ def _put_right(
     """The map with the signs, units and ratios that the samples demand, what was changed, and what still is wrong."""
     changed: dict[str, str] = {}
     findings: tuple[Finding, ...] = ()
-    for _ in range(4):
+    for _ in range(4 if proposed.signals or proposed.reference else 0):
         try:
             record = assemble(log, _coarse(proposed), name=log.name)
         except SignalError as error:

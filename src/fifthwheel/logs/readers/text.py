@@ -62,6 +62,8 @@ class TextLog(Log):
         layout = self._layout
         self.notes = [*self._first_notes]
         wanted = [k for k, name in enumerate(self._columns) if name in columns]
+        if not wanted:
+            return
         names = list(self._columns)
         cells = {
             k: Cells(source=self.name, name=names[k], decimal=layout.decimal, dates=layout.dates[k]) for k in wanted
