@@ -73,10 +73,13 @@ def propose(
     """
     named = SignalMap.of_columns(found.contents)
     hints: dict[str, list[Hint]] = {}
+    loads: list[str] = []
     taken = {channel.column for part in named for channel in part.values()}
     for name, content in found.contents.items():
         told = hint(name, content.column.unit) if content.alive and name not in taken else None
-        if told is not None and told.quantity in _USED | _COMPARED:
+        if told is not None and told.quantity == "axle_load" and not told.trailing:
+            loads.append(name)
+        elif told is not None and told.quantity in _USED | _COMPARED:
             hints.setdefault(_signal(told, units), []).append(told)
     told_apart = _sort_gyros(log, hints, units)
     signals: dict[str, Channel] = {**named[0]}
@@ -95,6 +98,8 @@ def propose(
             reasons[signal] += "; by its name the steering wheel's: it wants gain = 1 / steering ratio, 15 to 25"
         (reference if best.quantity in _COMPARED else signals)[signal] = channel
         others[signal] = [one.column for one in candidates if one is not best]
+    if loads:
+        others["axle_load.<axle group>"] = loads
     if told_apart:
         reasons[f"yaw_rate.{units[-1]}"] += f"; {told_apart}"
     wheel = f"wheel_speed.{units[0]}.front"
@@ -271,6 +276,10 @@ def as_toml(proposal: Proposal, found: Survey) -> str:
             lines += [f"sign = {channel.sign}"] * (channel.sign != 1)
             lines += [f"gain = {channel.gain:g}"] * (channel.gain != 1.0)
             lines += [f"# or column = {_quoted(other)}" for other in proposal.others.get(signal, ())]
+    for signal, columns in proposal.others.items():
+        if signal not in proposed.signals and signal not in proposed.reference:
+            lines += ["", f"# [signals.{_quoted(signal)}], to weigh the truck:"]
+            lines += [f"# column = {_quoted(column)}" for column in columns]
     lines += ["", *(f"# {text}" for text in proposal.missing)] if proposal.missing else []
     lines += (
         ["", *(f"# {line}" for one in proposal.findings for line in str(one).splitlines())] if proposal.findings else []

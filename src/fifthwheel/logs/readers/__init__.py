@@ -1,7 +1,6 @@
 """One reader a format. A file's content says which it is; its name does not count."""
 
 import importlib
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,6 @@ from fifthwheel.errors import SignalError
 from fifthwheel.logs.log import Log, Progress, quiet
 
 _TEXT_HEAD = 4096
-_FRAME = re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,9 +25,15 @@ class Format:
     """What to install besides: pip install 'fifthwheel[extra]'."""
 
 
+def _is_trace(head: bytes) -> bool:
+    from fifthwheel.logs.can.dialects import dialect_of
+
+    return head.startswith(b"LOGG") or dialect_of(head) is not None
+
+
 FORMATS = (
     Format(name="Parquet", module="parquet", begins=lambda head: head.startswith(b"PAR1")),
-    Format(name="ASAM MDF 4", module="mf4", extra="mf4", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF ")),
+    Format(name="ASAM MDF", module="mf4", extra="can", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF ")),
     Format(
         name="MATLAB",
         module="mat",
@@ -37,20 +41,7 @@ FORMATS = (
         begins=lambda head: head.startswith((b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", b"\x89HDF\r\n\x1a\n")),
     ),
     Format(name="MCAP", module="mcap", extra="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
-    Format(name="Vector BLF", module="can", extra="can", begins=lambda head: head.startswith(b"LOGG")),
-    Format(
-        name="Vector ASC",
-        module="can",
-        extra="can",
-        begins=lambda head: head.lstrip().startswith((b"date ", b"base hex", b"base dec")),
-    ),
-    Format(
-        name="PCAN trace",
-        module="can",
-        extra="can",
-        begins=lambda head: head.lstrip().startswith((b";$FILEVERSION", b";##")),
-    ),
-    Format(name="candump", module="can", extra="can", begins=lambda head: _FRAME.match(head) is not None),
+    Format(name="CAN trace", module="can", extra="can", begins=_is_trace),
     Format(name="CSV", module="text", begins=lambda head: True),
 )
 """In the order in which they are tried; what nothing else recognises is text, or an error of its reader."""

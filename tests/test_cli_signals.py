@@ -1,0 +1,86 @@
+"""`fifthwheel signals` and `fifthwheel weigh`: what they print, their files and their exit codes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fifthwheel.logs import SignalMap, read
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get, load, save
+
+from .test_cli import TRUCK, refused, run  # noqa: F401 - a fixture
+
+DEGREE = np.pi / 180
+COLUMNS = {
+    "Geschwindigkeit [km/h]": ("speed", 3.6),
+    "Lenkradwinkel [°]": ("steer.tractor.front", -20 / DEGREE),
+    "Gierrate Zugm. [°/s]": ("yaw_rate.tractor", 1 / DEGREE),
+    "Gierrate Auflieger [°/s]": ("yaw_rate.semitrailer", 1 / DEGREE),
+    "Wankrate Auflieger [°/s]": ("roll_rate.semitrailer", -1 / DEGREE),
+}
+
+
+@pytest.fixture(scope="module")
+def wild(tmp_path_factory):
+    """A drive as a German logger writes it."""
+    record = simulate(get(TRUCK), count=2, seed=1)
+    path = tmp_path_factory.mktemp("wild") / "fahrt.csv"
+    rows = np.column_stack([record.time, *(factor * record.signals[name] for name, factor in COLUMNS.values())])
+    lines = ["Messung 7", "", ";".join(["Zeit", *COLUMNS])]
+    lines += [";".join(f"{x:.7g}".replace(".", ",") for x in row) for row in rows]
+    path.write_text("\n".join(lines) + "\n", encoding="cp1252")
+    return path
+
+
+def test_a_log_is_listed_and_its_map_proposed_and_used(wild, run, tmp_path):  # noqa: F811
+    outcome = run("signals", wild, "-v", TRUCK, "-o", "signals.toml")
+    assert (outcome.code, outcome.err) == (0, "")
+    for column, (signal, _) in COLUMNS.items():
+        name = column.partition(" [")[0]
+        line = next(line for line in outcome.out.splitlines() if line.startswith(name))
+        assert signal in line
+        assert " 100 " in line
+    assert SignalMap.load("signals.toml").signals["roll_rate.semitrailer"].sign == -1
+
+    outcome = run("signals", wild, "-v", TRUCK, "-s", "signals.toml", "--save", "fahrt.parquet")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "Beware" not in outcome.out
+    made, truth = read("fahrt.parquet"), simulate(get(TRUCK), count=2, seed=1)
+    for name in ("speed", "yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer"):
+        assert made.signals[name] == pytest.approx(truth.signals[name], rel=1e-5, abs=1e-6)
+    assert run("identify", "fahrt.parquet", "-v", TRUCK, "--quiet").code in (0, 2)
+
+
+def test_without_a_file_the_map_is_printed(wild, run):  # noqa: F811
+    outcome = run("signals", wild)
+    assert outcome.code == 0
+    assert '[signals."yaw_rate.semitrailer"]' in outcome.out
+    told = json.loads(run("signals", wild, "--json").out)
+    assert [column["unit"] for column in told["columns"]][1:] == ["km/h", "°", "°/s", "°/s", "°/s"]
+    assert SignalMap.parse(told["signals_toml"]).signals
+
+
+def test_what_cannot_be(wild, run):  # noqa: F811
+    refused(run("signals", wild, "--save", "x.csv"), "--save: needs --signals")
+    refused(run("signals", "none.csv"), "none.csv: cannot be read")
+    (wild.parent / "m.toml").write_text("[signals]\nspeed = 'Geschwindigkeit'\n")
+    refused(run("signals", wild, "-s", wild.parent / "m.toml", "--save", "x.xls"), "x.xls: no format")
+
+
+def test_weighing(run, tmp_path):  # noqa: F811
+    truck = get(TRUCK)
+    heavier = truck.replace({"semitrailer.mass": 30000.0, "semitrailer.payload.mass": 16672.0})
+    save(truck, tmp_path / "truck.toml")
+    loads = heavier.axle_loads()
+    random = np.random.default_rng(0)
+    rows = [",".join(["t", *(f"axle_load.{path} [kN]" for path in loads)])]
+    rows += [",".join([f"{k}", *(f"{(v + random.normal(0, 200)) / 1e3:.3f}" for v in loads.values())]) for k in range(100)]
+    (tmp_path / "parked.csv").write_text("\n".join(rows) + "\n")
+    outcome = run("weigh", tmp_path / "parked.csv", "-v", tmp_path / "truck.toml", "-o", "weighed.toml")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert load("weighed.toml").parameters()["semitrailer.mass"] == pytest.approx(30000, rel=2e-3)
+    told = json.loads(run("weigh", tmp_path / "parked.csv", "-v", TRUCK, "--json").out)
+    assert told["units"]["semitrailer"]["mass"] == pytest.approx(30000, rel=2e-3)
+    (tmp_path / "odd.csv").write_text("t,axle_load.dolly\n" + "".join(f"{k},1\n" for k in range(9)))
+    refused(run("weigh", tmp_path / "odd.csv", "-v", TRUCK), "axle_load.dolly: ")
