@@ -311,7 +311,6 @@ def spoilt(old: str, new: str) -> str:
 
 BAD_MAPS = {
     "not TOML": ("[signals\n", r"map\.toml: not TOML"),
-    "empty": ("", r"map\.toml: no signals"),
     "unknown signal": ('[signals]\nspeeed = "speed"\n', r"map\.toml: .*speeed: .*did you mean 'speed'"),
     "unknown key": ('[signals]\nspeed = {column = "speed", unt = "m/s"}\n', r"map\.toml: signals\.speed\.unt: unknown"),
     "unknown column": ('[signals]\nspeed = "velocity"\n', r"first\.csv: .*velocity"),

@@ -20,7 +20,7 @@ from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.parameters import stage_1_names
 from fifthwheel.logs import Fault, Record, check, read, write
 from fifthwheel.observe import Observer, Status
-from fifthwheel.report import advice
+from fifthwheel.report import cautions
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get, save
 
@@ -119,8 +119,8 @@ CASES = [
     *(Case(Fault.DEGREES, n, scaled(n, DEGREES), True) for n in (STEER, *MEASURED)),
     Case(Fault.STEERING_WHEEL, STEER, scaled(STEER, 18.0), True),
     Case(Fault.STEERING_WHEEL, STEER, scaled(STEER, 18.0 * DEGREES), True, "in degrees"),
-    *(Case(Fault.SWAPPED_SIGN, n, scaled(n, -1.0), True) for n in (SPEED, STEER, YAW, YAW2)),
-    *(Case(Fault.SWAPPED_SIGN, n, scaled(n, -1.0), False) for n in (ROLL, ROLL2)),
+    Case(Fault.GAIN, STEER, scaled(STEER, 3.0), False),
+    *(Case(Fault.SWAPPED_SIGN, n, scaled(n, -1.0), True) for n in (SPEED, STEER, YAW, YAW2, ROLL, ROLL2)),
     Case(Fault.WRONG_COLUMN, STEER, noise(STEER, 0.015), True, "noise"),
     Case(Fault.WRONG_COLUMN, YAW, noise(YAW, 0.03), True, "noise"),
     Case(Fault.WRONG_COLUMN, YAW2, noise(YAW2, 0.03), False, "noise"),
@@ -160,7 +160,7 @@ def wrong(found: Identification) -> list[str]:
 
 def remarks(found: Identification) -> str:
     """All that is said beside the numbers."""
-    return "\n".join([*found.notes, *advice.fit_cautions(found), *advice.sensor_cautions(found)])
+    return "\n".join([*found.notes, *cautions.fit_cautions(found), *cautions.sensor_cautions(found)])
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:

@@ -47,7 +47,9 @@ def test_names_units_and_signs_are_found_and_the_record_is_the_drive(tmp_path, a
     assert "turned round" in proposal.reasons["articulation.semitrailer"]
     assert "taken for deg/s" in proposal.reasons["yaw_rate.semitrailer"]
     assert "steering wheel" in proposal.reasons["steer.tractor.front"]
-    assert proposal.missing == ("roll_rate.semitrailer: found nowhere; without it the payload's height cannot be identified",)
+    assert proposal.missing == (
+        "roll_rate.semitrailer: found nowhere; without it the payload's height cannot be identified",
+    )
     assert proposal.findings == ()
 
 

@@ -8,7 +8,8 @@ from fifthwheel.logs.units import _TABLE, factor, quantity
 
 
 @pytest.mark.parametrize(
-    ("si", "unit"), [(si, unit) for si in _TABLE for unit in _TABLE[si] if unit not in ("g", "mg", "%", "kg", "t", "daN")]
+    ("si", "unit"),
+    [(si, unit) for si in _TABLE for unit in _TABLE[si] if unit not in ("g", "mg", "%", "kg", "t", "daN")],
 )
 def test_the_table_agrees_with_pint(si, unit):
     assert factor(unit, si) == pytest.approx(

@@ -8,7 +8,8 @@ import pytest
 from fifthwheel import vehicle
 from fifthwheel.identify import SensorError, Verdict, identify
 from fifthwheel.report import facts
-from fifthwheel.report.words import conclude, conclude_states, spoken
+from fifthwheel.report.state_words import conclude_states
+from fifthwheel.report.words import conclude, spoken
 from fifthwheel.simulate import simulate
 
 from .conftest import NASTY
@@ -64,6 +65,23 @@ def test_a_straight_road_tells_nothing():
         assert "as good as straight" in told.next_steps[0]
 
 
+def test_a_straight_log_beside_a_lively_one_is_not_blamed(found):
+    fits = [
+        replace(f, log="straight", explained=0.0, rms=facts.white_noise(f.measured)) for f in found.identification.fits
+    ]
+    told = conclude(replace(found.identification, fits=(*found.identification.fits, *fits)))
+    assert not any("Next to nothing" in line for line in told.cautions)
+    dead = replace(found.identification.fits[0], explained=0.0)
+    told = conclude(replace(found.identification, fits=(dead, *found.identification.fits[1:])))
+    assert any("Next to nothing" in line for line in told.cautions)
+
+
+def test_states_that_do_not_fit_are_told_of_an_identification(found):
+    loud = replace(found.states[0], innovation={n: 3 * v for n, v in found.states[0].innovation.items()})
+    told = conclude(found.identification, found.records, states=[loud])
+    assert any("bands are too narrow" in line for line in told.cautions)
+
+
 def test_a_wrong_steering_ratio_is_pointed_at(found):
     error = SensorError(name="steer.tractor.front.gain", value=1.25, sigma=0.05, unit="1", log=None)
     told = conclude(replace(found.identification, sensors=(error,)))
@@ -96,6 +114,8 @@ def test_states_in_words(found):
     loud = replace(found.states[0], innovation={n: 3 * v for n, v in found.states[0].innovation.items()})
     told = conclude_states([loud], found.records)
     assert any("bands are too narrow" in line for line in told.cautions)
+    assert told.headline.endswith("do not rely on these states.")
+    assert not any("reliable" in line for line in told.found)
     assert told.next_steps
 
 

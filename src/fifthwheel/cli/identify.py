@@ -1,15 +1,17 @@
 """fifthwheel identify"""
 
 import json
+import sys
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fifthwheel.cli.app import (
     CheckOption,
+    FiguresOption,
     JsonOption,
     Logs,
     OutOption,
@@ -34,8 +36,11 @@ from fifthwheel.cli.one_stage import (
 
 if TYPE_CHECKING:
     from fifthwheel.identify import Identification, OneStage
+    from fifthwheel.identify.outlook import Outlook
     from fifthwheel.logs import Record
     from fifthwheel.observe import States
+    from fifthwheel.report import Provenance
+    from fifthwheel.report.conclusion import Conclusion
 
 
 class Method(StrEnum):
@@ -60,6 +65,7 @@ class Form(StrEnum):
         "fifthwheel identify drive.csv -v truck.toml --hold tractor.front.cornering_stiffness",
         "fifthwheel identify drive.csv -v truck.toml --free tractor.yaw_inertia --consider roll_stiffness=5%",
         "fifthwheel identify drive.csv -v truck.toml --method article --json",
+        "fifthwheel identify drive.csv -v truck.toml --figures svg",
     )
 )
 def identify(
@@ -86,6 +92,7 @@ def identify(
         int | None, typer.Option(min=1, help="At most so many times through the logs a stage. Two stages only.")
     ] = None,
     check: CheckOption = True,
+    figures: FiguresOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Tyre cornering stiffnesses, trailer yaw inertia and payload height from logs, then the states.
@@ -96,7 +103,11 @@ def identify(
     from fifthwheel.identify import TwoStage, article
     from fifthwheel.identify import identify as run
     from fifthwheel.observe import Observer
+    from fifthwheel.report import drawing, of_run
+    from fifthwheel.report.words import conclude
 
+    if figures:
+        drawing.checked(figures)
     truck, both = read_vehicle(vehicle), read_records([*logs, *(validate or [])], signals)
     records, unseen = both[: len(logs)], both[len(logs) :]
     settings: OneStage | TwoStage
@@ -127,13 +138,24 @@ def identify(
             observer = Observer(found.vehicle, record.signals, found.observer_settings(record.name))
             states.append(observer.batch(record, found.uncertainty(record.name)))
             progress("states", i, len(records) + len(unseen))
-    files = _write(found, [*records, *unseen], states, folder)
+    outlook = _outlook(found, records)
+    conclusion = conclude(found, [*records, *unseen], outlook, states)
+    files = _write(found, conclusion, states, folder)
+    files |= _report(
+        folder,
+        found,
+        [*records, *unseen],
+        states,
+        outlook=outlook,
+        provenance=of_run([*logs, *(validate or [])], vehicle, signals, command=sys.argv[1:]),
+        figures=figures,
+    )
     if as_json:
-        print(json.dumps(json.loads(found.to_json()) | {"files": files}, indent=2))
+        print(json.dumps(_as_dict(found, conclusion) | {"files": files}, indent=2))
     else:
         from fifthwheel.report import show_identification
 
-        show_identification(found)
+        show_identification(found, told=conclusion)
         say_files(files)
 
 
@@ -145,13 +167,63 @@ def _only(option: str, value: object, method: str) -> None:
         raise FifthwheelError(f"{option}: belongs to --method {method}; leave it out, or choose that method")
 
 
-def _write(found: "Identification", records: "list[Record]", states: "list[States]", folder: Path) -> dict[str, str]:
-    from fifthwheel.observe import save
-    from fifthwheel.report import write_report
-    from fifthwheel.vehicle import save as save_vehicle
+def _outlook(found: "Identification", records: "list[Record]") -> "Outlook | None":
+    """What would help, reckoned at what was found; None where that cannot be reckoned, or everything is known well."""
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.identify import OneStage
+    from fifthwheel.identify.outlook import Looking, outlook
 
-    found.save(folder / "identification.json")
+    looking = Looking()
+    known = [e.verdict == "converged" and e.sigma is not None for e in found.parameters if e.verdict != "held"]
+    wide = [(e.sigma or 0.0) > looking.enough * abs(e.value) for e in found.parameters]
+    if not isinstance(found.settings, OneStage) or (all(known) and not any(wide)):
+        return None
+    try:
+        return outlook(records, found.vehicle, found.settings, looking)
+    except FifthwheelError:
+        return None
+
+
+def _as_dict(found: "Identification", told: "Conclusion") -> dict[str, Any]:
+    """The identification with what the report says of it."""
+    plain: dict[str, Any] = json.loads(found.to_json())
+    return plain | {"conclusion": told.as_dict()}
+
+
+def _write(found: "Identification", told: "Conclusion", states: "list[States]", folder: Path) -> dict[str, str]:
+    from fifthwheel.observe import save
+    from fifthwheel.vehicle import save as save_vehicle
+    from fifthwheel.whole import whole
+
+    with whole(folder / "identification.json") as part:
+        part.write_text(json.dumps(_as_dict(found, told), indent=2) + "\n", encoding="utf-8")
     save_vehicle(found.vehicle, folder / "vehicle.toml")
     save(states, folder / "states.parquet")
-    write_report(folder / "report.html", found, records, states, title=found.vehicle.name)
-    return {n: str(folder / n) for n in ("identification.json", "vehicle.toml", "states.parquet", "report.html")}
+    return {n: str(folder / n) for n in ("identification.json", "vehicle.toml", "states.parquet")}
+
+
+def _report(
+    folder: Path,
+    found: "Identification",
+    records: "list[Record]",
+    states: "list[States]",
+    *,
+    outlook: "Outlook | None",
+    provenance: "Provenance",
+    figures: str | None,
+) -> dict[str, str]:
+    from fifthwheel.report import Given, write_report
+
+    uncertain = () if found.covariance is None else found.covariance.names
+    drawn = write_report(
+        folder / "report.html",
+        found,
+        records,
+        states,
+        title=found.vehicle.name,
+        outlook=outlook,
+        given=Given(uncertain=uncertain),
+        provenance=provenance,
+        figures=figures,
+    )
+    return {"report.html": str(folder / "report.html")} | ({"figures": str(folder / "figures")} if drawn else {})

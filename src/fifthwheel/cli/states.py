@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ import typer
 from fifthwheel import __version__
 from fifthwheel.cli.app import (
     CheckOption,
+    FiguresOption,
     JsonOption,
     Logs,
     OutOption,
@@ -59,6 +61,7 @@ def states(
         bool, typer.Option("--bank", help="Find the road's bank too; the steer zero must be known well.")
     ] = False,
     check: CheckOption = True,
+    figures: FiguresOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Sideslip, roll and articulation of a known truck: states.parquet and report.html.
@@ -72,7 +75,11 @@ def states(
     from fifthwheel.logs import raise_errors
     from fifthwheel.observe import Observer, ObserverSettings, save
     from fifthwheel.observe.noise import INITIAL
+    from fifthwheel.report import Given, drawing, of_run, show_states, write_report
+    from fifthwheel.report.state_words import conclude_states
 
+    if figures:
+        drawing.checked(figures)
     truck, records = read_vehicle(vehicle), read_records(logs, signals)
     told = _identification(identification)
     uncertainty = _uncertainty(identification, told)
@@ -95,14 +102,24 @@ def states(
             found.append((observer.smooth if smooth else observer.batch)(record, uncertainty))
         progress("states", len(records), len(records))
     save(found, folder / "states.parquet")
-    from fifthwheel.report import show_states, write_report
-
-    write_report(folder / "report.html", None, records, found, title=truck.name)
-    files = {name: str(folder / name) for name in ("states.parquet", "report.html")}
+    names = () if uncertainty is None else uncertainty.names
+    drawn = write_report(
+        folder / "report.html",
+        None,
+        records,
+        found,
+        title=truck.name,
+        given=Given(smoothed=smooth, uncertain=names),
+        provenance=of_run(logs, vehicle, signals, identification, command=sys.argv[1:]),
+        figures=figures,
+    )
+    files = {name: str(folder / name) for name in ("states.parquet", "report.html", *(["figures"] if drawn else []))}
     if as_json:
-        how = {"smoothed": smooth, "uncertain": [] if uncertainty is None else list(uncertainty.names)}
+        how = {"smoothed": smooth, "uncertain": list(names)}
         logs_told = [_states_summary(s) for s in found]
-        print(json.dumps({"version": __version__, **how, "logs": logs_told, "files": files}, indent=2))
+        conclusion = conclude_states(found, records).as_dict()
+        everything = {"version": __version__, **how, "logs": logs_told, "conclusion": conclusion, "files": files}
+        print(json.dumps(everything, indent=2))
     else:
         show_states(found, records)
         say_files(files)

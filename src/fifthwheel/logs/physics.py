@@ -81,6 +81,13 @@ class Relation:
 def disagreements(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Finding]:
     """Findings on the signals that contradict the leading yaw rate, or on that itself where most contradict it."""
     found = list(relations(record, wheelbase=wheelbase, min_speed=min_speed))
+    doubtful = {
+        relation.signal.partition(".")[2]
+        for relation in found
+        if relation.signal.startswith("yaw_rate.") and relation.fault
+    }
+    rolling = [relation for relation in found if relation.signal.startswith("roll_rate.")]
+    found = [relation for relation in found if relation not in rolling]
     faults = [relation.fault for relation in found]
     counts = Counter(faults)
     # The fewest faults that explain what is seen: one of the hub, with all that agree with it, or each its own.
@@ -94,6 +101,9 @@ def disagreements(record: Record, *, wheelbase: float, min_speed: float) -> Iter
             yield _finding(relation, fault, hub=True)
         elif fault is not None and fault not in blamed:
             yield _finding(relation, fault, hub=False)
+    for relation in rolling:  # they are compared with their own unit's yaw rate, which must be in order
+        if relation.fault and not blamed and relation.signal.partition(".")[2] not in doubtful:
+            yield _finding(relation, relation.fault, hub=False)
 
 
 def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Relation]:

@@ -87,6 +87,8 @@ def propose(
     reasons = dict.fromkeys([*signals, *reference], "called so in the log")
     others: dict[str, list[str]] = {}
     for signal, candidates in hints.items():
+        if not candidates:
+            continue
         if signal in signals or signal in reference:
             others[signal] = [one.column for one in candidates]
             continue
@@ -134,7 +136,8 @@ def _signal(told: Hint, units: Sequence[str]) -> str:
 
 
 def _sort_gyros(log: Log, hints: dict[str, list[Hint]], units: Sequence[str]) -> str | None:
-    """Give the trailer the gyro that follows the others, where no name says whose they are; in words, if so."""
+    """Give the trailer the gyro that follows the others, where no name says whose they are, and what else comes from
+    the same box; in words, if so."""
     mine, its = f"yaw_rate.{units[0]}", f"yaw_rate.{units[-1]}"
     unnamed = [one for one in hints.get(mine, []) if one.trailing is None]
     if its in hints or len(unnamed) < 2 or len(units) < 2:
@@ -148,9 +151,21 @@ def _sort_gyros(log: Log, hints: dict[str, list[Hint]], units: Sequence[str]) ->
     last = int(np.argmax(late))
     if late[last] - min(late) < _FOLLOWS:
         return None
-    hints[its] = [unnamed[last]]
-    hints[mine] = [one for one in hints[mine] if one is not unnamed[last]]
+    box = _box(unnamed[last].column)
+    for signal in [signal for signal in hints if signal.endswith(f".{units[0]}")]:
+        its = f"{signal.partition('.')[0]}.{units[-1]}"
+        moving = [one for one in hints[signal] if one is unnamed[last] or (box and _box(one.column) == box)]
+        if moving:
+            hints.setdefault(its, []).extend(moving)
+            hints[signal] = [one for one in hints[signal] if one not in moving]
     return f"follows the other gyro by {late[last] - min(late):.2f} s, so it is taken for the trailer's"
+
+
+def _box(column: str) -> tuple[str, str] | None:
+    """The message or topic, and the source, that a column comes from, if its name says so."""
+    name, _, source = column.partition("@")
+    message = name.rpartition(".")[0]
+    return (message, source) if message else None
 
 
 def _lag(record: Record, name: str) -> float:

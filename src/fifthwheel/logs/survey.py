@@ -85,9 +85,13 @@ class _Sum:
         if not seen.size:
             return
         self.low, self.high = min(self.low, float(seen.min())), max(self.high, float(seen.max()))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is damaged may be as large as numbers get
+            self._moments(seen)
+
+    def _moments(self, seen: Array) -> None:
         mean, count = float(seen.mean()), seen.size
         self.squares += float(((seen - mean) ** 2).sum())
-        self.squares += (mean - self.mean) ** 2 * count * self.seen / (count + self.seen)
+        self.squares += float(np.square(np.float64(mean - self.mean))) * count * self.seen / (count + self.seen)
         self.mean += (mean - self.mean) * count / (count + self.seen)
         self.seen += count
 

@@ -170,7 +170,7 @@ def status_shares(states: "States") -> dict[str, float]:
 
 
 WORDS = {
-    "OK": "reliable",
+    "OK": "measured",
     "COASTING": "coasting: no measurement for a while",
     "TOO_SLOW": "too slow for the model",
     "INPUT_MISSING": "speed or steer angle missing",

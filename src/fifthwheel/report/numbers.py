@@ -1,6 +1,7 @@
 """Numbers as people read them: rounded to what is known of them, in the units of the workshop."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -111,6 +112,20 @@ def seconds(value: float | None) -> str:
     if value is None:
         return "–"
     return f"{fixed(value, 1 if abs(value) < 100 else 0)} s"
+
+
+def kmh(speed: tuple[float, float]) -> str:
+    """A range of speeds, m/s, as "40 to 46 km/h"."""
+    if not math.isfinite(speed[0]):
+        return "–"
+    low, high = (f"{3.6 * value:.0f}" for value in speed)
+    return f"{low} km/h" if low == high else f"{low} to {high} km/h"
+
+
+def listed(names: Sequence[str]) -> str:
+    """ "a, b and c", each once."""
+    names = list(dict.fromkeys(names))
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _decimals(value: float, count: int) -> int:

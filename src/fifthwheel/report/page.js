@@ -1,16 +1,40 @@
 "use strict";
-(function () {
-  const plots = JSON.parse(document.getElementById("figures").textContent);
+(async function () {
+  async function unpacked(id) {  // base64 of what zlib deflated
+    const text = atob(document.getElementById(id).textContent);
+    const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text();
+  }
+
+  if (typeof DecompressionStream === "undefined") {
+    const note = document.getElementById("old");
+    note.hidden = false;
+    document.getElementById("verdict")?.after(note);
+    return;
+  }
+  const library = document.createElement("script");
+  library.textContent = await unpacked("library");
+  document.head.append(library);
+  const plots = JSON.parse(await unpacked("figures"));
+
   const coarse = window.matchMedia && window.matchMedia("(pointer: coarse)").matches;
   const config = {
     displaylogo: false,
     responsive: true,
+    doubleClick: false,  // resets the whole group, below
     displayModeBar: coarse ? true : "hover",
     modeBarButtons: [coarse ? ["zoom2d", "pan2d", "resetScale2d"]
       : ["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
+  const heights = { tall: 290, small: 165 }, widths = { small: 215 };  // in print
   const groups = {};  // name -> {range, members}
   let busy = false;
+
+  function together(group, source, change) {
+    busy = true;
+    const moved = group.members.filter((m) => m !== source).map((m) => Plotly.relayout(m, change(m)));
+    Promise.all(moved).finally(() => { busy = false; });
+  }
 
   function follow(group, source, event) {
     if (busy) return;
@@ -19,10 +43,32 @@
     else if ("xaxis.range[0]" in event) range = [event["xaxis.range[0]"], event["xaxis.range[1]"]];
     else if (!event["xaxis.autorange"]) return;
     group.range = range;
-    busy = true;
-    const change = range ? { "xaxis.range": range, "xaxis.autorange": false } : { "xaxis.autorange": true };
-    const moved = group.members.filter((m) => m !== source).map((m) => Plotly.relayout(m, Object.assign({}, change)));
-    Promise.all(moved).finally(() => { busy = false; });
+    together(group, source, () => (range ? { "xaxis.range": range.slice(), "xaxis.autorange": false } : whole()));
+  }
+
+  const whole = () => ({ "xaxis.autorange": true });
+
+  function reset(group) {  // all axes of all plots as they were drawn first
+    group.range = null;
+    together(group, null, (member) => {
+      const change = whole();
+      for (const axis of ["yaxis", "yaxis2"]) {
+        if (!member.layout[axis]) continue;
+        const first = member.first[axis];
+        if (first) change[axis + ".range"] = first.slice();
+        else change[axis + ".autorange"] = true;
+      }
+      return change;
+    });
+  }
+
+  function cursor(group, time) {  // the same moment in all plots of the group
+    for (const member of group.members) {
+      const axis = member._fullLayout && member._fullLayout.xaxis;
+      const at = time === null || !axis ? NaN : axis.l2p(time);
+      member.cursor.hidden = !(at >= 0 && at <= axis._length);
+      if (!member.cursor.hidden) member.cursor.style.left = `${axis._offset + at}px`;
+    }
   }
 
   function keys(place, traces) {  // a legend that wraps; a click hides or shows its trace
@@ -32,6 +78,7 @@
       if (trace.showlegend === false) return;
       const dash = { dash: "7 4", dot: "2 3" }[trace.line && trace.line.dash] || "none";
       const svg = trace.fill ? `<rect y="1" width="24" height="8" fill="${trace.fillcolor}"/>`
+        : trace.type === "bar" ? `<rect y="1" width="24" height="8" fill="${trace.marker.color}"/>`
         : trace.mode === "markers" ? `<path d="M8 1l8 8m0-8l-8 8" stroke="${(trace.marker || trace.line).color}" stroke-width="2"/>`
         : `<path d="M0 5h24" stroke="${trace.line.color}" stroke-width="2" stroke-dasharray="${dash}"/>`;
       const key = document.createElement("button");
@@ -55,17 +102,31 @@
     const group = groups[plot.group] = groups[plot.group] || { range: null, members: [] };
     const layout = plot.layout;
     layout.dragmode = coarse ? false : "zoom";  // a finger scrolls the page
+    place.first = Object.fromEntries(["yaxis", "yaxis2"].map((axis) => [axis, layout[axis]?.range?.slice()]));
     if (group.range) layout.xaxis.range = group.range.slice();
-    Plotly.newPlot(place, plot.data, layout, config);
+    const own = { ...config, toImageButtonOptions: { format: "svg", filename: plot.name.join(" ") } };
+    Plotly.newPlot(place, plot.data, layout, own);
     keys(place, plot.data);
+    place.cursor = document.createElement("div");
+    place.cursor.className = "cursor";
+    place.cursor.hidden = true;
+    place.append(place.cursor);
     group.members.push(place);
     place.on("plotly_relayout", (event) => follow(group, place, event));
+    place.on("plotly_doubleclick", () => reset(group));
+    place.on("plotly_hover", (event) => cursor(group, event.xvals ? event.xvals[0] : event.points[0].x));
+    place.on("plotly_unhover", () => cursor(group, null));
   }
+
+  const waiting = (index) => document.getElementById("plot" + index)?.closest("details:not([open])");
+  document.querySelectorAll("details").forEach((folded) => folded.addEventListener("toggle", () => {
+    if (folded.open) plots.forEach((_, index) => { if (folded.contains(document.getElementById("plot" + index))) draw(index); });
+  }));
 
   let next = 0;
   function some() {
     const until = performance.now() + 60;
-    while (next < plots.length && performance.now() < until) draw(next++);
+    for (; next < plots.length && performance.now() < until; next++) if (!waiting(next)) draw(next);
     if (next < plots.length) setTimeout(some, 0);
     else document.body.dataset.drawn = "yes";
   }
@@ -74,11 +135,11 @@
   const closed = [];
   const drawn = () => document.querySelectorAll(".plot[data-drawn]");
   window.addEventListener("beforeprint", () => {  // two columns of a page of paper
-    while (next < plots.length) draw(next++);
     document.querySelectorAll("details:not([open])").forEach((d) => { d.open = true; closed.push(d); });
+    plots.forEach((_, index) => draw(index));
     drawn().forEach((p) => {
-      const height = p.classList.contains("tall") ? 270 : 200;
-      Plotly.relayout(p, { autosize: false, width: 330, height });
+      const size = ["tall", "small"].find((word) => p.classList.contains(word));
+      Plotly.relayout(p, { autosize: false, width: widths[size] || 330, height: heights[size] || 215 });
     });
   });
   window.addEventListener("afterprint", () => {

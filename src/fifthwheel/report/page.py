@@ -1,13 +1,18 @@
-"""The frame of a report: one HTML file with its style, its plots and plotly.js inside, so that it opens anywhere."""
+"""The frame of a report: one HTML file with its style, its plots and plotly.js inside, so that it opens anywhere.
 
+Plots and plotly.js are deflated, in base64; the browser inflates them (DecompressionStream, in browsers since 2023).
+"""
+
+import base64
 import json
+import zlib
 from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib import resources
 from pathlib import Path
 
-from fifthwheel.report.figures import Plot
+from fifthwheel.report.lines import Plot
 from fifthwheel.whole import whole
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -16,17 +21,22 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-sr
 
 def write(path: Path, *, title: str, body: str, plots: Sequence[Plot]) -> None:
     """Write the page, whole or not at all."""
-    figures = [{"group": plot.group, **plot.figure} for plot in plots]
+    figures = [{"group": plot.group, "name": plot.name, **plot.figure} for plot in plots]
     parts = [
         _head(title).encode(),
         body.encode(),
         b"\n<noscript><p>The plots need JavaScript; the tables do not.</p></noscript>\n",
-        b'<script type="application/json" id="figures">',
-        script_json(figures).encode(),
-        b"</script>\n",
     ]
     if plots:
-        parts += [b"<script>", plotly_js(), b"</script>\n<script>", _asset("page.js"), b"</script>\n"]
+        parts += [
+            b'<p id="old" class="hint" hidden>This browser is too old for the plots, which need Chrome or Edge 80, '
+            b"Firefox 113, Safari 16.4 or a later one. The tables need nothing.</p>\n",
+            _packed("figures", packed(script_json(figures).encode())),
+            _packed("library", _plotly_packed()),
+            b"<script>",
+            _asset("page.js"),
+            b"</script>\n",
+        ]
     parts.append(b"</body>\n</html>\n")
     with whole(path) as part:
         part.write_bytes(b"".join(parts))
@@ -40,11 +50,24 @@ def script_json(value: object) -> str:
     return text
 
 
+def packed(data: bytes) -> bytes:
+    """Deflated, in base64."""
+    return base64.b64encode(zlib.compress(data, 9))
+
+
+def unpacked(data: bytes) -> bytes:
+    """What was packed."""
+    return zlib.decompress(base64.b64decode(data))
+
+
+def _packed(key: str, data: bytes) -> bytes:
+    return b'<script type="application/octet-stream" id="%b">%b</script>\n' % (key.encode(), data)
+
+
 @cache
-def plotly_js() -> bytes:
+def _plotly_packed() -> bytes:
     """The plotly.js that the installed plotly brings, without importing its figures."""
-    found = (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
-    return found.replace(b"</script", b"<\\/script")
+    return packed((resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes())
 
 
 @cache

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fifthwheel.report.conclusion import Conclusion
 from fifthwheel.report.numbers import about, fixed, percent
 from fifthwheel.report.outlook import BOUND, explained, in_words, word
 from fifthwheel.report.terminal import COLOURS, Page
-from fifthwheel.report.words import Conclusion
 
 if TYPE_CHECKING:
     from rich.console import Console

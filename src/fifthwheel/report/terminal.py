@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from fifthwheel.report import facts
+from fifthwheel.report.conclusion import Conclusion
 from fifthwheel.report.numbers import about, percent, plain_ascii, relative, with_sigma
-from fifthwheel.report.words import Conclusion, conclude, conclude_states, innovation_size, mark
+from fifthwheel.report.state_words import conclude_states, innovation_size
+from fifthwheel.report.words import conclude, mark
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,12 +28,18 @@ COLOURS = {
 """Verdict -> colour, always beside its word."""
 
 
-def show_identification(identification: "Identification", console: "Console | None" = None) -> None:
-    """Print parameters with sigma and verdict, what follows from them, the fit and what to do next."""
+def show_identification(
+    identification: "Identification", console: "Console | None" = None, told: Conclusion | None = None
+) -> None:
+    """Print parameters with sigma and verdict, what follows from them, the fit and what to do next.
+
+    Args:
+        told: what `words.conclude` said with the logs and the states at hand; without them it says less.
+    """
     page = Page(console)
-    told = conclude(identification)
+    told = told or conclude(identification)
     page.headline(told)
-    table = page.table("Parameter", "Value:>", "Sigma:>", "Verdict")
+    table = page.table("Parameter", "Value:>", "± %:>", "Verdict")
     for estimate in (*identification.parameters, *identification.derived):
         page.row(table, *_estimate(estimate), style=COLOURS[estimate.verdict])
     page.show(table)
@@ -136,4 +144,5 @@ class Page:
 
 def _estimate(estimate: "Estimate") -> tuple[str, ...]:
     value = with_sigma(estimate.value, estimate.sigma, estimate.unit)
-    return estimate.name, value, relative(estimate.value, estimate.sigma), mark(estimate)[1]
+    part = relative(estimate.value, estimate.sigma).removesuffix(" %").replace("> ", ">")
+    return estimate.name, value, part, mark(estimate)[1]

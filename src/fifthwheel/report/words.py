@@ -1,16 +1,18 @@
 """An identification in words: what is known, what is not, what to beware of, what to do next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fifthwheel.report import advice, facts
+from fifthwheel.report import advice, cautions, facts
+from fifthwheel.report.conclusion import Conclusion
 from fifthwheel.report.numbers import about, percent, relative, with_sigma
+from fifthwheel.report.state_words import innovation_cautions
 
 if TYPE_CHECKING:
     from fifthwheel.identify import Estimate, Identification
+    from fifthwheel.identify.outlook import Outlook
     from fifthwheel.logs import Record
     from fifthwheel.observe import States
 
@@ -27,21 +29,7 @@ MARKS = {
 
 def mark(estimate: "Estimate") -> tuple[str, str]:
     """Mark and word for an estimate's verdict."""
-    return ("≈", "converged, rough") if advice.roughly(estimate) else MARKS[estimate.verdict]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Conclusion:
-    """What a reader should take away, a sentence each."""
-
-    good: bool
-    """Whether nothing is left to do."""
-    headline: str
-    found: tuple[str, ...] = ()
-    unknown: tuple[str, ...] = ()
-    cautions: tuple[str, ...] = ()
-    next_steps: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    return ("≈", "converged, rough") if cautions.roughly(estimate) else MARKS[estimate.verdict]
 
 
 def spoken(name: str) -> str:
@@ -49,24 +37,36 @@ def spoken(name: str) -> str:
     return name.replace(".", " ").replace("_", " ").replace("cog", "CoG")
 
 
-def conclude(identification: "Identification", records: "Sequence[Record]" = ()) -> Conclusion:
-    """The identification in words; with the records also how they were driven."""
+def conclude(
+    identification: "Identification",
+    records: "Sequence[Record]" = (),
+    outlook: "Outlook | None" = None,
+    states: "Sequence[States]" = (),
+) -> Conclusion:
+    """The identification in words.
+
+    Args:
+        records: the logs, for how they were driven.
+        outlook: at the identified vehicle, for what a change would bring.
+        states: of the identified truck, for whether they fit what was measured.
+    """
     sought = [e for e in identification.parameters if e.verdict != "held"]
     known = [e for e in sought if e.verdict == "converged"]
     drives = facts.driven(identification, records)
-    cautions = [
-        *advice.value_cautions(identification),
-        *advice.sensor_cautions(identification),
-        *advice.fit_cautions(identification),
-        *advice.drive_cautions(identification, drives),
+    beware = [
+        *cautions.value_cautions(identification),
+        *cautions.sensor_cautions(identification),
+        *cautions.fit_cautions(identification),
+        *cautions.drive_cautions(identification, drives),
+        *[text for one in states for text in innovation_cautions(one, "truck")],
     ]
     return Conclusion(
         good=len(known) == len(sought),
         headline=_headline(identification, known, sought),
         found=(*[_found(identification, e) for e in known], *_found_derived(identification), *_proof(identification)),
         unknown=tuple(_together(identification)),
-        cautions=tuple(cautions),
-        next_steps=tuple(advice.next_steps(identification, drives)),
+        cautions=tuple(beware),
+        next_steps=tuple(advice.next_steps(identification, drives, outlook)),
         notes=identification.notes,
     )
 
@@ -80,7 +80,7 @@ def _headline(identification: "Identification", known: "Sequence[Estimate]", sou
         if all(e.verdict == "not_excited" for e in sought):
             return f"No parameter is known from {logs}: the truck was not moved enough."
         return f"No parameter is known from {logs}."
-    rough = sum(advice.roughly(e) for e in known)
+    rough = sum(cautions.roughly(e) for e in known)
     coarse = f", {rough} of them roughly" if rough else ""
     if len(known) == len(sought):
         return f"All {len(sought)} parameters are known from {logs}{coarse}."
@@ -90,7 +90,7 @@ def _headline(identification: "Identification", known: "Sequence[Estimate]", sou
 def _found(identification: "Identification", estimate: "Estimate") -> str:
     text = f"{spoken(estimate.name)}: {with_sigma(estimate.value, estimate.sigma, estimate.unit)}"
     if estimate.sigma is not None and estimate.value:
-        text += f" (±{relative(estimate.value, estimate.sigma)}{', roughly' if advice.roughly(estimate) else ''})"
+        text += f" (±{relative(estimate.value, estimate.sigma)}{', roughly' if cautions.roughly(estimate) else ''})"
     before = identification.initial_vehicle.parameters().get(estimate.name)
     if before:
         change = estimate.value / before - 1
@@ -114,7 +114,7 @@ def _proof(identification: "Identification") -> list[str]:
         own = [fit for fit in identification.fits if fit.log == log]
         if all(facts.share(fit).by_noise for fit in own):
             told.append(f"{log}, which was only predicted, is matched as well as its sensors' noise allows.")
-        elif all(fit.explained >= advice.POOR or facts.share(fit).by_noise for fit in own):
+        elif all(fit.explained >= cautions.POOR or facts.share(fit).by_noise for fit in own):
             worst = min(fit.explained for fit in own if not facts.share(fit).by_noise)
             told.append(f"{log}, which was only predicted, is explained to {percent(worst, of_whole=True)} or more.")
     return told
@@ -174,74 +174,6 @@ def _together(identification: "Identification") -> list[str]:
     plain = ("converged", "not_excited", "not_identifiable")
     sentences = [_unknown(e) for e in identification.parameters if e.verdict not in plain]
     return [*sentences, *[_sentence(f"{', '.join(names)}: {text}") for text, names in told.items()]]
-
-
-def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> Conclusion:
-    """States alone in words."""
-    found, cautions, steps = [], [], []
-    for one in states:
-        shares = facts.status_shares(one)
-        good = shares.get(facts.WORDS["OK"], 0.0)
-        rest = "; ".join(f"{percent(part)} {word}" for word, part in shares.items() if word != facts.WORDS["OK"])
-        found.append(f"{one.name}: reliable in {_of_samples(good)}{f' ({rest})' if rest else ''}.")
-        differences = [
-            (name, facts.reference_rms(one, facts.record_of(one, records), name), facts.unit_of(name))
-            for name in one.values
-        ]
-        told = [f"{n} {about(rms, unit)}" for n, rms, unit in differences if rms is not None]
-        if told:
-            found.append(f"{one.name}: rms difference from the reference: {', '.join(told)}.")
-        warned = list(_innovation_cautions(one))
-        cautions += warned
-        if warned:
-            steps.append(
-                f"Check the vehicle file against this truck, or identify it from {one.name} first; if it was, give the "
-                "identification.json too, which holds the sensors' zeros, gains and delays."
-            )
-        if good < 0.5:
-            steps.append(f"Cut {one.name} to where the truck drives, or map the missing channels.")
-    whole = float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
-    return Conclusion(
-        good=whole > 0.95 and not cautions,
-        headline=(
-            "The truck of the vehicle file does not fit what was measured: do not rely on these states."
-            if cautions
-            else f"States are reliable in {_of_samples(whole)} of "
-            f"{'1 log' if len(states) == 1 else f'{len(states)} logs'}."
-        ),
-        found=tuple(found),
-        cautions=tuple(cautions),
-        next_steps=tuple(dict.fromkeys(steps)),
-        notes=tuple(dict.fromkeys(f"{r.name}: {note}" for r in records for note in r.notes)),
-    )
-
-
-def _innovation_cautions(states: "States") -> "Sequence[str]":
-    told = []
-    for name in states.innovation:
-        size, out = innovation_size(states, name)
-        if np.isfinite(size) and size > 1.5:
-            told.append(
-                f"{states.name}: innovations of {name} are {size:.1f} times what the filter expects; "
-                "vehicle file or sensor noise do not fit, and the bands are too narrow."
-            )
-        if out > 0.02:
-            told.append(f"{states.name}: {percent(out)} of {name} lie outside the gate and were not used.")
-    return told
-
-
-def innovation_size(states: "States", name: str) -> tuple[float, float]:
-    """Root mean square of a channel's used, normalised innovations (1 is as expected), and the part not used."""
-    values = facts.normalised(states, name)
-    out = facts.rejected(states, name)
-    seen = np.isfinite(values)
-    used = seen & ~out
-    size = float(np.sqrt(np.mean(values[used] ** 2))) if used.any() else float("nan")
-    return size, float(out.sum() / max(seen.sum(), 1))
-
-
-def _of_samples(part: float) -> str:
-    return "all samples" if part == 1 else f"{percent(part, of_whole=True)} of the samples"
 
 
 def _sentence(text: str) -> str:

@@ -29,7 +29,9 @@ s;km/h;°;°/s
 0,01;50,2;1,3;0,4
 0,02;50,3;;0,5
 """
-CANAPE = "Name;time;speed;yaw\nUnit;s;km/h;deg/s\nComment;;from EBS;gyro\n;0.0;50.1;0.3\n;0.01;50.2;0.4\n;0.02;50.3;0.5\n"
+CANAPE = (
+    "Name;time;speed;yaw\nUnit;s;km/h;deg/s\nComment;;from EBS;gyro\n;0.0;50.1;0.3\n;0.01;50.2;0.4\n;0.02;50.3;0.5\n"
+)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
