@@ -19,7 +19,7 @@ import numpy as np
 
 from fifthwheel.filters.kalman import Noise, channel_columns, observe, predict
 from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
-from fifthwheel.filters.update import Channel, gate, joseph
+from fifthwheel.filters.update import Channel, gate, joseph, positive
 from fifthwheel.native import Scan
 
 PRECISION = 1e-11
@@ -179,6 +179,7 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
         Pz = joseph(Pz, cross_z, gain_z, psi, noise_z)
         channels.append(Channel(weight[i] * innovation, variance, accepted))
         seen.append(psi.T)
+    Pz = positive(Pz)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V), walk)
     output = [z, ca.diag(Pz), channel_columns(channels), *seen]
     return Scan(
