@@ -6,7 +6,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example as instance
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel import dynamics
@@ -427,8 +428,8 @@ def test_whatever_the_start_and_the_noise(article: Article, name: str) -> None:
     corner = {"height": 0.0, "R": 1e-7, "P0": 1.0, "Q": 0.0, "prior": 1.0, "size": 1e4, "gate": np.inf}
 
     @settings(max_examples=60, deadline=None)
-    @example(relative=(0.8, 0.8), seed=2, **corner)
-    @example(relative=(1.0, 0.6), seed=33679, **corner)
+    @instance(relative=(0.8, 0.8), seed=2, **corner)
+    @instance(relative=(1.0, 0.6), seed=33679, **corner)
     @given(**STARTS)
     def check(
         relative: tuple[float, float],
