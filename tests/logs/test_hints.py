@@ -37,9 +37,15 @@ def test_a_name_and_a_unit(column, unit, quantity, trailing):
 
 @pytest.mark.parametrize(
     ("column", "unit"),
-    [("engine_temp", "degC"), ("yaw_rate_status", None), ("VDC2.steering_wheel_turn_counter@0B", None), ("yaw_rate", "V"),
-     ("EBC2.front_axle_left_relative_speed@0B", "km/h"), ("t", "s")],
-)  # fmt: skip
+    [
+        ("engine_temp", "degC"),
+        ("yaw_rate_status", None),
+        ("VDC2.steering_wheel_turn_counter@0B", None),
+        ("yaw_rate", "V"),
+        ("EBC2.front_axle_left_relative_speed@0B", "km/h"),
+        ("t", "s"),
+    ],
+)
 def test_what_is_nothing_of_ours(column, unit):
     assert hint(column, unit) is None
 

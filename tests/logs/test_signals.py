@@ -119,7 +119,7 @@ def test_several_rates_and_held_stamps(tmp_path):
     assert made.time == pytest.approx(t_imu[::4])
     assert made.signals["yaw_rate.tractor"] == pytest.approx(T[::4])
     assert made.signals["speed"] == pytest.approx(t_imu[::4])
-    with pytest.raises(SignalError, match="no time for roll.tractor, neither"):
+    with pytest.raises(SignalError, match=r"no time for roll\.tractor, neither"):
         reading(tmp_path, toml + "[signals.roll]\ntractor = {column = 'r'}", t_imu=t_imu, r=T, t_v=T, v=T)
     with pytest.raises(SignalError, match="t_imu: goes back"):
         reading(tmp_path, toml, t_imu=t_imu[::-1], r=T, t_v=T, v=T)

@@ -25,6 +25,9 @@ app = typer.Typer(
 _LARGE = 20_000_000
 """Bytes from which reading shows how far it is."""
 
+_LOADS_AGREE = 0.05
+"""Weighing on board is hardly better."""
+
 Logs = Annotated[
     list[Path],
     typer.Argument(help="Logs of one truck: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces.", show_default=False),
@@ -90,6 +93,23 @@ def reading(paths: list[Path]) -> "Iterator[Callable[[Path], Callable[[float], N
     size = sum(path.stat().st_size for path in paths if path.is_file())
     with progress_bar(quiet=size < _LARGE) as show:
         yield lambda path: lambda done: show(f"reading {path.name}", round(1000 * done), 1000)
+
+
+def say_loads(truck: "Vehicle", records: "list[Record]") -> None:
+    """Tell where axle loads in the logs are not those of the vehicle file, as everything rests on its masses."""
+    from fifthwheel.logs.weigh import PREFIX, static_loads
+
+    expected = truck.axle_loads()
+    for record in records:
+        if not any(name.startswith(PREFIX) for name in record.signals):
+            continue
+        for path, load in static_loads(record).items():
+            if path in expected and abs(load.value / expected[path] - 1) > _LOADS_AGREE:
+                typer.echo(
+                    f"{record.name}: {PREFIX}{path} is {load.value / 1e3:.1f} kN, the vehicle file makes it "
+                    f"{expected[path] / 1e3:.1f} kN; `fifthwheel weigh` takes masses and CoG from the log",
+                    err=True,
+                )
 
 
 def made_folder(path: Path) -> Path:

@@ -9,6 +9,7 @@ from fifthwheel.cli.app import (
     example,
     read_records,
     read_vehicle,
+    say_loads,
 )
 from fifthwheel.cli.one_stage import (
     AnyLoadOption,
@@ -48,7 +49,9 @@ def check(
 
     truck = read_vehicle(vehicle)
     settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load)
-    found = outlook(read_records(logs, signals), truck, settings)
+    records = read_records(logs, signals)
+    say_loads(truck, records)
+    found = outlook(records, truck, settings)
     if as_json:
         print(found.to_json())
     else:

@@ -24,6 +24,7 @@ from fifthwheel.cli.app import (
     read_records,
     read_vehicle,
     say_files,
+    say_loads,
 )
 from fifthwheel.cli.one_stage import (
     AnyLoadOption,
@@ -109,6 +110,7 @@ def identify(
     if figures:
         drawing.checked(figures)
     truck, both = read_vehicle(vehicle), read_records([*logs, *(validate or [])], signals)
+    say_loads(truck, both)
     records, unseen = both[: len(logs)], both[len(logs) :]
     settings: OneStage | TwoStage
     if method is Method.one_stage:

@@ -40,6 +40,10 @@ LIMITS: dict[str, Limit] = {
 }
 
 
+_STEADY = ("speed", "wheel_speed", "axle_load")
+"""What may stay as it is while the truck turns."""
+
+
 def seen(record: Record, name: str) -> tuple[Array, Array]:
     """Instants (n,) s and values (n,) of the samples that are there."""
     values = record.signals[name]
@@ -117,7 +121,7 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
     """
     limit = LIMITS.get(name.partition(".")[0])
     time, values = seen(record, name)
-    if limit is None or name == "speed" or "speed" not in record.signals or values.size < 3:
+    if limit is None or name.partition(".")[0] in _STEADY or "speed" not in record.signals or values.size < 3:
         return
     starts = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1])
     stops = np.concatenate([starts[1:] - 1, [values.size - 1]])
