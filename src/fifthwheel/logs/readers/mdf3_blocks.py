@@ -112,17 +112,15 @@ class _Blocks:
             return None
         if kind == 10:
             return convert.formula(_latin(self._file.take_some(at + 46, 256)))
-        needs = {0: 2, 1: 2 * count, 2: 2 * count, 6: 6, 7: 7, 8: 7, 9: 6}
+        needs = {0: 2, 1: 2 * count, 2: 2 * count, 9: 6}
         if kind not in needs:
-            raise BrokenError(f"of the unknown kind {kind}")
+            raise BrokenError(f"of the kind {kind}, which is not read here")
         p = struct.unpack(f"{self._order}{needs[kind]}d", self._file.take(at + 46, 8 * needs[kind]))
         if kind == 0:
             return convert.linear(p[0], p[1])
         if kind in (1, 2):
             return convert.table(p, interpolated=kind == 1)
-        if kind == 6:
-            return convert.polynomial(p)
-        return convert.rational(p) if kind == 9 else convert.exponential(p, logarithmic=kind == 8)
+        return convert.rational(p)
 
     def _text(self, at: int) -> str:
         try:

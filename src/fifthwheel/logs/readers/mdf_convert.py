@@ -86,36 +86,6 @@ def mixed(
     return convert
 
 
-def polynomial(p: Sequence[float]) -> Conversion:
-    """That of MDF 3 with six parameters; x is the raw value."""
-
-    def convert(x: Array) -> Array:
-        with np.errstate(all="ignore"):
-            part = x - p[4] - p[5]
-            result: Array = (p[1] - p[3] * part) / (p[2] * part - p[0])
-        return result
-
-    return convert
-
-
-def exponential(p: Sequence[float], logarithmic: bool) -> Conversion:
-    """The exponential or logarithmic one of MDF 3 with seven parameters."""
-    outer = np.exp if logarithmic else np.log
-
-    def convert(x: Array) -> Array:
-        with np.errstate(all="ignore"):
-            part = x - p[6]
-            if p[3] == 0:
-                result: Array = outer((part * p[5] - p[2]) / p[0]) / p[1]
-            elif p[0] == 0:
-                result = outer((p[2] / part - p[5]) / p[3]) / p[4]
-            else:
-                raise BrokenError("an exponential conversion with both halves")
-        return result
-
-    return convert
-
-
 def formula(text: str) -> Conversion:
     """A formula of X, by numexpr."""
     text = re.sub(r"\bX1?\b", "X", text.strip().rstrip("\0")).replace("^", "**")
