@@ -213,6 +213,16 @@ def test_a_damaged_file_is_read_or_refused(tmp_path, kind, data):
             assert piece.time.size == len(next(iter(piece.values.values()))) > 0
 
 
+@pytest.mark.parametrize("columns", ["N,O,T,I,I,l,D", "N,O,O,T,B,B,I,l,L,D"])
+def test_a_trace_whose_header_names_a_column_twice(tmp_path, columns):
+    path = tmp_path / "a.trc"
+    path.write_text(
+        f";$FILEVERSION=2.0\n;$COLUMNS={columns}\n  1  1.0 DT 1 18F0090B 18F0090B 8 8 7D 7D 7D 7D 7D 7D 7D 7D\n"
+    )
+    with suppress(SignalError):
+        can.open_log(path)
+
+
 def test_a_real_truck_that_stands(data):
     log = readers.open_log(data / "j1939" / "navistar_a26_vdc2_only.candump.log")
     assert log.columns["VDC2.yaw_rate@0B"].clock == "VDC2@0B"

@@ -110,7 +110,12 @@ def _trc(head: bytes) -> Dialect:
     if major >= 2:
         names = columns[1].decode().split(",") if columns else ["N", "O", "T", "B", "I", "d", "R", "L", "D"]
         coded = "L" in names and "l" not in names
-        fields = [_TRC_COLUMNS.get(name, rb"\S+") for name in names if name != "D"]
+        known = [_TRC_COLUMNS.get(name, rb"\S+") for name in names if name != "D"]
+        groups = [re.findall(rb"<(\w+)>", column) for column in known]
+        fields = [
+            rb"\S+" if mine and mine in groups[:k] else column
+            for k, (column, mine) in enumerate(zip(known, groups, strict=True))
+        ]
     else:
         fields = [rb"\d+\)", _TRC_COLUMNS["O"]]
         fields += [_TRC_COLUMNS["B"]] if minor >= 2 else []
