@@ -192,7 +192,7 @@ def _lag(values: Array, constant: Array) -> Array:
 
 def correlation(a: Array, b: Array, where: NDArray[np.bool_], shift: int) -> float:
     """Of a with b `shift` grid steps later; 0 where either is constant or little is left."""
-    stop = a.size - abs(shift)
+    stop = max(0, a.size - abs(shift))
     one, other = max(0, -shift), max(0, shift)
     both = where[one : one + stop] & where[other : other + stop]
     x, y = a[one : one + stop][both], b[other : other + stop][both]

@@ -108,7 +108,9 @@ def _trc(head: bytes) -> Dialect:
     columns = re.search(rb"^\s*;\$COLUMNS=([A-Za-z,]+)", head, re.MULTILINE)
     coded = False
     if major >= 2:
-        names = columns[1].decode().split(",") if columns else ["N", "O", "T", "B", "I", "d", "R", "L", "D"]
+        names = columns[1].decode().split(",") if columns else []
+        if not {"O", "I"} <= set(names):  # none said, or a damaged one
+            names = ["N", "O", "T", "B", "I", "d", "R", "L", "D"]
         coded = "L" in names and "l" not in names
         known = [_TRC_COLUMNS.get(name, rb"\S+") for name in names if name != "D"]
         groups = [re.findall(rb"<(\w+)>", column) for column in known]

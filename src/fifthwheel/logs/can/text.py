@@ -116,7 +116,7 @@ class _Reading:
         self._kinds = _Names(self.dialect.remote)
         names = self.dialect.frame.groupindex
         self._places = {name: names[name] - 1 for name in names}
-        self._rest = names["rest"] - 1
+        self._rest, self._time = names["rest"] - 1, names["time"] - 1
 
     def notes(self) -> tuple[str, ...]:
         notes = []
@@ -137,7 +137,7 @@ class _Reading:
             return no_frames()
         columns = list(zip(*found, strict=True))
         ids, bus, kind, length, data = (self._column(columns, name) for name in ("id", "bus", "kind", "length", "data"))
-        seconds = np.array(list(map(float, columns[0])) if stamps is None else [stamps[k] for k in numbers])
+        seconds = np.array(list(map(float, columns[self._time])) if stamps is None else [stamps[k] for k in numbers])
         codes = np.array([self._ids[text] for text in ids], np.int64)
         want = np.array([self._lengths[text] for text in length], np.int32)
         texts = self._hex(data, want)
@@ -171,7 +171,7 @@ class _Reading:
 
     def _rows(self, found: list[tuple[bytes, ...]], at: int) -> tuple[list[tuple[bytes, ...]], NDArray[np.int64]]:
         """Of the matches of some lines those of frames, and which lines they are; the others are looked through."""
-        others = [k for k, row in enumerate(found) if row[self._rest] or not row[0]]
+        others = [k for k, row in enumerate(found) if row[self._rest] or not row[self._time]]
         if not others:
             return found, np.arange(len(found))
         for k in others:
@@ -199,7 +199,7 @@ class _Reading:
 
     def _absolute(self, found: list[tuple[bytes, ...]]) -> list[float]:
         """Stamps of all lines, counted from the first of the file."""
-        steps = [_STAMP.match(row[0] or row[self._rest]) for row in found]
+        steps = [_STAMP.match(row[self._time] or row[self._rest]) for row in found]
         stamps = list(accumulate((float(step[1]) if step else 0.0 for step in steps), initial=self.clock))[1:]
         self.clock = stamps[-1] if stamps else self.clock
         return stamps
