@@ -13,7 +13,7 @@ from typing import Any
 
 import fifthwheel
 
-PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow")
+PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "cantools", "h5py", "mcap")
 """On which the numbers depend."""
 BLOCK = 1 << 20
 
@@ -73,16 +73,18 @@ def of_run(
 
     Args:
         vehicle: the truck's file, or its name in the catalogue.
-        signals: the signal map.
+        signals: the signal map; the databases that it names were read, too.
         others: what else was read.
     """
+    from fifthwheel.logs import SignalMap
     from fifthwheel.vehicle import catalogue
 
+    databases = SignalMap.load(signals).databases if signals else ()
     shipped = vehicle in catalogue.names()
     small = [path for path in (None if shipped else Path(vehicle), signals) if path is not None]
     texts = {f"{vehicle}, of the catalogue": catalogue.text(vehicle)} if shipped else {}
     texts |= {str(path): path.read_text(encoding="utf-8", errors="replace") for path in small}
-    return gather([*logs, *small, *[path for path in others if path is not None]], texts, command)
+    return gather([*logs, *small, *databases, *[path for path in others if path is not None]], texts, command)
 
 
 def versions() -> dict[str, str]:
