@@ -153,7 +153,7 @@ def test_frames_that_do_not_follow_in_time_are_left_out_and_counted_once():
 def test_a_clock_that_was_set_back_is_left_to_whoever_reads_on():
     times = [10.0, 10.1, 10.2, 0.0, 0.1, 0.2, 0.3]
     log = log_of(*((at, VDC2_0B, vdc2(0.0)) for at in times))
-    assert samples(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].tolist() == [10.0, 10.1, 10.2, 0.1, 0.2, 0.3]
+    assert samples(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].tolist() == times
 
 
 def test_the_same_name_in_two_databases_makes_two_columns(tmp_path):

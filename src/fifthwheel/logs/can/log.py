@@ -11,9 +11,9 @@ from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.bits import Bits
 from fifthwheel.logs.can.database import Message, Signal, load
 from fifthwheel.logs.can.frames import Batches, Frames
-from fifthwheel.logs.can.steps import Steps
 from fifthwheel.logs.log import Column, Log, Piece, Progress, quiet
 from fifthwheel.logs.names import suggest
+from fifthwheel.logs.stamps import Stamps
 
 _Gates = tuple[tuple[str, Bits, frozenset[int]], ...]
 _SHOWN = 8
@@ -84,13 +84,13 @@ class CanLog(Log):
         return self._pieces(wanted)
 
     def _pieces(self, wanted: dict[_Stream, dict[str, list[tuple[str, Signal]]]]) -> Iterator[Piece]:
-        steps = {stream: Steps() for stream in wanted}
+        stamps = Stamps()
         keys = np.array([key for key, stream in self._streams.items() if stream in wanted], np.int64)
         for frames, done in self._batches() if wanted else ():
             among = np.flatnonzero(np.isin(_keys(frames), keys))
             for stream, rows in self._split(_keys(frames)[among]):
                 rows = among[rows]
-                rows = rows[steps[stream].keep(frames.time[rows])]
+                rows = rows[stamps.keep(stream, frames.time[rows])]
                 data, length, time = frames.data[rows], frames.length[rows], frames.time[rows]
                 for clock, signals in wanted[stream].items():
                     there = signals[0][1].present(data, length)
@@ -103,7 +103,7 @@ class CanLog(Log):
     def _scan(self, progress: Progress) -> None:
         total = 0
         seen: dict[tuple[int, int | None, int], _Stream] = {}
-        steps: dict[_Stream, Steps] = {}
+        stamps = Stamps()
         for frames, done in self._batches():
             self.notes += frames.notes
             total += len(frames)
@@ -112,14 +112,14 @@ class CanLog(Log):
                 if key not in self._streams:
                     self._streams[key] = self._stream(key, seen)
             for stream, rows in self._split(keys):
-                kept = rows[steps.setdefault(stream, Steps()).keep(frames.time[rows])]
+                kept = rows[stamps.keep(stream, frames.time[rows])]
                 stream.frames += kept.size
                 for signal in stream.message.signals:
                     closed = signal.gates and signal.gates not in stream.present
                     if closed and signal.present(frames.data[kept], frames.length[kept]).any():
                         stream.present.add(signal.gates)
             progress(done)
-        self._tell(total, sum(one.dropped for one in steps.values()))
+        self._tell(total, stamps.dropped)
 
     def _stream(self, key: int, seen: dict[tuple[int, int | None, int], _Stream]) -> _Stream | None:
         number, extended, bus = key & 0x1FFFFFFF, bool(key >> 31 & 1), key >> 32

@@ -12,7 +12,7 @@ from fifthwheel.logs.readers.asked import by_clock
 from fifthwheel.logs.readers.mat_five import load_five
 from fifthwheel.logs.readers.mat_signals import Clock, Search, Signal
 from fifthwheel.logs.readers.mat_tree import DAMAGE
-from fifthwheel.logs.readers.stamps import Stamps, add_notes
+from fifthwheel.logs.stamps import Stamps, add_notes
 
 _FIVE = b"MATLAB 5.0 MAT"
 _PIECE_ROWS = 100_000

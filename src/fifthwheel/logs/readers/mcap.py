@@ -13,7 +13,7 @@ from fifthwheel.logs.log import Column, Log, Piece, Progress, quiet
 from fifthwheel.logs.readers.asked import by_clock
 from fifthwheel.logs.readers.mcap_fields import LONGEST, Decode, Decoders, is_stamp, leaves, stamp
 from fifthwheel.logs.readers.mcap_stream import Stream
-from fifthwheel.logs.readers.stamps import LONGEST_SLIP, Stamps, add_notes
+from fifthwheel.logs.stamps import LONGEST_SLIP, Stamps, add_notes
 
 _FIRST = 100
 """Messages of a topic that say which fields it has, and whether its stamps can be used."""

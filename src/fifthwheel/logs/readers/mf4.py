@@ -16,7 +16,7 @@ from fifthwheel.logs.readers.mdf_data import BrokenError, File
 from fifthwheel.logs.readers.mdf_model import Channel, Group, Rows
 from fifthwheel.logs.readers.mdf_rows import read_rows
 from fifthwheel.logs.readers.mdf_values import times, values
-from fifthwheel.logs.readers.stamps import Stamps, add_notes
+from fifthwheel.logs.stamps import Stamps, add_notes
 
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: Progress = quiet) -> Log:

@@ -1,5 +1,7 @@
 """Stamps of a clock, kept rising: loggers write a sample twice, or late, and nobody downstream wants to know."""
 
+from collections.abc import Hashable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,16 +16,19 @@ class Stamps:
     """What of each clock's samples can be given, and how many could not."""
 
     def __init__(self) -> None:
-        self._last: dict[str, float] = {}
-        self._dropped: dict[str, int] = {}
+        self._last: dict[Hashable, float] = {}
+        self._dropped: dict[Hashable, int] = {}
 
-    def keep(self, clock: str, time: Array) -> NDArray[np.bool_]:
+    def keep(self, clock: Hashable, time: Array) -> NDArray[np.bool_]:
         """Which of the next stamps (n,) of a clock are to be kept: those later than all before, (n,)."""
         last = self._last.get(clock, -np.inf)
         if time.size and time[0] > last and np.isfinite(time).all() and (np.diff(time) > 0).all():
             self._last[clock] = float(time[-1])
             return np.ones(time.size, dtype=bool)
         kept = np.isfinite(time)
+        good = np.flatnonzero(kept)
+        ahead = time[good][1:-1] - time[good][2:]
+        kept[good[1:-1]] = ~((ahead > LONGEST_SLIP) & (time[good][2:] > time[good][:-2]))  # one alone has gone wild
         good = np.flatnonzero(kept)
         begin = 0
         for _ in range(_MOST_JUMPS):
@@ -44,6 +49,11 @@ class Stamps:
         self._last[clock] = last
         self._dropped[clock] = self._dropped.get(clock, 0) + int((~kept).sum())
         return kept
+
+    @property
+    def dropped(self) -> int:
+        """Samples of all clocks that could not be given."""
+        return sum(self._dropped.values())
 
     @property
     def notes(self) -> list[str]:
