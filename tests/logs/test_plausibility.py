@@ -197,3 +197,11 @@ def test_a_slow_drive_in_km_per_h(a_drive):
     slow = with_wheels_and_roll(drive(speed=9.0))
     fast = slow.with_signals({"speed": 3.6 * slow.signals["speed"]})
     assert [(f.signal, f.fault) for f in check(fast) if f.fault is Fault.UNIT][:1] == [("speed", Fault.UNIT)]
+
+
+def test_a_stamp_that_has_gone_wild_is_told_and_costs_no_memory(a_drive):
+    time = np.append(a_drive.time[:-1], 4e12)
+    findings = check(Record(time=time, signals=a_drive.signals))
+    assert [(f.signal, f.fault) for f in findings] == [("time", Fault.DROPOUT)]
+    holed = Record(time=time, signals=between(RATE, 3, 3.1, np.nan)(a_drive).signals)
+    assert {f.fault for f in check(holed)} == {Fault.DROPOUT}

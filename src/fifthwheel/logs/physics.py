@@ -19,6 +19,8 @@ from fifthwheel.logs.samples import LIMITS, lone, seen
 
 _STEP = 0.05
 """s; step of the grid on which signals are compared."""
+_MOST = 1e7
+"""Instants of a grid; six days."""
 _TOWED = 8.0
 """m; length of a towed unit, coupling to axles, when nothing is known of it."""
 UNDERSTEER = 0.004
@@ -111,8 +113,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
     hub = _hub(record)
     if hub is None or "speed" not in record.signals:
         return
-    start, stop = record.span
-    time = np.arange(start, stop, _STEP)
+    time = grid(record, _STEP)
     (speed, known), (rate, there) = on_grid(record, "speed", time), on_grid(record, hub, time)
     fast = known & there & (speed > min_speed) & (speed < LIMITS["speed"].most)
     if fast.sum() * _STEP < 3.0:
@@ -163,6 +164,12 @@ def _hub(record: Record) -> str | None:
     rates = [name for name in record.signals if name.startswith("yaw_rate.")]
     leading = [n.split(".")[1] for n in record.signals if n.startswith("steer.") and n.endswith(".front")]
     return next((name for name in rates if name.partition(".")[2] in leading), rates[0] if rates else None)
+
+
+def grid(record: Record, step: float) -> Array:
+    """Instants (N,) s from the record's first to its last, `step` s apart; none where a stamp has gone wild."""
+    start, stop = record.span
+    return np.arange(start, stop, step) if (stop - start) / step < _MOST else np.empty(0)
 
 
 def on_grid(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:

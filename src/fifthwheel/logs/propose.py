@@ -13,7 +13,7 @@ from fifthwheel.logs.faults import Fault, Finding
 from fifthwheel.logs.hints import Hint, hint
 from fifthwheel.logs.log import Log
 from fifthwheel.logs.names import si_unit
-from fifthwheel.logs.physics import UNDERSTEER, correlation, on_grid, relations
+from fifthwheel.logs.physics import UNDERSTEER, correlation, grid, on_grid, relations
 from fifthwheel.logs.plausibility import MIN_SPEED, check
 from fifthwheel.logs.record import Record
 from fifthwheel.logs.signals import Channel, SignalMap, TimeColumn
@@ -170,8 +170,7 @@ def _box(column: str) -> tuple[str, str] | None:
 
 def _lag(record: Record, name: str) -> float:
     """s, by how much a channel follows the first of the record; 0 where they have little to do with each other."""
-    start, stop = record.span
-    time = np.arange(start, stop, 1 / _RATE)
+    time = grid(record, 1 / _RATE)
     one, other = (on_grid(record, n, time) for n in (next(iter(record.signals)), name))
     shifts = range(-round(1.5 * _RATE), round(1.5 * _RATE) + 1)
     found = [correlation(one[0], other[0], one[1] & other[1], shift) for shift in shifts]

@@ -51,6 +51,9 @@ def seen(record: Record, name: str) -> tuple[Array, Array]:
     return record.time[there], values[there]
 
 
+_MOST_WINDOWS = 100_000
+
+
 def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding]:
     """A hole above 0.5 s, more than 5 % missing within `window` s, or (an error) more than half of all.
 
@@ -72,7 +75,7 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     lost = np.where(holes, steps - rhythm, 0.0)
     share = float(lost.sum() / (last - first))
     longest = int(lost.argmax())
-    bins = max(1, round((last - first) / window))
+    bins = min(max(1, round((last - first) / window)), _MOST_WINDOWS)
     per_bin, edges = np.histogram(ends[:-1], bins=bins, range=(first - rhythm, last), weights=lost)
     worst = int(per_bin.argmax())
     if lost[longest] > 0.5:
