@@ -145,6 +145,15 @@ def _samples(signal: str, channel: Channel, log: Log, places: list[tuple[_Clock,
     """A channel's values in SI at the instants they held."""
     si = si_unit(signal) or "1"
     first = places[0][0]
+    delay = quantity(channel.delay, "s")
+    with np.errstate(over="ignore", invalid="ignore"):  # what is damaged may be as large as numbers get
+        values = channel.sign * channel.gain * _total(channel, log, places, si) - quantity(channel.offset, si)
+    return Samples(time=first.time - delay, values=values, own=first is not base or delay != 0)
+
+
+def _total(channel: Channel, log: Log, places: list[tuple[_Clock, str]], si: str) -> Array:
+    """The columns of a channel added up on the first one's clock, in SI."""
+    first = places[0][0]
     total = np.zeros(first.time.size)
     for clock, column in places:
         values = clock.values[column]
@@ -152,9 +161,4 @@ def _samples(signal: str, channel: Channel, log: Log, places: list[tuple[_Clock,
             seen = np.isfinite(values)
             values = between(first.time, clock.time[seen], values[seen]) if seen.any() else np.full(total.size, np.nan)
         total = total + channel.calibrated(values, log.columns[column].unit, si)
-    delay = quantity(channel.delay, "s")
-    return Samples(
-        time=first.time - delay,
-        values=channel.sign * channel.gain * total - quantity(channel.offset, si),
-        own=first is not base or delay != 0,
-    )
+    return total
