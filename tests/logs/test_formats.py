@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.logs import Record, SignalMap, read
-from fifthwheel.logs.propose import as_toml, propose
+from fifthwheel.logs.draft import as_toml
+from fifthwheel.logs.propose import propose
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.survey import survey
 from fifthwheel.simulate import simulate

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.logs import SignalMap, read
-from fifthwheel.logs.propose import as_toml, propose
+from fifthwheel.logs.draft import as_toml
+from fifthwheel.logs.propose import propose
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.survey import survey
 

@@ -51,7 +51,8 @@ def signals(
         _show_record(log, signals, truck, save, as_json)
         return
     from fifthwheel.errors import FifthwheelError
-    from fifthwheel.logs.propose import as_toml, propose
+    from fifthwheel.logs.draft import as_toml
+from fifthwheel.logs.propose import propose
     from fifthwheel.logs.readers import open_log
     from fifthwheel.logs.survey import survey
 
