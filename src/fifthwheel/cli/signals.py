@@ -52,7 +52,7 @@ def signals(
         return
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.logs.draft import as_toml
-from fifthwheel.logs.propose import propose
+    from fifthwheel.logs.propose import propose
     from fifthwheel.logs.readers import open_log
     from fifthwheel.logs.survey import survey
 
