@@ -64,17 +64,18 @@ def decimated(time: Array, values: Array, rate: float, steps: Array | None = Non
 def _convolved(time: Array, values: Array, at: Array, rate: float, step: float) -> Array:
     steps = np.minimum(np.diff(time), 3 * step)
     weight = rate * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0)) / 2
-    total, covered = np.zeros((at.size, values.shape[1])), np.zeros(at.size)
+    rows = np.column_stack([values, np.ones(time.size)]) * weight[:, None]  # the last column tells what is covered
     below = np.floor(time * rate)
+    first = np.flatnonzero(np.diff(below, prepend=-np.inf))
+    total = np.zeros((at.size, rows.shape[1]))
     for shift in range(1 - _HALF, _HALF + 1):
-        place = np.minimum(np.searchsorted(at, below + shift), at.size - 1)
-        there = at[place] == below + shift
-        share = weight[there] * _kernel(time[there] * rate - at[place[there]])
-        covered += np.bincount(place[there], share, minlength=at.size)
-        for column in range(values.shape[1]):
-            total[:, column] += np.bincount(place[there], share * values[there, column], minlength=at.size)
+        sums = np.add.reduceat(_kernel(time * rate - below - shift)[:, None] * rows, first, axis=0)
+        place = np.minimum(np.searchsorted(at, below[first] + shift), at.size - 1)
+        there = at[place] == below[first] + shift
+        total[place[there]] += sums[there]
+    covered = total[:, -1:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(np.abs(covered - 1)[:, None] < _COVERED, total / covered[:, None], np.nan)
+        return np.where(np.abs(covered - 1) < _COVERED, total[:, :-1] / covered, np.nan)
 
 
 def moved(time: Array, values: Array, rate: float) -> tuple[Array, Array]:
