@@ -205,3 +205,14 @@ def test_a_stamp_that_has_gone_wild_is_told_and_costs_no_memory(a_drive):
     assert [(f.signal, f.fault) for f in findings] == [("time", Fault.DROPOUT)]
     holed = Record(time=time, signals=between(RATE, 3, 3.1, np.nan)(a_drive).signals)
     assert {f.fault for f in check(holed)} == {Fault.DROPOUT}
+
+
+def test_messages_that_come_in_bursts_are_whole(a_drive):
+    """Two gyros 1 ms apart, as messages on a bus come, and inputs that lie between their samples."""
+    time = np.sort(np.concatenate([a_drive.time, a_drive.time + 1e-3]))
+    first = np.arange(time.size) % 2 == 0
+    signals = {n: np.interp(time, a_drive.time, v, right=np.nan) for n, v in a_drive.signals.items()}
+    signals[RATE], signals[RATE2] = np.where(first, signals[RATE], np.nan), np.where(first, np.nan, signals[RATE2])
+    record = Record(time=time, signals=signals)
+    assert check(record) == ()
+    assert record.rate == pytest.approx(100, rel=0.01)

@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.names import is_input
-from fifthwheel.logs.record import Array
+from fifthwheel.logs.record import Array, usual_step
 from fifthwheel.logs.resample import DENSE, moved
 
 _SAME = 1e-6
@@ -96,5 +96,5 @@ def between(time: Array, at: Array, values: Array) -> Array:
         steps = np.diff(at)
         after = np.clip(np.searchsorted(at, time, side="left"), 1, at.size - 1)
         inside = (time - at[after - 1] > _SAME) & (at[after] - time > _SAME)
-        found[inside & (steps[after - 1] > max(0.5, 3 * float(np.median(steps))))] = np.nan
+        found[inside & (steps[after - 1] > max(0.5, 3 * usual_step(at)))] = np.nan
     return found

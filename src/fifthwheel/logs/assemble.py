@@ -31,8 +31,9 @@ def assemble(log: Log, signal_map: SignalMap, *, name: str, progress: Progress =
             if clock.of == piece.clock:
                 clock.push(piece)
         progress(piece.done)
-    if log.unusable:
-        raise SignalError("\n".join(log.unusable.values()))
+    unusable = [why for column, why in log.unusable.items() if any(column in clock.needs for clock in clocks.values())]
+    if unusable:
+        raise SignalError("\n".join(unusable))
     notes = [*log.notes, *(note for clock in clocks.values() for note in clock.finish(signal_map.rate))]
 
     base = next((clock for clock in clocks.values() if clock.base), None)

@@ -60,8 +60,8 @@ class Record:
 
     @property
     def rate(self) -> float:
-        """Samples a second, by the median step, Hz."""
-        return float(1 / np.median(np.diff(self.time)))
+        """Samples a second, Hz, as usual_step() tells it."""
+        return 1 / usual_step(self.time)
 
     def cut(self, start: float = -np.inf, stop: float = np.inf) -> "Record":
         """The samples with start <= time <= stop, s."""
@@ -140,6 +140,16 @@ class Record:
         signals = {n: v[rows] for n, v in self.signals.items()}
         reference = {n: v[rows] for n, v in self.reference.items()}
         return replace(self, time=self.time[rows], signals=signals, reference=reference, name=name)
+
+
+def usual_step(time: Array) -> float:
+    """Seconds a sample where there are samples, of an increasing time (n,); NaN of fewer than two.
+
+    The median over 20 steps at a time: neither holes count, nor whether samples come evenly or in bursts, as the
+    messages of a bus do.
+    """
+    width = min(20, time.size - 1)
+    return float(np.median(time[width:] - time[:-width])) / width if width > 0 else float("nan")
 
 
 def increasing(time: Array, name: str = "time", before: int = 0) -> Array:

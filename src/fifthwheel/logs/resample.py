@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fifthwheel.logs.record import Array
+from fifthwheel.logs.record import Array, usual_step
 
 _HALF = 4
 """Half the kernel's length in new steps."""
@@ -24,13 +24,11 @@ _AREA = float(np.sum(_kernel(np.arange(-_HALF, _HALF, 1e-3))) * 1e-3)
 
 
 def usual_steps(time: Array, values: Array) -> Array:
-    """Median step (c,) s between the samples that each column of values (n, c) has; NaN of fewer than two."""
-    every = float(np.median(np.diff(time))) if time.size > 1 else np.nan
-    steps = np.full(values.shape[1], every)
+    """Usual step (c,) s between the samples that each column of values (n, c) has; NaN of fewer than two."""
+    steps = np.full(values.shape[1], usual_step(time))
     missing = np.isnan(values)
     for column in np.flatnonzero(missing.any(axis=0)):
-        own = np.diff(time[~missing[:, column]])
-        steps[column] = np.median(own) if own.size else np.nan
+        steps[column] = usual_step(time[~missing[:, column]])
     return steps
 
 
@@ -87,7 +85,7 @@ def moved(time: Array, values: Array, rate: float) -> tuple[Array, Array]:
     if time.size < 2:
         return np.rint(time * rate) / rate, values
     steps = np.diff(time)
-    slopes = np.where(steps <= 3 * float(np.median(steps)), np.diff(values) / steps, 0.0)
+    slopes = np.where(steps <= 3 * usual_step(time), np.diff(values) / steps, 0.0)
     target = np.rint(time * rate)
     off = target / rate - time
     slope = np.where(off > 0, np.append(slopes, 0.0), np.insert(slopes, 0, 0.0))

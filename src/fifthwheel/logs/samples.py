@@ -58,9 +58,10 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     """A hole above 0.5 s, more than 5 % missing within `window` s, or (an error) more than half of all.
 
     Missing is what the channel's own rhythm lacks, the 30 % quantile of its steps: one of a slower rate than the rows
-    is whole.
+    is whole. Between two instants of the record that follow each other nothing is missing.
     """
     time, values = seen(record, name)
+    there = np.flatnonzero(np.isfinite(record.signals[name]))
     first, last = record.span
     if values.size == len(record):
         return
@@ -71,7 +72,8 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     rhythm = float(np.quantile(np.diff(time), 0.3))
     ends = np.concatenate([[first - rhythm], time, [last + rhythm]])
     steps = np.diff(ends)
-    holes = steps > 1.5 * rhythm
+    apart = np.diff(np.concatenate([[-1], there, [len(record)]])) > 1
+    holes = apart & (steps > 1.5 * rhythm)
     lost = np.where(holes, steps - rhythm, 0.0)
     share = float(lost.sum() / (last - first))
     longest = int(lost.argmax())

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fifthwheel.logs.record import Array, increasing
+from fifthwheel.logs.record import Array, increasing, usual_step
 from fifthwheel.logs.resample import DENSE, decimated, usual_steps
 
 _BEFORE = 1000
@@ -71,7 +71,7 @@ class Stream:
         self._times_left, self._values_left = [], []
         if self._steps is None and time.size > 2:
             self._steps = usual_steps(time[:_BEFORE], values[:_BEFORE])
-            own = float(1 / np.median(np.diff(time[:_BEFORE])))
+            own = 1 / usual_step(time[:_BEFORE])
             self.thinned_from = own if own > DENSE * self._rate else None
         if self.thinned_from is None:
             self._times.append(time)

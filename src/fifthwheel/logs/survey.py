@@ -7,6 +7,7 @@ import numpy as np
 
 from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.log import Array, Column, Log, Progress, quiet
+from fifthwheel.logs.record import usual_step
 from fifthwheel.logs.units import factor
 
 
@@ -31,7 +32,7 @@ class Content:
     @property
     def alive(self) -> bool:
         """Whether it holds numbers that are not all zero, as a sensor that is not there would give."""
-        return self.fault is None and (self.high > self.low or bool(self.high))
+        return self.fault is None and self.missing < self.samples and (self.high > self.low or bool(self.high))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +61,7 @@ def survey(log: Log, progress: Progress = quiet) -> Survey:
             seen = time[np.isfinite(time)]
             span = [min(span[0], float(seen[0])), max(span[1], float(seen[-1]))]
             if seen.size > 1:
-                steps.setdefault(piece.clock, []).append(float(np.median(np.diff(seen))))
+                steps.setdefault(piece.clock, []).append(usual_step(seen))
         for name, values in piece.values.items():
             sums[name].add(values)
         progress(piece.done)
