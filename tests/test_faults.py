@@ -15,6 +15,7 @@ import pytest
 from pyarrow import parquet
 
 from fifthwheel import cli
+from fifthwheel.cli.app import expected
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.parameters import stage_1_names
@@ -77,6 +78,10 @@ def noise(name: str, sigma: float) -> Inject:
     return lambda record: record.with_signals({name: np.random.default_rng(5).normal(0, sigma, len(record))})
 
 
+def added(name: str, like: str) -> Inject:
+    return lambda record: record.with_signals({name: record.signals[like]})
+
+
 def swapped(one: str, other: str) -> Inject:
     return lambda record: record.with_signals({one: record.signals[other], other: record.signals[one]})
 
@@ -127,7 +132,8 @@ CASES = [
     Case(Fault.WRONG_COLUMN, ROLL2, noise(ROLL2, 0.02), False, "noise"),
     Case(Fault.WRONG_COLUMN, STEER, swapped(STEER, ROLL), False, "with a noisy gyro", among=MEASURED),
     Case(Fault.WRONG_COLUMN, STEER, swapped(STEER, YAW), False, "with the yaw rate", among=MEASURED),
-    Case(Fault.WRONG_COLUMN, YAW, swapped(YAW, YAW2), False, "with the other yaw rate", among=MEASURED),
+    Case(Fault.WRONG_COLUMN, YAW2, swapped(YAW, YAW2), True, "with the other yaw rate"),
+    Case(Fault.UNKNOWN_UNIT, "roll_rate.trailer", added("roll_rate.trailer", ROLL2), True),
     *(
         Case(Fault.OFFSET, n, scaled(n, 1.0, 0.04), False, among=(f"{n}.offset", YAW2, STEER))
         for n in (STEER, YAW, ROLL2)
@@ -255,7 +261,7 @@ def test_command_line(case, tmp_path, capsys):
     log = tmp_path / "log.parquet"
     write(case.inject(BASE), log)
     code, out, err = run(capsys, "states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
-    findings = [f for f in check(case.inject(BASE), wheelbase=TRUCK.wheelbase) if f.severity == "error"]
+    findings = [f for f in check(case.inject(BASE), **expected(TRUCK)) if f.severity == "error"]
     assert "Traceback" not in err
     if findings:
         assert code == 2

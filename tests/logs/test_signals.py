@@ -65,6 +65,8 @@ def test_unit_sign_gain_offset_and_sum(tmp_path):
         ("[signals.speed]\ncolumn = 'v'\ndelay = '1 m'", "delay: unit 'm' does not fit"),
         ("[signals.speed]\ncolumn = 'v'\ngain = nan", r"signals\.speed\.gain: input should be a finite number"),
         ("[signals.speed]\ncolumn = 'v'\npoints = [[1, 2], [1, 3]]", "must increase from pair to pair"),
+        ("[signals.speed]\ncolumn = 'v'\npoints = [[1, 2]]", "a calibration needs two pairs"),
+        ("[signals]\n'yaw_rate.a' = 'r'\n'yaw_rate.b' = 'r'", r"column 'r' cannot be both yaw_rate\.a and yaw_rate\.b"),
         ("[time]\nrate = 0", "at least 1 Hz"),
         ("signals = 3", "signals: .*got 3"),
         ("[signals", "not TOML"),
@@ -175,8 +177,6 @@ def test_clocks_that_tick_apart_meet_on_a_common_base(tmp_path):
         speed = {column = "v", time = "t3"}
         "yaw_rate.tractor" = {column = "a", time = "t1"}
         "yaw_rate.semitrailer" = {column = "b", time = "t2"}
-        "roll_rate.tractor" = {column = "b", time = "t2"}
-        "roll.tractor" = {column = "a", time = "t1"}
         [time]
         rate = 50
     """

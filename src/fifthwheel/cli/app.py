@@ -95,6 +95,12 @@ def reading(paths: list[Path]) -> "Iterator[Callable[[Path], Callable[[float], N
         yield lambda path: lambda done: show(f"reading {path.name}", round(1000 * done), 1000)
 
 
+def expected(truck: "Vehicle") -> dict[str, Any]:
+    """What a check of a record should know of the truck."""
+    units, steered = [unit.name for unit in truck.units], truck.steer_signals()
+    return {"wheelbase": truck.wheelbase, "units": units, "steered": steered}
+
+
 def say_loads(truck: "Vehicle", records: "list[Record]") -> None:
     """Tell where axle loads in the logs are not those of the vehicle file, as everything rests on its masses."""
     from fifthwheel.logs.weigh import PREFIX, static_loads

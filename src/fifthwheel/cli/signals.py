@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fifthwheel.cli.app import JsonOption, SignalsOption, app, example, read_vehicle, reading
+from fifthwheel.cli.app import JsonOption, SignalsOption, app, example, expected, read_vehicle, reading
 
 if TYPE_CHECKING:
     from fifthwheel.logs.propose import Proposal
@@ -89,7 +89,7 @@ def _show_record(log: Path, signals: Path, truck: "Vehicle | None", save: Path |
         writer(save)
     with reading([log]) as progress:
         record = read(log, SignalMap.load(signals), progress=progress(log))
-    findings = check(record, wheelbase=truck.wheelbase if truck else None)
+    findings = check(record, **(expected(truck) if truck else {}))
     if save is not None:
         write(record, save)
     if as_json:

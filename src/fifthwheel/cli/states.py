@@ -19,6 +19,7 @@ from fifthwheel.cli.app import (
     VehicleOption,
     app,
     example,
+    expected,
     made_folder,
     progress_bar,
     read_records,
@@ -96,7 +97,7 @@ def states(
         for i, record in enumerate(records):
             progress("states", i, len(records))
             if check:
-                raise_errors(plausibility(record, wheelbase=truck.wheelbase))
+                raise_errors(plausibility(record, **expected(truck)))
             own = replace(settings, **sensors_told(told, record.name)) if told else settings
             observer = Observer(truck, record.signals, own)
             found.append((observer.smooth if smooth else observer.batch)(record, uncertainty))

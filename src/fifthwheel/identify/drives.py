@@ -81,7 +81,9 @@ class Drives:
         self.yaw, self.roll = channels(records, self.vehicle)
 
     def _check(self, record: Record) -> None:
-        findings = check(record, wheelbase=self.vehicle.wheelbase)
+        original = self.original
+        units, steered = [unit.name for unit in original.units], original.steer_signals()
+        findings = check(record, wheelbase=self.vehicle.wheelbase, units=units, steered=steered)
         self.notes += [f"{record.name}: {finding.message}" for finding in findings if finding.severity != "error"]
         self.notes += [f"{record.name}: {note}" for note in record.notes]
         if self.settings.check:

@@ -74,9 +74,15 @@ def of_parameters(
 
 
 def unexplained(fit: Fit, vehicle: Vehicle, settings: Common) -> bool:
-    """Whether a channel that is well above its sensor's noise is explained by less than half."""
+    """Whether a channel that is well above its sensor's noise is explained by less than half.
+
+    A roll rate must be further above, as roads roll a truck that drives straight.
+    """
     noise = variances.sensor(vehicle, fit.signal, settings.noise)
-    return not fit.explained > 0.5 and float(np.nanvar(fit.measured)) > 20 * noise
+    above = float(np.nanvar(fit.measured)) / noise
+    if fit.signal.startswith("roll"):
+        return not fit.explained > 0.5 and above > 20
+    return above > 4 and not fit.explained > 0.5 * (1 - 1 / above)
 
 
 def _verdict(unknown: Unknown, value: float, sigma: float, settled: bool) -> Verdict:

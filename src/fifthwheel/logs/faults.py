@@ -35,6 +35,8 @@ class Fault(Enum):
     """Right counted positive."""
     WRONG_COLUMN = "wrong column"
     """No relation to the other signals at all."""
+    UNKNOWN_UNIT = "unknown unit"
+    """Of a unit or axle that the vehicle does not have."""
     OFFSET = "offset"
     """Not zero where the other signals say zero."""
 

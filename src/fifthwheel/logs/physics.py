@@ -19,6 +19,8 @@ from fifthwheel.logs.samples import LIMITS, lone, seen
 
 _STEP = 0.05
 """s; step of the grid on which signals are compared."""
+_AHEAD = 0.4
+"""s; a towed unit that is so much earlier than it can be does not follow."""
 _MOST = 1e7
 """Instants of a grid; six days."""
 _TOWED = 8.0
@@ -45,6 +47,8 @@ class Relation:
     """Of the two, smoothed, at the nominal delay."""
     coherence: float
     """The largest magnitude of the correlation at any delay from -1.5 to 1.5 s."""
+    lead: float
+    """By how much the signal comes before what is expected, s; 0 where they hardly go together."""
     gain: float
     """Standard deviation of the signal by that expected."""
     offset: float
@@ -66,12 +70,14 @@ class Relation:
             return Fault.WRONG_COLUMN
         if self.strong and self.correlation < -0.5:
             return Fault.SWAPPED_SIGN
+        if self.strong and quantity == "yaw_rate" and self.lead > _AHEAD:
+            return Fault.WRONG_COLUMN
         if abs(self.correlation) > 0.8:
             if quantity == "steer" and (7 < self.gain < 38 or self.gain > 300):
                 return Fault.STEERING_WHEEL
             if self.gain < 1 / 20 or (self.gain > 20 and quantity != "lateral_acceleration"):
                 return Fault.DEGREES
-            if quantity == "lateral_acceleration" and self.gain < 0.4:
+            if quantity == "lateral_acceleration" and (self.gain < 0.4 or 2.5 < self.gain < 5):
                 return Fault.UNIT
             if self.strong and quantity == "steer" and not 0.35 < self.gain < 2.2:
                 return Fault.GAIN
@@ -147,11 +153,14 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         gain = float(np.std(mine[here]) / max(float(np.std(theirs[here])), 1e-12))
         together = correlation(mine, theirs, here, 0)
         shifts = range(-30, 31, 2)
+        beside = [correlation(mine, theirs, here, shift) for shift in shifts]
+        best = int(np.argmax(beside))
         yield Relation(
             signal=name,
             hub=hub,
             correlation=together,
-            coherence=max(abs(correlation(mine, theirs, here, shift)) for shift in shifts),
+            coherence=max(map(abs, beside)),
+            lead=shifts[best] * _STEP if beside[best] > 0.9 else 0.0,
             gain=gain,
             offset=float(np.mean(mine[here]) - np.sign(together) * gain * np.mean(theirs[here])),
             strong=turning and float(np.std(mine[here])) > _STRONG[quantity],
@@ -218,7 +227,10 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
         Fault.SWAPPED_SIGN: f"goes against {other} (correlation {c:.2f}); left turns are positive in yaw rate, "
         "steer and acceleration, negative in articulation, and roll is positive in them; set sign = -1 here"
         + ("" if hub else f", or for {other}"),
-        Fault.WRONG_COLUMN: f"has nothing to do with {other} (coherence {relation.coherence:.2f}, expected 0.3) "
+        Fault.WRONG_COLUMN: f"comes {relation.lead:.1f} s before a towed unit could that follows {relation.hub}; "
+        "the two columns look exchanged, or their clocks differ"
+        if relation.lead > _AHEAD and quantity == "yaw_rate"
+        else f"has nothing to do with {other} (coherence {relation.coherence:.2f}, expected 0.3) "
         "though both vary; map another column, or check the delay",
         Fault.DEGREES: f"{g:.0f} times what {other} lets expect, looks like degrees; set unit = "
         f'"{unit.replace("rad", "deg")}"',
@@ -227,7 +239,13 @@ def _finding(relation: Relation, fault: Fault, *, hub: bool) -> Finding:
         + "gain = 1 / steering ratio"
         + (' and unit = "deg"' if g > 300 else ""),
         Fault.UNIT: f"speed * {other} is {1 / g:.1f} times {relation.signal}; "
-        + ('the acceleration looks like g, set its unit = "g"' if g < 0.18 else 'looks like km/h, set unit = "km/h"'),
+        + (
+            'the acceleration looks like g, set its unit = "g"'
+            if g < 0.18
+            else 'looks like km/h, set unit = "km/h"'
+            if g < 1
+            else 'it looks like m/s already, set unit = "m/s"'
+        ),
         Fault.GAIN: f"{g:.2g} times what {other}, speed and a wheelbase of {relation.wheelbase:.3g} m let expect; "
         "check the steering ratio (gain), and whether speed is in km/h",
         Fault.OFFSET: f"about {relation.offset:.3g} {unit} where {other} lets expect 0; subtract it with offset = "

@@ -1,10 +1,11 @@
 """Whether a record can be what it is said to be, told before an estimator turns its faults into tyre stiffnesses."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from fifthwheel.logs.faults import Fault, Finding, Severity
+from fifthwheel.logs.names import suggest
 from fifthwheel.logs.physics import disagreements
 from fifthwheel.logs.record import Record
 from fifthwheel.logs.samples import LIMITS, dropouts, seen, spikes, stuck
@@ -12,31 +13,56 @@ from fifthwheel.logs.samples import LIMITS, dropouts, seen, spikes, stuck
 MIN_SPEED = 5.0
 """m/s; below it the lateral equations, which divide by speed, say little."""
 _DEGREE = np.pi / 180
+_HANDS = 16.0
+"""rad; a steering wheel turns no further than two and a half times to either side."""
+_RUSH = 2e4
+"""Hz; no log of a truck is as dense."""
 
 
-def check(record: Record, *, wheelbase: float | None = None) -> tuple[Finding, ...]:
+def check(
+    record: Record, *, wheelbase: float | None = None, units: Sequence[str] = (), steered: Sequence[str] = ()
+) -> tuple[Finding, ...]:
     """Every fault found in the signals of a record, errors first.
 
     Each channel is looked at alone (dropouts, spikes, stuck values, ranges) and against the others by the kinematics
     of a turn (swapped signs, degrees, the steering wheel's angle, a wrong column, offsets). What varies too little to
     be judged passes. `wheelbase` (m) of the leading unit sharpens the relation of steer to yaw rate; 4.5 m is taken
-    without it. The reference is not checked.
+    without it. With the names of the vehicle's `units`, and of the steer signals that it can have, signals of others
+    are named. The reference is not checked.
     """
     together = list(disagreements(record, wheelbase=4.5 if wheelbase is None else wheelbase, min_speed=MIN_SPEED))
     explained = {finding.signal for finding in together if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
-    found = [*_speed(record), *_wheels(record), *together]
+    found = [*_strangers(record, units, steered), *_speed(record), *_wheels(record), *together]
     for name in record.signals:
         found += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
         found += [] if name in explained else _range(record, name)
     steps = np.diff(record.time)
     if steps.max() > max(0.5, 5 * float(np.median(steps))):
         at = record.time[steps.argmax()]
-        message = f"time: {steps.max():.2f} s without a row after {at:.2f} s; split the record with sections()"
+        message = f"time: {steps.max():.2f} s without a row after {at:.2f} s; what is before and after it is used apart"
         found.append(Finding(signal="time", fault=Fault.DROPOUT, severity="warning", message=message))
+    if record.rate > _RUSH:
+        message = (
+            f"time: {record.rate:.3g} samples a second, {record.span[1] - record.span[0]:.3g} s in all; check its unit"
+        )
+        found.append(Finding(signal="time", fault=Fault.UNIT, severity="error", message=message))
     once: dict[tuple[str, Fault], Finding] = {}
     for finding in found:
         once.setdefault((finding.signal, finding.fault), finding)
     return tuple(sorted(once.values(), key=lambda finding: finding.severity))
+
+
+def _strangers(record: Record, units: Sequence[str], steered: Sequence[str]) -> Iterator[Finding]:
+    """Signals of units, and steer angles of axles, that the vehicle does not have."""
+    for name in record.signals if units else ():
+        unit = name.split(".")[1] if "." in name else units[0]
+        if unit not in units:
+            message = f"{name}: the vehicle has no unit {unit!r}; {suggest(unit, list(units))}"
+        elif name.startswith("steer.") and steered and name not in steered:
+            message = f"{name}: no axle of the vehicle steers so; {suggest(name, list(steered))}"
+        else:
+            continue
+        yield Finding(signal=name, fault=Fault.UNKNOWN_UNIT, severity="error", message=message)
 
 
 def _speed(record: Record) -> Iterator[Finding]:
@@ -103,7 +129,12 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
     if most <= limit.most:
         return
     came = f"{name}: up to {most:.3g} {unit}, at most {limit.most:g} {unit} expected"
-    if unit.startswith("rad") and most * _DEGREE <= limit.most:
+    if name.startswith("steer.") and most <= _HANDS:
+        fault, cure = (
+            Fault.STEERING_WHEEL,
+            ('looks like the steering wheel\'s angle; set gain = 1 / steering ratio, or unit = "deg" if it is degrees'),
+        )
+    elif unit.startswith("rad") and most * _DEGREE <= limit.most:
         fault, cure = Fault.DEGREES, f'looks like degrees; set unit = "{unit.replace("rad", "deg")}"'
         if name.startswith("steer."):
             cure += ", and gain = 1 / steering ratio if it is the steering wheel's angle"

@@ -24,7 +24,7 @@ time = "t_imu"                      # on a clock of its own
 
 import tomllib
 from collections.abc import Iterable, Mapping
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -84,7 +84,7 @@ class Channel(BaseModel):
     """Multiplies, such as 1 / steering ratio."""
     offset: float | str = 0.0
     """Subtracted last; a number in SI, or a text with its unit: "0.1 deg"."""
-    points: tuple[tuple[float, float], ...] | None = Field(default=None, min_length=2)
+    points: tuple[tuple[float, float], ...] | None = None
     """A calibration: pairs of what the column shows and what that is in `unit`, linear between and beyond."""
     delay: float | str = 0.0
     """By how much the channel lags, s, or a text with its unit: "200 ms"."""
@@ -105,6 +105,8 @@ class Channel(BaseModel):
     @field_validator("points")
     @classmethod
     def _rising(cls, value: tuple[tuple[float, float], ...] | None) -> tuple[tuple[float, float], ...] | None:
+        if value is not None and len(value) < 2:
+            raise ValueError("a calibration needs two pairs of numbers at least")
         if value is not None and any(b[0] <= a[0] for a, b in pairwise(value)):
             raise ValueError("what the column shows must increase from pair to pair")
         return value
@@ -164,6 +166,10 @@ class SignalMap(BaseModel):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
+        plain = [(name, c) for name, c in self.signals.items() if c.column is not None]
+        for (name, channel), (other, same) in combinations(plain, 2):
+            if (channel.column, channel.time) == (same.column, same.time):
+                raise ValueError(f"column {channel.column!r} cannot be both {name} and {other}; map one of them anew")
         for name, channel in (*self.signals.items(), *self.reference.items()):
             si = si_unit(name) or "1"
             try:
