@@ -28,6 +28,12 @@ from fifthwheel.logs.hints import hint, plain
         ("vy", "m/s", "lateral_velocity", None),
         ("beta", "deg", "sideslip", None),
         ("VW.axle_weight_1@EE", "kg", "axle_load", False),
+        ("v_kmh", None, "speed", None),
+        ("LWI_Winkel_deg", None, "steer", None),
+        ("yawTrl", "deg/s", "yaw_rate", True),
+        ("GyroZ_Tr", "deg/s", "yaw_rate", None),
+        ("RollRate@IMU_Trailer", "deg/s", "roll_rate", True),
+        ("YawRate@0B", "rad/s", "yaw_rate", None),
     ],
 )
 def test_a_name_and_a_unit(column, unit, quantity, trailing):
@@ -55,6 +61,13 @@ def test_the_drivers_angle_is_told_from_that_of_the_wheels():
     assert hint("Lenkradwinkel", None).steering_wheel
     assert not hint("delta", None).steering_wheel
     assert not hint("road_wheel_steer_angle", None).steering_wheel
+
+
+def test_a_unit_at_the_end_of_a_name():
+    assert hint("v_kmh", None).unit == "km/h"
+    assert hint("yaw_rate_deg_s", None).unit == "deg/s"
+    assert hint("ay_mps2", None).unit == "m/s^2"
+    assert hint("yaw_rate", "rad/s").unit is None
 
 
 def test_names_become_words():

@@ -68,7 +68,7 @@ def test_what_cannot_be_drawn_says_why(monkeypatch):
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):
+    with pytest.raises(FifthwheelError, match=r"pip install '\.\[figures\]'"):
         drawing.checked("svg")
 
 

@@ -178,7 +178,7 @@ def test_names_what_is_missing(name, tmp_path: Path):
 
 def test_without_matplotlib(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(FifthwheelError, match=r"fifthwheel\[paper\]"):
+    with pytest.raises(FifthwheelError, match=r"\.\[paper\]"):
         film(made_up(semitrailer()), tmp_path / "strip.png")
 
 

@@ -58,11 +58,11 @@ def signals(
 
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and look at it")
-    databases = [path.resolve() for path in database or []]
+    databases = [_beside(path, out) for path in database or []]
     units: dict[str, Any] = {}
     if truck is not None:
         units = {"units": [unit.name for unit in truck.units], "wheelbase": truck.wheelbase}
-    with reading([log]) as progress, open_log(log, databases, progress(log)) as opened:
+    with reading([log]) as progress, open_log(log, database or [], progress(log)) as opened:
         found = survey(opened, progress(log))
         proposal = propose(opened, found, databases=databases, **units)
     text = as_toml(proposal, found)
@@ -78,6 +78,13 @@ def signals(
 
     show_survey(found, proposal)
     typer.echo(f"\nWritten: {out}" if out is not None else f"\n{text}", nl=out is not None)
+
+
+def _beside(path: Path, map_file: Path | None) -> Path:
+    """How a map calls a database: from its own folder where it lies there, else in full."""
+    folder = (map_file.parent if map_file else Path()).resolve()
+    full = path.resolve()
+    return full.relative_to(folder) if full.is_relative_to(folder) else full
 
 
 def _show_record(log: Path, signals: Path, truck: "Vehicle | None", save: Path | None, as_json: bool) -> None:

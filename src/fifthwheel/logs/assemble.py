@@ -1,5 +1,6 @@
 """From the columns of a log, by its map, to a record on one time base."""
 
+import re
 from datetime import UTC, datetime
 
 import numpy as np
@@ -15,6 +16,8 @@ from fifthwheel.logs.units import factor, quantity
 
 TIMES = ("time", "t", "timestamp", "timestamps", "zeit")
 """Columns of a table that are its time unless the map says otherwise, in any case of letters."""
+_TIME = re.compile(r"time|zeit|stamp|datum|date")
+_SECONDS = ("s", "ms", "us", "µs", "ns", "sec")
 _EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
 
@@ -123,8 +126,10 @@ def _places(
 
 def time_column(log: Log) -> str | None:
     """The column that a table's time stands in unless the map says otherwise, if there is one."""
-    small = {name.lower(): name for name in reversed(list(log.columns)) if not log.columns[name].clock}
-    return next((small[name] for name in TIMES if name in small), None)
+    rows = [column for column in log.columns.values() if not column.clock]
+    small = {column.name.lower(): column.name for column in reversed(rows)}
+    called = [column.name for column in rows if column.unit in _SECONDS and _TIME.search(column.name.lower())]
+    return next((small[name] for name in TIMES if name in small), next(iter(called), None))
 
 
 def _time_column(log: Log, signal_map: SignalMap, signal: str) -> tuple[str, str | None]:

@@ -18,7 +18,7 @@ _RULES: tuple[tuple[str, str], ...] = (
     ("speed", r"vehicle_speed|veh_?spd|(^|_)(speed|velocity|spd|geschwindigkeit)$|(^|_)v_?(x|ist|fzg|veh|ego|long)?$"),
     ("speed", r"long(itudinal)?_vel|gps_(speed|vel)|ground_speed|tacho"),
     ("steer_rate", r"(steer|lenk|swa).*(rate|geschw|vel|speed)"),
-    ("steer", r"steer|lenk|(^|_)(swa|sas|lws|delta)(_|$)|hand_?wheel"),
+    ("steer", r"steer|lenk|(^|_)(swa|sas|lws|lwi|delta)(_|$)|hand_?wheel"),
     ("articulation_rate", r"(articulat|hitch|knick).*(rate|vel|geschw)"),
     ("articulation", r"articulat|hitch|knick|coupling_angle|(^|_)gamma(_|$)"),
     ("yaw_acceleration", r"yaw_?acc|gier_?beschl"),
@@ -35,13 +35,27 @@ _RULES: tuple[tuple[str, str], ...] = (
     ("roll", r"(^|_)roll(_?angle)?(_|$)|wank_?winkel|(^|_)phi(_|$)"),
     ("pitch", r"(^|_)pitch(_?angle)?(_|$)|nick_?winkel|(^|_)theta(_|$)"),
     ("yaw", r"(^|_)(yaw|heading|psi)(_?angle)?(_|$)|gier_?winkel"),
+    ("yaw_rate", r"(^|_)(yaw|gier)(_|$)"),
+    ("roll_rate", r"(^|_)(roll|wank)(_|$)"),
 )
 """Quantity and the names it goes by, in English and German, the more special first."""
 
-_TRAILING = re.compile(r"trailer|semi|(^|_)(trl|tr|anh|auflieger|sattelanh\w*|st|towed|rear_unit)(_|$)|(ebs|rge)2\d")
+_ENDINGS = {
+    **dict.fromkeys(("km_h", "kmh", "kph"), "km/h"),
+    **dict.fromkeys(("m_s2", "ms2", "mps2", "m_s_2"), "m/s^2"),
+    **dict.fromkeys(("deg_s", "degs", "degps", "dps", "deg_per_s"), "deg/s"),
+    **dict.fromkeys(("rad_s", "rads", "radps", "rad_per_s"), "rad/s"),
+    **dict.fromkeys(("m_s", "mps"), "m/s"),
+    **dict.fromkeys(("deg", "grad"), "deg"),
+    "mph": "mph",
+    "rad": "rad",
+}
+"""Units as names end with them."""
+
+_TRAILING = re.compile(r"trailer|semi|(^|_)(trl|anh|auflieger|sattelanh\w*|st|towed|rear_unit)(_|$)|(ebs|rge)2\d")
 _LEADING = re.compile(r"tractor|truck|zugm|motor_?wagen|towing|(^|_)(trk|szm|cab|chassis|front_unit)(_|$)")
 _SECOND, _FIRST = re.compile(r"[a-z]_?2(_|$)"), re.compile(r"[a-z]_?1(_|$)")
-_WHEEL = re.compile(r"wheel|(^|_)(swa|sas|lws)(_|$)|lenkrad|hand|column")
+_WHEEL = re.compile(r"wheel|(^|_)(swa|sas|lws|lwi)(_|$)|lenkrad|hand|column")
 _ROAD = re.compile(r"road|(^|_)delta(_|$)|rad_?einschlag|front_wheel|vorderrad")
 
 
@@ -55,13 +69,17 @@ class Hint:
     """Whether it is of a towed unit; None where the name does not say."""
     steering_wheel: bool = False
     """Whether it is the driver's angle rather than that of the road wheels."""
+    unit: str | None = None
+    """That its name ends with, such as km/h of v_kmh."""
     side: str = ""
     """For a wheel or axle: "front.left", "rear"."""
 
 
 def hint(column: str, unit: str | None) -> Hint | None:
     """What a column may be by its name, in English or German, and its unit; None for what is nothing of ours."""
-    words = plain(column.partition("@")[0])
+    name, _, source = column.partition("@")
+    words, told = named_unit(name)
+    unit = unit or told
     if re.search(_NOT, words):
         return None
     for quantity, pattern in _RULES:
@@ -69,7 +87,8 @@ def hint(column: str, unit: str | None) -> Hint | None:
             return Hint(
                 column=column,
                 quantity=quantity,
-                trailing=_trailing(words, plain(column.partition("@")[0].rpartition(".")[2])),
+                trailing=_trailing(f"{words}_{plain(source)}", named_unit(name.rpartition(".")[2])[0]),
+                unit=told,
                 steering_wheel=quantity == "steer" and bool(_WHEEL.search(words)) and not _ROAD.search(words),
                 side=".".join(side for side in ("front", "rear", "left", "right") if side in words.split("_")),
             )
@@ -81,6 +100,15 @@ def _trailing(words: str, last: str) -> bool | None:
     if _TRAILING.search(words) or _SECOND.search(last):
         return True
     return False if _LEADING.search(words) or _FIRST.search(last) else None
+
+
+def named_unit(name: str) -> tuple[str, str | None]:
+    """A name in plain words without the unit that it ends with, and that unit: "v_kmh" -> ("v", "km/h")."""
+    words = plain(name)
+    for ending, unit in _ENDINGS.items():
+        if words.endswith(f"_{ending}"):
+            return words.removesuffix(f"_{ending}"), unit
+    return words, None
 
 
 def plain(name: str) -> str:

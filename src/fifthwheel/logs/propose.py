@@ -67,7 +67,7 @@ def propose(
     """
     named = SignalMap.of_columns(found.contents)
     hints, loads = _hints(found, units, taken={channel.column for part in named for channel in part.values()})
-    trailers = _sort_gyros(log, hints, units)
+    trailers = _sort_gyros(log, found, hints, units)
     parts: dict[bool, dict[str, Channel]] = {False: {**named[0]}, True: {**named[1]}}
     reasons = {signal: "called so in the log" for part in named for signal in part}
     others: dict[str, Sequence[str]] = {"axle_load.<axle group>": loads}
@@ -75,8 +75,9 @@ def propose(
         best = None
         if signal not in reasons and candidates:
             best = max(candidates, key=lambda one: _merit(one, found.contents[one.column]))
-            parts[best.quantity in _COMPARED][signal] = Channel(column=best.column)
-            unit = found.contents[best.column].column.unit
+            own = found.contents[best.column].column.unit
+            unit = own or best.unit
+            parts[best.quantity in _COMPARED][signal] = Channel(column=best.column, unit=None if own else best.unit)
             reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}"
         others[signal] = [one.column for one in candidates if one is not best]
     signals = parts[False]
@@ -129,7 +130,7 @@ def _signal(told: Hint, units: Sequence[str]) -> str:
     return f"{told.quantity}.{place}"
 
 
-def _sort_gyros(log: Log, hints: dict[str, list[Hint]], units: Sequence[str]) -> str | None:
+def _sort_gyros(log: Log, found: Survey, hints: dict[str, list[Hint]], units: Sequence[str]) -> str | None:
     """Give the trailer the gyro that follows the others, where no name says whose they are, and what else comes from
     the same box; in words, if so."""
     mine, its = f"yaw_rate.{units[0]}", f"yaw_rate.{units[-1]}"
@@ -145,21 +146,17 @@ def _sort_gyros(log: Log, hints: dict[str, list[Hint]], units: Sequence[str]) ->
     last = int(np.argmax(late))
     if late[last] - min(late) < _FOLLOWS:
         return None
-    box = _box(unnamed[last].column)
+    clocks = [found.contents[one.column].column.clock for one in unnamed]
+    box = clocks[last] if clocks.count(clocks[last]) == 1 else None
     for signal in [signal for signal in hints if signal.endswith(f".{units[0]}")]:
         its = f"{signal.partition('.')[0]}.{units[-1]}"
-        moving = [one for one in hints[signal] if one is unnamed[last] or (box and _box(one.column) == box)]
+        moving = [
+            one for one in hints[signal] if one is unnamed[last] or found.contents[one.column].column.clock == box
+        ]
         if moving:
             hints.setdefault(its, []).extend(moving)
             hints[signal] = [one for one in hints[signal] if one not in moving]
     return f"follows the other gyro by {late[last] - min(late):.2f} s, so it is taken for the trailer's"
-
-
-def _box(column: str) -> tuple[str, str] | None:
-    """The message or topic, and the source, that a column comes from, if its name says so."""
-    name, _, source = column.partition("@")
-    message = name.rpartition(".")[0]
-    return (message, source) if message else None
 
 
 def _lag(record: Record, name: str) -> float:

@@ -77,7 +77,7 @@ def reproduce(out: Path, *, quick: bool = False, progress: Progress = lambda *_:
         try:
             __import__(needed)
         except ImportError:
-            raise FifthwheelError(f"{needed} is missing: python -m pip install 'fifthwheel[paper]'") from None
+            raise FifthwheelError(f"{needed} is missing: pip install '.[paper]' in the checkout") from None
     extent = QUICK if quick else FULL
     experiments = driven(extent, progress)
     kept = [name for name in experiments if name in CASES]

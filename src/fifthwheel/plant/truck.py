@@ -74,9 +74,7 @@ class Plant:
         try:
             import mujoco
         except ImportError:
-            raise FifthwheelError(
-                "the nonlinear truck needs MuJoCo: python -m pip install 'fifthwheel[plant]'"
-            ) from None
+            raise FifthwheelError("the nonlinear truck needs MuJoCo: pip install '.[plant]' in the checkout") from None
         self._mujoco = mujoco
         self.vehicle = vehicle
         self.properties = properties or Properties()

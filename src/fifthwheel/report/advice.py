@@ -53,6 +53,8 @@ def next_steps(
             steps.append(
                 f"Measure the ratio from the logged {signal} to the angle of the road wheels and correct it where "
                 "columns are mapped to signals."
+                if signal.startswith("steer.")
+                else f"Calibrate {signal}, and correct its gain where columns are mapped to signals."
             )
     if all(fit.identified_on for fit in identification.fits) and any(
         e.verdict == "converged" for e in identification.parameters

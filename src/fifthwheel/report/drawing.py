@@ -42,7 +42,7 @@ def checked(kind: str) -> str:
         import matplotlib  # noqa: F401
     except ImportError:
         raise FifthwheelError(
-            "--figures: needs matplotlib, which is not installed; pip install 'fifthwheel[figures]'"
+            "--figures: needs matplotlib, which is not installed; pip install '.[figures]' in the checkout"
         ) from None
     return kind
 

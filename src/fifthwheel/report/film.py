@@ -64,7 +64,7 @@ def film(
         from matplotlib.figure import Figure
         from PIL import Image
     except ImportError:
-        raise FifthwheelError("a film needs matplotlib: python -m pip install 'fifthwheel[paper]'") from None
+        raise FifthwheelError("a film needs matplotlib: pip install '.[paper]' in the checkout") from None
     first, last = _window(drive, start, stop, FILM if kind == ".gif" else SPAN)
     count = min(max(round((last - first) * RATE) + 1, 2), FRAMES) if kind == ".gif" else INSTANTS
     scene = _Scene(drive, np.linspace(first, last, count), exaggerate)

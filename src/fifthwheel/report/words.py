@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from fifthwheel.logs import Record
     from fifthwheel.observe import States
 
+_MOVES = 0.5
+"""Of a channel that is explained in a log in which the truck moves."""
+
 MARKS = {
     "converged": ("✓", "converged"),
     "not_converged": ("…", "not converged"),
@@ -112,7 +115,10 @@ def _proof(identification: "Identification") -> list[str]:
     told = []
     for log in dict.fromkeys(fit.log for fit in identification.fits if not fit.identified_on):
         own = [fit for fit in identification.fits if fit.log == log]
-        if all(facts.share(fit).by_noise for fit in own):
+        noise = all(facts.share(fit).by_noise for fit in own)
+        if noise and max(fit.explained for fit in own) < _MOVES:
+            told.append(f"{log}, which was only predicted, proves nothing: the truck hardly moves in it.")
+        elif noise:
             told.append(f"{log}, which was only predicted, is matched as well as its sensors' noise allows.")
         elif all(fit.explained >= cautions.POOR or facts.share(fit).by_noise for fit in own):
             worst = min(fit.explained for fit in own if not facts.share(fit).by_noise)

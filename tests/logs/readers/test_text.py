@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
+from fifthwheel.logs import read
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.readers import text as module
 
@@ -83,6 +84,29 @@ def test_separators_dates_and_times_of_day(tmp_path, content, time):
 def test_instants_are_those_of_the_calendar(tmp_path):
     found = columns(opened(tmp_path, "t,v\n2024-02-29T00:00:00.25,1\n2024-03-01T00:00:00.25,1\n"))
     assert found["t"] == pytest.approx([1709164800.25, 1709251200.25])
+
+
+@pytest.mark.parametrize("name", ["Datum/Uhrzeit", "Zeitstempel", "Timestamp"])
+def test_a_date_is_the_time_whatever_its_unit_row_says(tmp_path, name):
+    rows = "".join(f"19.06.2025 10:11:{k:02d},50;{k},5;Halt\n" for k in range(12))
+    path = tmp_path / "log.csv"
+    path.write_text(f"{name};speed;Bemerkung\n-;km/h;-\n{rows}")
+    record = read(path)
+    assert record.time - record.time[0] == pytest.approx(np.arange(12))
+    assert record.signals["speed"] == pytest.approx((np.arange(12) + 0.5) / 3.6)
+
+
+def test_a_bad_date_among_good_ones_costs_its_row(tmp_path):
+    rows = "".join(f"2025-06-19 10:11:{k:02d},{k}\n" for k in range(20)).replace("10:11:07", "10:V1:07")
+    path = tmp_path / "log.csv"
+    path.write_text(f"time,speed\n{rows}")
+    assert len(read(path)) == 19
+
+
+@pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"7z\xbc\xaf\x27\x1c"])
+def test_what_is_packed_is_called_so(tmp_path, head):
+    with pytest.raises(SignalError, match=r"log\.csv: .*unpack it"):
+        opened(tmp_path, head + bytes(100))
 
 
 def test_a_large_table_comes_in_pieces_that_fit_together(tmp_path, monkeypatch):

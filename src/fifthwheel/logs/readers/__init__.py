@@ -22,7 +22,7 @@ class Format:
     begins: Callable[[bytes], bool]
     """Whether a file that begins with these bytes is one."""
     extra: str | None = None
-    """What to install besides: pip install 'fifthwheel[extra]'."""
+    """What to install besides: pip install '.[extra]' in the checkout."""
 
 
 def _is_trace(head: bytes) -> bool:
@@ -47,6 +47,16 @@ FORMATS = (
 """In the order in which they are tried; what nothing else recognises is text, or an error of its reader."""
 
 
+PACKED = {
+    b"PK\x03\x04": "a zip archive or an Excel workbook; unpack it, or save the sheet as CSV",
+    b"\x1f\x8b": "packed by gzip; unpack it first",
+    b"7z\xbc\xaf": "packed by 7-Zip; unpack it first",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook; save the sheet as CSV",
+    b"(\xb5/\xfd": "packed by zstd; unpack it first",
+}
+"""Beginnings of files that are logs only within, and what to do."""
+
+
 def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: Progress = quiet) -> Log:
     """Open a log of any format.
 
@@ -66,6 +76,9 @@ def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: P
         raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     if not head:
         raise SignalError(f"{path.name}: empty, 0 bytes; the log was never written")
+    for magic, what in PACKED.items():
+        if head.startswith(magic):
+            raise SignalError(f"{path.name}: {what}")
     found = next(one for one in FORMATS if one.begins(head))
     try:
         module = importlib.import_module(f"{__name__}.{found.module}")
@@ -74,6 +87,6 @@ def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: P
         if found.extra is None:
             raise
         raise SignalError(
-            f"{path.name}: a file in the format {found.name}; to read it, pip install 'fifthwheel[{found.extra}]'"
+            f"{path.name}: in the format {found.name}; to read it, pip install '.[{found.extra}]' in the checkout"
         ) from error
     return log

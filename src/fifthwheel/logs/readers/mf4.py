@@ -128,7 +128,7 @@ class MdfLog(Log):
         except ImportError as error:
             if not self._columns:
                 raise
-            self.notes.append(f"CAN frames left out, {error}; pip install 'fifthwheel[can]'")
+            self.notes.append(f"CAN frames left out, {error}; pip install '.[can]' in the checkout")
             return
         except SignalError as error:
             if not self._columns:

@@ -19,6 +19,7 @@ _HEAD = 1 << 18
 _BLOCK = 1 << 20
 _RUBBISH = 0.01
 """Share of control characters above which a file is no text; fewer are damage."""
+_NO_UNIT = ("", "-", "--", "n/a", "none")
 _LOOKED_AT = 200
 """Lines of the head from which the layout is told."""
 
@@ -46,7 +47,8 @@ class TextLog(Log):
             self._first_notes.append(f"last line left out: no line end after {self._left_over!r}, it may be cut short")
         self.notes = [*self._first_notes]
         names = [_proper(name) for name in self._layout.names]
-        units = [None if unit is None else _proper(unit) for unit in self._layout.units]
+        units = [None if unit is None or unit.strip() in _NO_UNIT else _proper(unit) for unit in self._layout.units]
+        units = ["s" if date else unit for date, unit in zip(self._layout.dates, units, strict=True)]
         self._columns = {name: Column(name=name, unit=unit) for name, unit in zip(names, units, strict=True)}
 
     @property
