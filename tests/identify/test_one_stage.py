@@ -228,8 +228,9 @@ def test_held_and_freed(truck: Vehicle, guess: Vehicle) -> None:
         identify([record], guess, replace(KNOWN, consider={"payload.height": 0.1}))
     with pytest.raises(VehicleError, match=r"tractor\.yaw_inertai: no such parameter"):
         identify([record], guess, replace(KNOWN, free=("tractor.yaw_inertai",)))
-    with pytest.raises(VehicleError, match="nothing is left to seek"):
-        identify([record], guess, replace(KNOWN, free=(front,), held=(front,)))
+    with pytest.raises(VehicleError, match="every parameter is held"):
+        identify([record], guess, replace(KNOWN, free=(front,), held=(front,), nuisances=False))
+
     with pytest.raises(VehicleError, match=r"fifth_wheel\.roll_damping: expected above 0"):
         identify([record], guess, replace(KNOWN, free=("fifth_wheel.roll_damping",)))
 

@@ -17,6 +17,7 @@ from fifthwheel.cli.one_stage import (
     FreeOption,
     HoldOption,
     PriorOption,
+    SensorOption,
     one_stage,
 )
 
@@ -38,6 +39,7 @@ def check(
     prior: PriorOption = None,
     consider: ConsiderOption = None,
     any_load: AnyLoadOption = False,
+    sensor: SensorOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Before `identify`: what these logs can tell of the truck, what they cannot, and what would help.
@@ -48,7 +50,7 @@ def check(
     from fifthwheel.identify.outlook import outlook
 
     truck = read_vehicle(vehicle)
-    settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load)
+    settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load, sensor=sensor)
     records = read_records(logs, signals)
     say_loads(truck, records)
     found = outlook(records, truck, settings)

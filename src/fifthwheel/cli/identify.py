@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -32,6 +33,7 @@ from fifthwheel.cli.one_stage import (
     FreeOption,
     HoldOption,
     PriorOption,
+    SensorOption,
     one_stage,
 )
 
@@ -82,6 +84,7 @@ def identify(
     prior: PriorOption = None,
     consider: ConsiderOption = None,
     any_load: AnyLoadOption = False,
+    sensor: SensorOption = None,
     form: Annotated[
         Form,
         typer.Option(help="Compare the logs with a free run, or with one step ahead. One stage only."),
@@ -101,9 +104,11 @@ def identify(
     Reads the logs, identifies the truck, runs the state estimator, prints every parameter with sigma and verdict, and
     writes identification.json, vehicle.toml (the identified truck), states.parquet and report.html.
     """
+    from fifthwheel.errors import SignalError
     from fifthwheel.identify import TwoStage, article
     from fifthwheel.identify import identify as run
-    from fifthwheel.observe import Observer
+    from fifthwheel.identify.sensors import sensors_of
+    from fifthwheel.observe import Observer, ObserverSettings
     from fifthwheel.report import drawing, of_run
     from fifthwheel.report.words import conclude
 
@@ -122,11 +127,12 @@ def identify(
             prior=prior,
             consider=consider,
             any_load=any_load,
+            sensor=sensor,
             form=form.name,
             check=check,
         )
     else:
-        told = {"--free": free, "--prior": prior, "--consider": consider, "--any-load": any_load}
+        told = {"--free": free, "--prior": prior, "--consider": consider, "--any-load": any_load, "--sensor": sensor}
         for option, value in told.items():
             _only(option, value, "one-stage")
         preset = article() if method is Method.article else TwoStage()
@@ -137,8 +143,12 @@ def identify(
         progress("states", 0, len(records))
         states = []
         for i, record in enumerate((*records, *unseen), 1):
-            observer = Observer(found.vehicle, record.signals, found.observer_settings(record.name))
-            states.append(observer.batch(record, found.uncertainty(record.name)))
+            settings_now, unsure = found.observer_settings(record.name), found.uncertainty(record.name)
+            if i > len(records) and unsure is not None:
+                with suppress(SignalError):  # what cannot tell its zeros has those of any log
+                    sensors, unsure = sensors_of(record, found.vehicle, unsure)
+                    settings_now = ObserverSettings(**sensors)
+            states.append(Observer(found.vehicle, record.signals, settings_now).batch(record, unsure))
             progress("states", i, len(records) + len(unseen))
     outlook = _outlook(found, records)
     conclusion = conclude(found, [*records, *unseen], outlook, states)

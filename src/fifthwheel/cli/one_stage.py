@@ -33,6 +33,24 @@ ConsiderOption = Annotated[
         "roll_stiffness=10%; a path or the end of one, 0 for exact; may be repeated. One stage only.",
     ),
 ]
+SENSORS = {
+    "steer_offset": "rad",
+    "steer_gain": "1",
+    "steer_delay": "s",
+    "rate_offset": "rad/s",
+    "rate_gain": "1",
+    "articulation_offset": "rad",
+    "bank": "rad",
+}
+"""Errors of sensors, and the road's bank, whose prior standard deviation can be told, with the SI unit."""
+SensorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--sensor",
+        help=f"NAME=SIGMA: how far off a sensor may be, such as steer_delay=5ms where one clock stamps everything; "
+        f"{', '.join(SENSORS)}; may be repeated.",
+    ),
+]
 AnyLoadOption = Annotated[
     bool,
     typer.Option(
@@ -49,6 +67,7 @@ def one_stage(
     prior: list[str] | None,
     consider: list[str] | None,
     any_load: bool,
+    sensor: list[str] | None = None,
     **others: Any,
 ) -> "OneStage":
     """Settings of the one-stage method; what is told replaces the default for the same names.
@@ -60,7 +79,7 @@ def one_stage(
     from fifthwheel.identify import OneStage
     from fifthwheel.identify.parameters import one_stage_sought
 
-    plain = OneStage(held=tuple(hold or ()), uniform_payload=not any_load, **others)
+    plain = OneStage(held=tuple(hold or ()), uniform_payload=not any_load, **sensors(sensor or []), **others)
     learned, considered = parts("--prior", prior or []), parts("--consider", consider or [])
     priors = {name: part for name, part in {**plain.priors, **learned}.items() if name not in considered}
     others_considered = {name: part for name, part in plain.consider.items() if name not in learned}
@@ -71,6 +90,30 @@ def one_stage(
         priors={name: part for name, part in priors.items() if part},
         consider={name: part for name, part in (others_considered | considered).items() if part},
     )
+
+
+def sensors(texts: list[str]) -> dict[str, Any]:
+    """ "name=sigma" as the setting of that name in SI.
+
+    Raises:
+        FifthwheelError: a text that is not of this form.
+    """
+    from fifthwheel.errors import FifthwheelError, SignalError
+    from fifthwheel.logs.units import quantity
+
+    found = {}
+    for text in texts:
+        name, _, sigma = text.partition("=")
+        if name not in SENSORS:
+            raise FifthwheelError(f"--sensor {text}: expected NAME=SIGMA with one of {', '.join(SENSORS)}")
+        try:
+            value = quantity(sigma, SENSORS[name])
+        except SignalError as error:
+            raise FifthwheelError(f"--sensor {text}: {error}") from None
+        if not 0 < value < float("inf"):
+            raise FifthwheelError(f"--sensor {text}: expected a standard deviation above 0")
+        found[f"{name}_prior"] = value
+    return found
 
 
 def parts(option: str, texts: list[str]) -> dict[str, float]:

@@ -28,7 +28,9 @@ from fifthwheel.cli.app import (
 )
 
 if TYPE_CHECKING:
+    from fifthwheel.logs import Record
     from fifthwheel.observe import States, Uncertainty
+    from fifthwheel.vehicle import Vehicle
 
 
 @app.command(
@@ -71,7 +73,6 @@ def states(
     """
     from dataclasses import replace
 
-    from fifthwheel.identify.result import sensors_told
     from fifthwheel.logs import check as plausibility
     from fifthwheel.logs import raise_errors
     from fifthwheel.observe import Observer, ObserverSettings, save
@@ -85,12 +86,6 @@ def states(
     told = _identification(identification)
     uncertainty = _uncertainty(identification, told)
     settings = ObserverSettings(min_speed=min_speed, places=_places(at or []), bank=INITIAL["bank"] if bank else None)
-    if told:
-        strange = [record.name for record in records if record.name not in {log["name"] for log in told["logs"]}]
-        for name in strange:
-            typer.echo(
-                f"{name}: not a log of that identification; its sensors' zeros are unknown, as sigma says", err=True
-            )
     folder = made_folder(out)
     found = []
     with progress_bar(quiet=as_json) as progress:
@@ -98,9 +93,9 @@ def states(
             progress("states", i, len(records))
             if check:
                 raise_errors(plausibility(record, **expected(truck)))
-            own = replace(settings, **sensors_told(told, record.name)) if told else settings
-            observer = Observer(truck, record.signals, own)
-            found.append((observer.smooth if smooth else observer.batch)(record, uncertainty))
+            sensors, unsure = _sensors(told, record, truck, uncertainty) if told else ({}, uncertainty)
+            observer = Observer(truck, record.signals, replace(settings, **sensors))
+            found.append((observer.smooth if smooth else observer.batch)(record, unsure))
         progress("states", len(records), len(records))
     save(found, folder / "states.parquet")
     names = () if uncertainty is None else uncertainty.names
@@ -124,6 +119,26 @@ def states(
     else:
         show_states(found, records)
         say_files(files)
+
+
+def _sensors(
+    told: Any, record: "Record", truck: "Vehicle", uncertainty: "Uncertainty | None"
+) -> "tuple[dict[str, Any], Uncertainty | None]":
+    """Zeros and noise of a log's sensors, and what is uncertain of them and the truck; of a new log from itself."""
+    from fifthwheel.errors import SignalError
+    from fifthwheel.identify.result import sensors_told
+    from fifthwheel.identify.sensors import sensors_of
+
+    if record.name not in {log["name"] for log in told["logs"]}:
+        said = f"{record.name}: not a log of that identification; its sensors' zeros"
+        try:
+            found = sensors_of(record, truck, uncertainty)
+        except SignalError as error:
+            typer.echo(f"{said} are unknown, as sigma says ({error})", err=True)
+        else:
+            typer.echo(f"{said} are found from itself", err=True)
+            return found
+    return sensors_told(told, record.name), uncertainty
 
 
 def _identification(path: Path | None) -> Any:

@@ -56,8 +56,8 @@ class OneStageFit:
         free = tuple(dynamics.all_parameters(self.vehicle, self.outputs))
         self.model = dynamics.model(self.vehicle, self.outputs, roll=True, bank=settings.nuisances, free=free)
         self.sought = parameters.one_stage_sought(self.vehicle, settings)
-        if not self.sought:
-            raise VehicleError("held: every parameter is held, nothing is left to seek; leave one free")
+        if not self.sought and not settings.nuisances:
+            raise VehicleError("held: every parameter is held, and no sensor's error is sought; leave one free")
 
     def run(self) -> Identification:
         """Fit; then again, with what turned out not to be told kept at the vehicle file's value."""

@@ -18,6 +18,10 @@ UNUSUAL = 2.5
 """A sensor's error beyond so many standard deviations of its prior is worth a look."""
 UNUSUAL_GAIN = 0.1
 """A gain that is so far from 1, and by twice its sigma, is one too: the ratio can be measured."""
+TELLING = 3.0
+"""Sigmas from which a delay is no chance."""
+SHORT = 0.02
+"""s; a delay below changes little."""
 POOR = 0.9
 """A channel of which less is explained, though its noise would allow more, is predicted poorly."""
 NOTHING = 0.05
@@ -57,10 +61,16 @@ def unusual(settings: "Common", error: "SensorError") -> bool:
 def sensor_cautions(identification: "Identification") -> Iterator[str]:
     """Sensors whose errors are suspicious."""
     for error in identification.sensors:
-        if not unusual(identification.settings, error):
-            continue
         signal, _, word = error.name.rpartition(".")
         value = with_sigma(error.value, error.sigma, error.unit)
+        if word == "delay" and abs(error.value) > max(TELLING * error.sigma, SHORT):
+            yield (
+                f"{signal} seems to be {value} late, and stiffnesses stand or fall with that. Check it; where one "
+                "clock stamps all channels, say so (--sensor steer_delay=5ms) and identify again."
+            )
+            continue
+        if not unusual(identification.settings, error):
+            continue
         where = f" in {error.log}" if error.log else ""
         if word == "gain" and not signal.startswith("steer."):
             yield f"{signal} seems to show {value} times what there is; check its calibration or its unit."
