@@ -81,6 +81,7 @@ def test_weighing(run, tmp_path):  # noqa: F811
     outcome = run("weigh", tmp_path / "parked.csv", "-v", tmp_path / "truck.toml", "-o", "weighed.toml")
     assert (outcome.code, outcome.err) == (0, "")
     assert load("weighed.toml").parameters()["semitrailer.mass"] == pytest.approx(30000, rel=2e-3)
+    assert load("weighed.toml").source.endswith("; weighed by parked")
     told = json.loads(run("weigh", tmp_path / "parked.csv", "-v", TRUCK, "--json").out)
     assert told["units"]["semitrailer"]["mass"] == pytest.approx(30000, rel=2e-3)
     (tmp_path / "odd.csv").write_text("t,axle_load.dolly\n" + "".join(f"{k},1\n" for k in range(9)))

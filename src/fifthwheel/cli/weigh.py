@@ -53,6 +53,7 @@ def weigh(
             f"axle_load.{strange[0]}: {truck.name} has no such axle group, it has {', '.join(truck.axle_loads())}"
         )
     weighed = with_axle_loads(truck, {path: load.value for path, load in loads.items()}, tolerance=tolerance)
+    weighed = weighed.model_copy(update={"source": f"{truck.source}; weighed by {record.name}".removeprefix("; ")})
     save(weighed, out)
     if as_json:
         told = {

@@ -11,6 +11,7 @@ from fifthwheel.logs.log import Array, Log, Piece, Progress, quiet
 from fifthwheel.logs.names import si_unit
 from fifthwheel.logs.record import Record
 from fifthwheel.logs.signals import Channel, SignalMap
+from fifthwheel.logs.stamps import wild
 from fifthwheel.logs.stream import Stream
 from fifthwheel.logs.units import factor, quantity
 
@@ -79,6 +80,8 @@ class _Clock:
         time = piece.values[self.column] * self._unit if self.column else piece.time
         if time is None:
             raise SignalError(f"{self._label}: no stamps")
+        if self.base:
+            time = np.where(wild(time), np.nan, time)
         if self.column and not self.base:  # a stamp that is repeated is the same sample, held
             fresh = np.isfinite(time) & np.isfinite(sum(values[name] for name in self.columns))
             stamps = time[fresh]

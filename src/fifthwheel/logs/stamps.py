@@ -12,6 +12,13 @@ LONGEST_SLIP = 1.0
 _MOST_JUMPS = 16
 
 
+def wild(time: Array) -> NDArray[np.bool_]:
+    """Which stamps (n,) jump ahead by more than 1 s for themselves alone, as those whose bits have flipped."""
+    found = np.zeros(time.size, dtype=bool)
+    found[1:-1] = (time[1:-1] - time[2:] > LONGEST_SLIP) & (time[2:] > time[:-2])
+    return found
+
+
 class Stamps:
     """What of each clock's samples can be given, and how many could not."""
 
@@ -27,8 +34,7 @@ class Stamps:
             return np.ones(time.size, dtype=bool)
         kept = np.isfinite(time)
         good = np.flatnonzero(kept)
-        ahead = time[good][1:-1] - time[good][2:]
-        kept[good[1:-1]] = ~((ahead > LONGEST_SLIP) & (time[good][2:] > time[good][:-2]))  # one alone has gone wild
+        kept[good[wild(time[good])]] = False
         good = np.flatnonzero(kept)
         begin = 0
         for _ in range(_MOST_JUMPS):

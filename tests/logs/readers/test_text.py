@@ -103,6 +103,14 @@ def test_a_bad_date_among_good_ones_costs_its_row(tmp_path):
     assert len(read(path)) == 19
 
 
+def test_a_stamp_whose_digit_has_flipped_costs_its_row(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time,speed\n" + "".join(f"{k / 10},{k}\n" for k in range(50)).replace("2.5,25", "72.5,25"))
+    record = read(path)
+    assert len(record) == 49
+    assert record.notes == ("time: 1 rows left out that have none",)
+
+
 @pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"7z\xbc\xaf\x27\x1c"])
 def test_what_is_packed_is_called_so(tmp_path, head):
     with pytest.raises(SignalError, match=r"log\.csv: .*unpack it"):
