@@ -223,6 +223,17 @@ def test_a_trace_with_an_odd_header(tmp_path, columns):
         can.open_log(path)
 
 
+def test_a_length_that_is_no_number_is_a_damaged_line(tmp_path):
+    path = tmp_path / "a.asc"
+    lines = [
+        f" {k}.000000 1  18F0090Bx       Rx   d {'8B' if k == 2 else '8'} 8D 7D 7D 7D 7D 7D 7D 7D" for k in range(5)
+    ]
+    path.write_text("\n".join(["date Sat Nov 21 10:00:00 2026", "base hex  timestamps absolute", *lines, ""]))
+    log = readers.open_log(path)
+    assert samples(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].size == 4
+    assert any("1 damaged line left out" in note for note in log.notes)
+
+
 def test_a_real_truck_that_stands(data):
     log = readers.open_log(data / "j1939" / "navistar_a26_vdc2_only.candump.log")
     assert log.columns["VDC2.yaw_rate@0B"].clock == "VDC2@0B"

@@ -98,8 +98,10 @@ def _asc(head: bytes) -> Dialect:
 
 
 def _asc_size(text: bytes) -> int:
-    """Of a DLC, one hex digit, or of the data length of an FD frame, decimal."""
-    return min(int(text, 16), 8) if len(text) == 1 else int(text)
+    """Of a DLC, one hex digit, or of an FD frame's data, decimal; more than any frame has where it is neither."""
+    if len(text) == 1:
+        return min(int(text, 16), 8)
+    return int(text) if text.isdigit() else 1 << 15
 
 
 def _trc(head: bytes) -> Dialect:
