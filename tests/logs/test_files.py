@@ -30,7 +30,7 @@ def reading(tmp_path, content, name="log.csv", **options):
 def records(draw):
     size = draw(st.integers(2, 30))
     steps = draw(st.lists(st.floats(1e-3, 10), min_size=size, max_size=size))
-    values = st.lists(st.floats(allow_infinity=False), min_size=size, max_size=size)
+    values = st.lists(st.floats(-1e9, 1e9) | st.just(np.nan), min_size=size, max_size=size)
     parts = [draw(st.dictionaries(st.sampled_from(NAMES), values, min_size=k)) for k in (1, 0)]
     return Record(time=np.cumsum(steps), signals=parts[0], reference=parts[1])
 

@@ -188,6 +188,16 @@ def test_clocks_that_tick_apart_meet_on_a_common_base(tmp_path):
         assert made.signals[name][seen][1:-1] == pytest.approx(np.sin(made.time[seen])[1:-1], abs=2e-4)
 
 
+def test_samples_that_no_sensor_shows_are_missing(tmp_path):
+    speed = [20.0] * 400
+    speed[7], speed[90] = 1e200, float("inf")
+    made = reading(tmp_path, "[signals]\nspeed = 'v'", t=np.arange(400.0).tolist(), v=speed)
+    assert np.flatnonzero(np.isnan(made.signals["speed"])).tolist() == [7, 90]
+    assert made.notes == ("speed: 2 samples left out that no sensor shows, up to inf m/s",)
+    made = reading(tmp_path, "[signals]\n'yaw_rate.tractor' = 'r'", t=T, r=[900.0] * 100)
+    assert made.signals["yaw_rate.tractor"] == pytest.approx(900)  # a unit, not a bit: check() names it
+
+
 def test_a_time_since_1970_counts_from_the_start(tmp_path):
     made = reading(tmp_path, "[signals]\nspeed = 'v'", t=[1.5e9 + 0.25 + x for x in T], v=T)
     assert made.span == pytest.approx((0.25, 10.15))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.chain import lagging_groups
+from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -19,6 +20,8 @@ matrix is farther from normal than its eigenvalues tell, and so is that of side 
 0.121, 0.78, 0.469 and 0.90: the catalogue's trucks and two trains of three units, 3 to 35 m/s, relaxation lengths of
 0.1 to 0.8 m on all groups or on some, 400 random states and steer angles each."""
 
+_MOST = 1e5
+"""Steps between two samples."""
 SPEEDS = np.geomspace(1.0, 60.0, 32)
 """Where the fastest mode is reckoned, m/s; between them it is interpolated."""
 
@@ -62,8 +65,18 @@ def pieces(gap: Array, limit: Array) -> NDArray[np.int64]:
     Args:
         gap: (N - 1,) s.
         limit: (N,) longest step at each sample, s.
+
+    Raises:
+        SignalError: so many that no truck can be meant.
     """
-    return np.maximum(np.ceil(gap / np.minimum(limit[1:], limit[:-1])), 1).astype(np.int64)
+    needed = np.ceil(gap / np.minimum(limit[1:], limit[:-1]))
+    if not (needed < _MOST).all():
+        at = int((~(needed < _MOST)).argmax())
+        raise SignalError(
+            f"speed: samples {at + 1} and {at + 2} need {needed[at]:.1g} steps between them; no truck is as fast, "
+            "or as slow, as one of them, or the time between them is none that was driven"
+        )
+    return np.maximum(needed, 1).astype(np.int64)
 
 
 def subdivide(time: Array, inputs: Array, limit: Array) -> tuple[Array, Array, NDArray[np.int64]]:

@@ -10,6 +10,7 @@ from fifthwheel.logs.align import Samples, align, between
 from fifthwheel.logs.log import Array, Log, Piece, Progress, quiet
 from fifthwheel.logs.names import si_unit
 from fifthwheel.logs.record import Record
+from fifthwheel.logs.samples import absurd
 from fifthwheel.logs.signals import Channel, SignalMap
 from fifthwheel.logs.stamps import wild
 from fifthwheel.logs.stream import Stream
@@ -43,7 +44,7 @@ def assemble(log: Log, signal_map: SignalMap, *, name: str, progress: Progress =
     base = next((clock for clock in clocks.values() if clock.base), None)
     parts: dict[str, dict[str, Samples]] = {"signals": {}, "reference": {}}
     for (part, signal), channel in channels.items():
-        parts[part][signal] = _samples(signal, channel, log, places[part, signal], base)
+        parts[part][signal] = _samples(signal, channel, log, places[part, signal], base, notes)
     rows = Samples(time=base.time, values=base.time, own=False) if base else None
     time, signals, reference = align(rows, rate=signal_map.rate, **parts)
     if time[0] > _EPOCH:
@@ -150,13 +151,20 @@ def _time_column(log: Log, signal_map: SignalMap, signal: str) -> tuple[str, str
     return found, unit
 
 
-def _samples(signal: str, channel: Channel, log: Log, places: list[tuple[_Clock, str]], base: _Clock | None) -> Samples:
+def _samples(
+    signal: str, channel: Channel, log: Log, places: list[tuple[_Clock, str]], base: _Clock | None, notes: list[str]
+) -> Samples:
     """A channel's values in SI at the instants they held."""
     si = si_unit(signal) or "1"
     first = places[0][0]
     delay = quantity(channel.delay, "s")
     with np.errstate(over="ignore", invalid="ignore"):  # what is damaged may be as large as numbers get
         values = channel.sign * channel.gain * _total(channel, log, places, si) - quantity(channel.offset, si)
+    strange = absurd(signal, values)
+    if strange.any():
+        largest = f"{np.abs(values[strange]).max():.1g} {si}"
+        notes.append(f"{signal}: {strange.sum()} samples left out that no sensor shows, up to {largest}")
+        values = np.where(strange, np.nan, values)
     return Samples(time=first.time - delay, values=values, own=first is not base or delay != 0)
 
 

@@ -52,6 +52,20 @@ def seen(record: Record, name: str) -> tuple[Array, Array]:
 
 
 _MOST_WINDOWS = 100_000
+_ENDLESS = 1e9
+"""SI; no quantity of a truck is as large."""
+
+
+def absurd(name: str, values: Array) -> NDArray[np.bool_]:
+    """Which samples (n,) no sensor shows and no unit explains: beyond ten times what a truck can do, and few of them.
+
+    Where more than 1 % are, it is the unit or the column, which check() names; only beyond 1e9 all of them are absurd.
+    """
+    limit = LIMITS.get(name.partition(".")[0])
+    with np.errstate(invalid="ignore"):
+        size = np.abs(values)
+        far = size > (10 * limit.most if limit else _ENDLESS)
+        return far if far.sum() < 0.01 * far.size else np.isfinite(size) & (size > _ENDLESS)
 
 
 def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding]:
