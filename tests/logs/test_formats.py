@@ -108,3 +108,26 @@ def test_anything_at_all_is_a_record_or_our_error(tmp_path_factory, head, data):
         assert isinstance(read(path), Record)
     with contextlib.suppress(SignalError), open_log(path) as log:
         propose(log, survey(log))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["drive.csv", "drive.mf4", "v5.mat", "drive.mcap", "drive.asc", "drive.blf", "candump.log"]
+)
+def test_a_damaged_log_gives_no_wrong_truck(tmp_path, drive, name):
+    """With flipped bits: the truck within its sigma, a verdict that says no, or an error of ours; checked or not."""
+    path, signal_map = stored(drive, tmp_path, name)
+    whole, rng, identified = path.read_bytes(), random.Random(name), 0
+    truth = TRUCK.parameters()
+    for k in range(12):
+        data = bytearray(whole)
+        for _ in range(rng.choice([1, 10, 40])):
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        path.write_bytes(data)
+        with contextlib.suppress(SignalError):
+            found = identify([read(path, signal_map)], TRUCK, OneStage(check=k % 2 == 0))
+            identified += 1
+            assert all(np.isfinite([e.value, e.sigma]).all() for e in found.parameters)
+            told = [e for e in found.parameters if e.verdict == "converged"]
+            assert all(abs(e.value - truth[e.name]) < 5 * e.sigma for e in told)
+    assert identified or name == "drive.blf"  # one packed container is all or nothing
