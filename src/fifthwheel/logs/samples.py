@@ -118,7 +118,7 @@ def lone(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
 
 
 def spikes(record: Record, name: str) -> Iterator[Finding]:
-    """Lone samples; only a warning, as filters gate them."""
+    """Lone samples; only a warning, as filters gate them where they are measurements."""
     limit = LIMITS.get(name.partition(".")[0])
     if limit is None:
         return
@@ -126,10 +126,13 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
     marks = lone(time, values, limit.jump)
     if marks.any() and np.mean(marks) < 0.1:  # where a tenth are, it is no spike but the signal or its unit
         at = int(marks.argmax())
-        message = (
-            f"{name}: {marks.sum()} spikes, the first {values[at]:.3g} {limit.unit} at {time[at]:.2f} s; "
-            f"they are gated as outliers, repair the channel if they are many"
+        cure = (
+            "they drive the model as they are: repair the channel, or mark them as missing"
+            if is_input(name)
+            else "they are gated as outliers, repair the channel if they are many"
         )
+        first = f"the first {values[at]:.3g} {limit.unit} at {time[at]:.2f} s"
+        message = f"{name}: {marks.sum()} spikes, {first}; {cure}"
         yield Finding(signal=name, fault=Fault.SPIKE, severity="warning", message=message)
 
 
