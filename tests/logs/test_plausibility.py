@@ -3,6 +3,7 @@ import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import Fault, Finding, Record, SignalMap, check, raise_errors, read
+from fifthwheel.logs.samples import without_spikes
 
 from .conftest import drive
 
@@ -251,3 +252,12 @@ def test_messages_that_come_in_bursts_are_whole(a_drive):
     record = Record(time=time, signals=signals)
     assert check(record) == ()
     assert record.rate == pytest.approx(100, rel=0.01)
+
+
+def test_lone_samples_of_inputs_are_left_out_of_an_identification(a_drive):
+    steer = a_drive.signals[STEER].copy()
+    steer[700] = 1.6
+    clean = without_spikes(a_drive.with_signals({STEER: steer}))
+    assert np.flatnonzero(np.isnan(clean.signals[STEER])).tolist() == [700]
+    assert np.array_equal(clean.signals[RATE], a_drive.signals[RATE])
+    assert without_spikes(a_drive) is a_drive

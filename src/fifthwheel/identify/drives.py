@@ -14,6 +14,7 @@ from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import Common, OneStage
 from fifthwheel.identify.stage import Log
 from fifthwheel.logs import Record, check, raise_errors
+from fifthwheel.logs.samples import without_spikes
 from fifthwheel.observe.prepare import fast_enough, locked_but
 from fifthwheel.vehicle import Vehicle
 
@@ -77,6 +78,8 @@ class Drives:
             raise SignalError("logs: two of them hold the same samples; give every drive once")
         for name in settings.held:
             self.notes.append(f"{name} held: what it may be off by is in no other sigma.")
+        records = [without_spikes(record) for record in records]
+        self.validate = [without_spikes(record) for record in validate]
         self.logs = [Log(name=r.name, sections=fast_enough(r, settings.min_speed)) for r in records]
         self.yaw, self.roll = channels(records, self.vehicle)
 

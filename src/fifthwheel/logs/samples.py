@@ -117,6 +117,17 @@ def lone(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
     return marks
 
 
+def without_spikes(record: Record) -> Record:
+    """The record with the lone samples of speed and steer angles missing: nothing gates what drives the model."""
+    clean = {}
+    for name in filter(is_input, record.signals):
+        time, values = seen(record, name)
+        marks = lone(time, values, LIMITS[name.partition(".")[0]].jump)
+        if marks.any() and np.mean(marks) < 0.1:
+            clean[name] = np.where(np.isin(record.time, time[marks]), np.nan, record.signals[name])
+    return record.with_signals(clean) if clean else record
+
+
 def spikes(record: Record, name: str) -> Iterator[Finding]:
     """Lone samples; only a warning, as filters gate them where they are measurements."""
     limit = LIMITS.get(name.partition(".")[0])
@@ -127,7 +138,7 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
     if marks.any() and np.mean(marks) < 0.1:  # where a tenth are, it is no spike but the signal or its unit
         at = int(marks.argmax())
         cure = (
-            "they drive the model as they are: repair the channel, or mark them as missing"
+            "an identification leaves them out, an observer cannot: repair the channel, or mark them as missing"
             if is_input(name)
             else "they are gated as outliers, repair the channel if they are many"
         )
