@@ -11,9 +11,8 @@ from fifthwheel.identify.result import sensors_told
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.logs import Record
 from fifthwheel.observe import Uncertainty
+from fifthwheel.observe.uncertainty import of_sensor
 from fifthwheel.vehicle import Vehicle
-
-ERRORS = (".offset", ".gain", ".delay")
 
 
 def sensors_of(
@@ -34,7 +33,7 @@ def sensors_of(
     own = found.uncertainty(record.name)
     together = None
     if known is not None and own is not None:
-        truck = known.among([name for name in known.names if not name.partition("@")[0].endswith(ERRORS)])
+        truck = known.among([name for name in known.names if not of_sensor(name)])
         covariance = block_diag(truck.covariance, own.covariance)
         together = Uncertainty(names=(*truck.names, *own.names), covariance=np.asarray(covariance, dtype=np.float64))
     return sensors_told(found.as_dict(), record.name), together

@@ -14,13 +14,16 @@ _COVERED = 0.02
 """Most of the kernel's weight that may lie in a hole."""
 
 
+def _shape(x: Array) -> Array:
+    return np.asarray(2 * _CUT_OFF * np.sinc(2 * _CUT_OFF * x) * np.cos(np.pi * x / (2 * _HALF)) ** 2)
+
+
+_AREA = float(np.sum(_shape(np.arange(-_HALF, _HALF, 1e-3))) * 1e-3)
+
+
 def _kernel(x: Array) -> Array:
     """Windowed sinc at x new steps from its centre; its integral is 1."""
-    return np.asarray(2 * _CUT_OFF * np.sinc(2 * _CUT_OFF * x) * np.cos(np.pi * x / (2 * _HALF)) ** 2) / _AREA
-
-
-_AREA = 1.0
-_AREA = float(np.sum(_kernel(np.arange(-_HALF, _HALF, 1e-3))) * 1e-3)
+    return _shape(x) / _AREA
 
 
 def usual_steps(time: Array, values: Array) -> Array:

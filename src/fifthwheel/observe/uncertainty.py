@@ -25,6 +25,11 @@ REACH = 0.5
 scaled up. Far from its own numbers a truck may be unstable, or quicker than the steps that its record was cut into."""
 
 
+def of_sensor(name: str) -> bool:
+    """Whether a name among the uncertain is a sensor's error rather than a parameter of the truck."""
+    return name.partition("@")[0].endswith((".offset", ".gain", ".delay"))
+
+
 class Pair(NamedTuple):
     """Two trucks on either side of the known one."""
 

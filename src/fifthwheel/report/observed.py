@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from fifthwheel.logs import Record
     from fifthwheel.observe import States
 
-ERRORS = (".offset", ".gain", ".delay")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Given:
@@ -31,8 +29,10 @@ class Given:
 
     def in_words(self, *, identified: bool = False) -> str:
         """What the bands hold; `identified` when the truck was identified just now."""
-        errors = len({name.partition("@")[0] for name in self.uncertain if name.partition("@")[0].endswith(ERRORS)})
-        paths = len([name for name in self.uncertain if not name.partition("@")[0].endswith(ERRORS)])
+        from fifthwheel.observe.uncertainty import of_sensor
+
+        errors = len({name.partition("@")[0] for name in self.uncertain if of_sensor(name)})
+        paths = sum(not of_sensor(name) for name in self.uncertain)
         if not self.uncertain and identified:
             text = "It takes the identified truck and its sensors' zeros for exact, as only one stage tells otherwise"
         elif not self.uncertain:

@@ -13,25 +13,13 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.log import Log
 from fifthwheel.logs.readers import mat
 from fifthwheel.logs.readers.mat import open_log
 
 from .damage import pieces_of_damaged
+from .reading import read
 
 T = np.arange(50) / 10
-
-
-def read(log: Log, *names: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Time and values of some columns, or of all."""
-    parts: dict[str, list[tuple[Any, Any]]] = {}
-    for piece in log.pieces(names or tuple(log.columns)):
-        assert 0 < piece.done <= 1
-        for name, values in piece.values.items():
-            assert log.columns[name].clock == piece.clock
-            assert values.dtype == np.float64
-            parts.setdefault(name, []).append((piece.time, values))
-    return {name: (np.concatenate([t for t, _ in p]), np.concatenate([v for _, v in p])) for name, p in parts.items()}
 
 
 def structs(*items: dict[str, Any]) -> NDArray[Any]:

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.log import Log
 
 pytest.importorskip("mcap")
 from mcap.writer import CompressionType, Writer
@@ -20,6 +18,7 @@ from fifthwheel.logs.readers import mcap
 from fifthwheel.logs.readers.mcap import open_log
 
 from .damage import pieces_of_damaged
+from .reading import read
 
 START = 1_700_000_000
 STEP = 10_000_000
@@ -39,18 +38,6 @@ MSG: geometry_msgs/Vector3
 float64 x
 float64 y
 """
-
-
-def read(log: Log, *names: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Time and values of some columns, or of all."""
-    parts: dict[str, list[tuple[Any, Any]]] = {}
-    for piece in log.pieces(names or tuple(log.columns)):
-        assert 0 < piece.done <= 1
-        for name, values in piece.values.items():
-            assert log.columns[name].clock == piece.clock
-            assert values.dtype == np.float64
-            parts.setdefault(name, []).append((piece.time, values))
-    return {name: (np.concatenate([t for t, _ in p]), np.concatenate([v for _, v in p])) for name, p in parts.items()}
 
 
 def save(

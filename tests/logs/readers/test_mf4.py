@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.log import Log
 from fifthwheel.logs.readers import mdf_rows
 from fifthwheel.logs.readers.mf4 import open_log
 
 from .damage import pieces_of_damaged
+from .reading import read
 
 pytest.importorskip("asammdf")
 from asammdf import MDF, Signal, Source
@@ -38,19 +37,6 @@ EXPECTED = {
     "formula": 3.0 * RAW + np.sin(RAW.astype(float)),
     "states": RAW.astype(float),
 }
-
-
-def read(log: Log, *names: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Time and values of some columns, or of all."""
-    parts: dict[str, list[tuple[Any, Any]]] = {}
-    for piece in log.pieces(names or tuple(log.columns)):
-        assert 0 < piece.done <= 1
-        assert piece.time is not None
-        for name, values in piece.values.items():
-            assert log.columns[name].clock == piece.clock
-            assert values.dtype == np.float64
-            parts.setdefault(name, []).append((piece.time, values))
-    return {name: (np.concatenate([t for t, _ in p]), np.concatenate([v for _, v in p])) for name, p in parts.items()}
 
 
 def save(path: Path, *groups: Any, version: Any = "4.10", compression: Any = 0, **more: Any) -> Path:
