@@ -1,20 +1,21 @@
-"""Three logs of a third party's simulator: identify on one, predict the others.
+"""Three logs of another simulator: identify on one, predict the others.
 
     python benchmarks/carla.py [FOLDER]
 
-Abhijeet Behera's Collision-Risk-Assessment-of-Tractor-Semitrailer drove a DAF XF95 with semitrailers of 11, 13 and 15 m
-in CARLA 0.9.14 (PhysX): one sharp change of lane at 10 to 14 m/s, until a car hits the trailer. The logs are no part of
-this project; FOLDER is by default $FIFTHWHEEL_DATA/carla, or shared/data/carla beside the checkout.
+Abhijeet Behera's Collision-Risk-Assessment-of-Tractor-Semitrailer simulates a DAF XF95 with semitrailers of 11, 13 and
+15 m in CARLA 0.9.14 (PhysX): one sharp lane change at 10 to 14 m/s, until a car hits the trailer. The logs are not part
+of this project; FOLDER is by default $FIFTHWHEEL_DATA/carla, or shared/data/carla beside the checkout.
 
-Geometry comes from each log's own motion, by least squares (`measure`). CARLA tells the position of an actor's origin,
-on the road, and the velocity of its centre of mass; they differ by lever times yaw rate and roll rate, which gives the
-centre's place and height. Both origins hang on one pin. A trailer's axle slides in proportion to its side force; so one
-number of each log's lateral velocity, that axle's place, is in its truck, predicted or not. Masses, tyres, inertias are
-assumed (`truck`); half or three times the trailer's mass moves the per cent explained of predicted logs by up to 6.
+The geometry follows from the motion in each log by least squares (`measure_geometry`). CARLA logs the position of the
+origin of an actor, on the road, and the velocity of its centre of mass. The two velocities differ by lever arms times
+yaw rate and roll rate, which gives the position and the height of the CoG. Both units share the kingpin. The lateral
+velocity of the trailer axle is proportional to its side force. The position of this axle thus contains information from
+each log, also from a predicted one. Masses, tyres and inertias are assumed (`assumed_truck`); half or three times the
+mass of the trailer changes the explained variance of predicted logs by up to 6 per cent.
 
-Expect no more than a mean tyre: the front wheels jump to 5 deg in one row and slip by 4. Roll is there but not used:
-the trailer's centre, 2.6 to 2.8 m high, rolls by 5 deg, while the tractor leans a little into the turn, which none does
-in the yaw-roll model. Sideslip is compared on the road under the centre, where a yaw model has it.
+The estimated stiffness is that of an average tyre: the front wheels step to 5 deg in one row and reach a slip angle of
+4 deg. The model has no roll: the CoG of the trailer, 2.6 to 2.8 m high, rolls by 5 deg, but the tractor rolls slightly
+into the turn, which a yaw-roll model cannot describe. Sideslip is compared at the road below the CoG.
 """
 
 import argparse
@@ -27,77 +28,103 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel import dynamics
+from fifthwheel._types import Array
 from fifthwheel.identify import Identification, TwoStage, identify
-from fifthwheel.identify.fit import fits
-from fifthwheel.identify.parameters import nuisances
-from fifthwheel.identify.stage import Log
-from fifthwheel.logs import Record
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.free_run import free_run_fits
+from fifthwheel.identify.parameters import sensor_error_unknowns
 from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.record import Record
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
 
-Array = NDArray[np.float64]
 FOLDER = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "carla"
 UNITS = ("tractor", "semitrailer")
 CHANNELS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-SETTINGS = TwoStage(  # a simulator's sensors have no zeros; what is left is which of the front wheels was logged
+SETTINGS = TwoStage(  # a simulator has no sensor offsets; the gain is uncertain because one front wheel is logged
     steer_gain_prior=0.05, steer_offset_prior=0.001, rate_offset_prior=0.0005, articulation_offset_prior=0.001
 )
-STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
-JUMP = 0.006  # rad from row to row: the steering begins so, and goes so fast again only when the car has hit
-SEAM = 192.0  # m east, where the road lifts the front wheels
+TIME_STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
+STEER_STEP = 0.006  # rad between rows: a larger step starts the steering, and follows the hit of the car
+ROAD_SEAM = 192.0  # m east: there the road lifts the front wheels
 
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry:
-    """What a log's motion tells of its truck: x from each actor's origin, m; the trailer's origin is the kingpin."""
+    """Geometry of a truck from its motion; x from the origin of each actor, m; that of the trailer is the kingpin."""
 
     cog: Mapping[str, float]
-    height: Mapping[str, float]  # of the centre of mass above the road
+    height: Mapping[str, float]  # of the CoG above the road
     hitch: float  # on the tractor
     trailer_axle: float
 
     def __str__(self) -> str:
-        centres = ", ".join(f"{unit}'s centre {self.cog[unit]:.2f} ({self.height[unit]:.2f} high)" for unit in UNITS)
-        return f"hitch {self.hitch:.2f}, trailer's axle {self.trailer_axle:.2f}, {centres} m"
+        cogs = ", ".join(f"CoG of {unit} {self.cog[unit]:.2f} (height {self.height[unit]:.2f})" for unit in UNITS)
+        return f"hitch {self.hitch:.2f}, trailer axle {self.trailer_axle:.2f}, {cogs} m"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
-    """One log, and its truck as far as it is known before."""
+class Run:
+    """One log, with the geometry and the assumed parameters of its truck."""
 
     record: Record
     geometry: Geometry
     truck: Vehicle
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """One unit as it moves, ISO 8855, (N,); what begins with "mean" is a mean from row to row, (N - 1,).
+    """Motion of one unit, ISO 8855, (N,); an attribute `mean_...` is a mean between two rows, (N - 1,)."""
 
-    CARLA's y, yaw and steer angle count right positive; its roll, right side down, is that of ISO 8855.
-    """
+    yaw: Array
+    roll: Array
+    pitch: Array
+    position: NDArray[np.complex128]  # of the origin of the actor, m
+    direction: NDArray[np.complex128]  # of the x axis
+    forward: Array  # velocity of the CoG, m/s
+    lateral: Array  # velocity of the CoG, m/s
+    yaw_rate: Array
+    roll_rate: Array
+    mean_yaw_rate: Array
+    mean_roll_rate: Array
+    mean_lateral: Array
+    mean_acceleration: Array  # lateral, of the CoG
+    mean_origin: NDArray[np.complex128]  # velocity of the origin, forward + i left
 
-    def __init__(self, table: NDArray[np.void], k: int) -> None:
-        self.yaw, self.roll, self.pitch = -np.unwrap(table[f"yaw{k}"]), table[f"roll{k}"], table[f"pitch{k}"]
-        self.position = table[f"x{k}"] - 1j * table[f"y{k}"]  # of the origin
-        velocity = table[f"vGx{k}"] - 1j * table[f"vGy{k}"]  # of the centre of mass, m/s
-        self.ahead = np.exp(1j * self.yaw)
-        self.forward, self.lateral = (velocity / self.ahead).real, (velocity / self.ahead).imag
-        self.yaw_rate, self.roll_rate = np.gradient(self.yaw, STEP), np.gradient(self.roll, STEP)
-        self.mean_yaw_rate, self.mean_roll_rate = np.diff(self.yaw) / STEP, np.diff(self.roll) / STEP
-        self.mean_lateral = (self.lateral[1:] + self.lateral[:-1]) / 2
-        step = STEP * np.exp(0.5j * (self.yaw[1:] + self.yaw[:-1]))
-        self.mean_acceleration = (np.diff(velocity) / step).imag
-        self.mean_origin = np.diff(self.position) / step  # forward + i left
+    @classmethod
+    def of(cls, table: NDArray[np.void], k: int) -> "Motion":
+        """Motion of CARLA's actor k: y, yaw and steer angle are right positive there; roll is as in ISO 8855."""
+        yaw, roll, pitch = -np.unwrap(table[f"yaw{k}"]), table[f"roll{k}"], table[f"pitch{k}"]
+        position = table[f"x{k}"] - 1j * table[f"y{k}"]
+        velocity = table[f"vGx{k}"] - 1j * table[f"vGy{k}"]
+        direction = np.exp(1j * yaw)
+        lateral = (velocity / direction).imag
+        step = TIME_STEP * np.exp(0.5j * (yaw[1:] + yaw[:-1]))
+        return cls(
+            yaw=yaw,
+            roll=roll,
+            pitch=pitch,
+            position=position,
+            direction=direction,
+            forward=(velocity / direction).real,
+            lateral=lateral,
+            yaw_rate=np.gradient(yaw, TIME_STEP),
+            roll_rate=np.gradient(roll, TIME_STEP),
+            mean_yaw_rate=np.diff(yaw) / TIME_STEP,
+            mean_roll_rate=np.diff(roll) / TIME_STEP,
+            mean_lateral=(lateral[1:] + lateral[:-1]) / 2,
+            mean_acceleration=(np.diff(velocity) / step).imag,
+            mean_origin=np.diff(position) / step,
+        )
 
 
-def read(path: Path) -> Drive:
-    """A log from 1 s before the steering begins to 0.2 s before it answers the car's hit."""
+def read(path: Path) -> Run:
+    """A log from 1 s before the steering starts to 0.2 s before the steering reacts to the hit of the car."""
     table, length = np.genfromtxt(path, delimiter=",", names=True), float(path.stem.split("_")[-2])
-    jumps = np.flatnonzero(np.abs(np.diff(table["delta"])) > JUMP)
-    begin, hit = jumps[0], jumps[jumps > jumps[0] + 1 / STEP][0]
-    rows = slice(begin - round(1 / STEP), hit - round(0.2 / STEP))
-    smooth = slice(rows.start, int(np.flatnonzero(table["x1"] > SEAM)[0]))
-    tractor, trailer = (Motion(table, k) for k in (1, 2))
+    steps = np.flatnonzero(np.abs(np.diff(table["delta"])) > STEER_STEP)
+    start, hit = steps[0], steps[steps > steps[0] + 1 / TIME_STEP][0]
+    rows = slice(start - round(1 / TIME_STEP), hit - round(0.2 / TIME_STEP))
+    before_seam = slice(rows.start, int(np.flatnonzero(table["x1"] > ROAD_SEAM)[0]))
+    tractor, trailer = (Motion.of(table, k) for k in (1, 2))
     signals = {
         "speed": tractor.forward,
         "steer.tractor.front": -table["delta"],
@@ -105,49 +132,50 @@ def read(path: Path) -> Drive:
         "yaw_rate.semitrailer": trailer.yaw_rate,
         "articulation.semitrailer": trailer.yaw - tractor.yaw,
     }
-    geometry, reference = measure(tractor, trailer, length, rows, smooth), dict[str, Array]()
+    geometry, reference = measure_geometry(tractor, trailer, length, rows, before_seam), dict[str, Array]()
     for unit, m in zip(UNITS, (tractor, trailer), strict=True):
-        lateral = m.lateral + geometry.height[unit] * m.roll_rate  # of the point on the road under the centre of mass
+        lateral = m.lateral + geometry.height[unit] * m.roll_rate  # at the road below the CoG
         reference |= {f"lateral_velocity.{unit}": lateral, f"sideslip.{unit}": np.arctan2(lateral, m.forward)}
     record = Record(
-        time=STEP * (np.arange(len(table)) - begin)[rows],
+        time=TIME_STEP * (np.arange(len(table)) - start)[rows],
         signals={name: values[rows] for name, values in signals.items()},
         reference={name: values[rows] for name, values in reference.items()},
         name=f"{length:g} m",
     )
-    return Drive(record=record, geometry=geometry, truck=truck(geometry, length))
+    return Run(record=record, geometry=geometry, truck=assumed_truck(geometry, length))
 
 
-def measure(tractor: Motion, trailer: Motion, length: float, rows: slice, smooth: slice) -> Geometry:
-    """Geometry from how the units move; the axle's from the rows before the road's seam."""
+def measure_geometry(tractor: Motion, trailer: Motion, length: float, rows: slice, before_seam: slice) -> Geometry:
+    """Geometry from the motion of the units; the position of the trailer axle from the rows before the road seam."""
     cog, height = dict[str, float](), dict[str, float]()
-    for unit, m in zip(UNITS, (tractor, trailer), strict=True):  # v_centre - v_origin = x r - z p
-        apart = (m.mean_lateral - m.mean_origin.imag)[rows]
-        cog[unit], height[unit] = solve([m.mean_yaw_rate[rows], -m.mean_roll_rate[rows]], apart)
-    # the pin, origin + x ahead + z (back by pitch, right by roll), is one point of both units
-    up = [-m.ahead * (m.pitch + 1j * m.roll) for m in (tractor, trailer)]
-    columns = [plane[rows] for plane in (tractor.ahead, -trailer.ahead, up[0] - up[1])]
+    for unit, m in zip(UNITS, (tractor, trailer), strict=True):  # v_cog - v_origin = x r - z p
+        difference = (m.mean_lateral - m.mean_origin.imag)[rows]
+        cog[unit], height[unit] = solve([m.mean_yaw_rate[rows], -m.mean_roll_rate[rows]], difference)
+    # the kingpin is one point of both units: origin + x forward + z (backward by pitch, to the right by roll)
+    up = [-m.direction * (m.pitch + 1j * m.roll) for m in (tractor, trailer)]
+    columns = [plane[rows] for plane in (tractor.direction, -trailer.direction, up[0] - up[1])]
     between = (trailer.position - tractor.position)[rows]
     hitch, kingpin, _ = solve([np.append(c.real, c.imag) for c in columns], np.append(between.real, between.imag))
-    # at the axle v = -V F / C, and F (pin to axle) = m a_y (pin to centre) - I r', with a box's I = m length^2 / 12
-    turn, v = trailer.mean_yaw_rate, trailer.mean_origin
-    force = -cog["semitrailer"] * trailer.mean_acceleration - length**2 / 12 * np.gradient(turn, STEP)
-    axle, _ = solve([-turn[smooth], (v.real * force)[smooth]], v.imag[smooth])
+    # at the axle v = -V F / C; F (pin to axle) = m a_y (pin to CoG) - I r', with I = m length^2 / 12 of a box
+    yaw_rate, v = trailer.mean_yaw_rate, trailer.mean_origin
+    force = -cog["semitrailer"] * trailer.mean_acceleration - length**2 / 12 * np.gradient(yaw_rate, TIME_STEP)
+    axle, _ = solve([-yaw_rate[before_seam], (v.real * force)[before_seam]], v.imag[before_seam])
     return Geometry(cog=cog, height=height, hitch=hitch - kingpin, trailer_axle=axle)
 
 
 def solve(columns: Sequence[Array], target: Array) -> list[float]:
-    """Factors of the columns that come closest to the target."""
+    """Least-squares factors of the columns."""
     return [float(x) for x in np.linalg.lstsq(np.column_stack(columns), target, rcond=None)[0]]
 
 
-def truck(geometry: Geometry, length: float) -> Vehicle:
-    """The truck of a log, with what is assumed of it.
+def assumed_truck(geometry: Geometry, length: float) -> Vehicle:
+    """The truck of a log with its assumed parameters.
 
-    Masses are not published, and only their ratio matters to a yaw model: an empty trailer as heavy as the tractor. The
-    wheelbase is 3.6 m, common for a 4x2, from 0.95 m ahead of the actor's origin; the fifth wheel is then 0.5 m ahead
-    of the drive axle. Yaw inertia is m (0.4 wheelbase)^2, and a box's m length^2 / 12. Tyres begin at 15.7 times the
-    static load a radian, which PhysX is believed to have by default. Roll only goes into the sigmas.
+    The masses are not published, and only their ratio affects a yaw model: the empty trailer has the mass of the
+    tractor. The wheelbase of 3.6 m is common for a 4x2; the front axle is 0.95 m ahead of the origin of the actor, so
+    the fifth wheel is 0.5 m ahead of the drive axle. The yaw inertia is m (0.4 wheelbase)^2 for the tractor and that of
+    a box, m length^2 / 12, for the trailer. The initial cornering stiffness is 15.7 times the static load per radian,
+    probably the default of PhysX. Roll parameters affect only the sigmas.
     """
     mass, wheelbase, roll_stiffness = 7500.0, 3.6, (1e6, 6e5)
     axles = ({"front": 0.95, "drive": 0.95 - wheelbase}, {"axles": geometry.trailer_axle})
@@ -164,7 +192,7 @@ def truck(geometry: Geometry, length: float) -> Vehicle:
                 AxleGroup(
                     name=group,
                     axles=(Axle(name=group, position=x, steerable=group == "front"),),
-                    cornering_stiffness=1e5,  # until the loads are known
+                    cornering_stiffness=1e5,  # replaced below, by the static load
                     roll_stiffness=roll_stiffness[i] / len(axles[i]),
                     tyre_roll_stiffness=10 * roll_stiffness[i],
                     roll_damping=roll_stiffness[i] / 20,
@@ -180,70 +208,75 @@ def truck(geometry: Geometry, length: float) -> Vehicle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
-    """What is carried from the logs identified on to another: nothing that belongs to one log alone."""
+class Transfer:
+    """Estimates that apply to other logs too."""
 
-    factors: Mapping[str, float]  # on the value that `truck` assumes
+    factors: Mapping[str, float]  # estimate divided by the assumed value
     steering: Mapping[str, float]  # gain and delay
     noise: Mapping[str, float]  # variances
 
     @classmethod
-    def of(cls, results: Sequence[Identification]) -> "Found":
-        """One identification's, or the mean of several weighted by their sigmas (factors by their logarithm)."""
+    def of(cls, results: Sequence[Identification]) -> "Transfer":
+        """The estimates of one result, or their mean weighted by sigma (for factors, the mean of the logarithm)."""
         factors, steering = {}, {}
-        for alike in zip(*[result.parameters for result in results], strict=True):
-            weights = [(e.value / (e.sigma or np.inf)) ** 2 for e in alike]
-            factors[alike[0].name] = np.exp(np.average([np.log(e.value / e.initial) for e in alike], weights=weights))
-        for alike in zip(*[[e for e in result.sensors if e.log is None] for result in results], strict=True):
-            steering[alike[0].name] = np.average([e.value for e in alike], weights=[e.sigma**-2 for e in alike])
+        for same in zip(*[result.parameters for result in results], strict=True):
+            weights = [(e.value / (e.sigma or np.inf)) ** 2 for e in same]
+            factors[same[0].name] = np.exp(np.average([np.log(e.value / e.initial) for e in same], weights=weights))
+        for same in zip(*[[e for e in result.sensors if e.log is None] for result in results], strict=True):
+            steering[same[0].name] = np.average([e.value for e in same], weights=[e.sigma**-2 for e in same])
         noise = {name: float(np.mean([result.logs[0].noise[name] for result in results])) for name in CHANNELS}
         return cls(factors=factors, steering=steering, noise=noise)
 
-    def truck(self, drive: Drive) -> Vehicle:
-        """A log's truck with what was found: tyres go with the static load, the trailer's inertia with m length^2."""
-        assumed = drive.truck.parameters()
-        return drive.truck.replace({name: factor * assumed[name] for name, factor in self.factors.items()})
+    def truck(self, run: Run) -> Vehicle:
+        """The truck of a log with the estimates: tyres scale with the static load, yaw inertia with m length^2."""
+        assumed = run.truck.parameters()
+        return run.truck.replace({name: factor * assumed[name] for name, factor in self.factors.items()})
 
-    def explained(self, drive: Drive) -> dict[str, float]:
-        """Per cent of each channel's variance, running free: `identify(validate=...)`, but on the log's own truck."""
-        vehicle = self.truck(drive)
-        log = Log(name=drive.record.name, sections=[drive.record], noise=dict(self.noise))
-        model, zeros = dynamics.model(vehicle, CHANNELS, roll=False), nuisances(vehicle, CHANNELS, SETTINGS)
-        told = fits(model, vehicle, log, zeros, values=self.steering, identified_on=False)
-        return {fit.signal: 100 * fit.explained for fit in told}
+    def explained(self, run: Run) -> dict[str, float]:
+        """Explained variance of each channel in a free run, per cent, with the truck of the log."""
+        vehicle = self.truck(run)
+        log = LogData(name=run.record.name, segments=[run.record], noise=dict(self.noise))
+        model, errors = (
+            dynamics.model(vehicle, CHANNELS, roll=False),
+            sensor_error_unknowns(vehicle, CHANNELS, SETTINGS),
+        )
+        fits = free_run_fits(model, vehicle, log, errors, values=self.steering, identified_on=False)
+        return {fit.signal: 100 * fit.explained for fit in fits}
 
-    def sideslip(self, drive: Drive) -> dict[str, tuple[float, float]]:
-        """Of both units, deg, from where steering begins: the observer's rms error, the truth's standard deviation."""
-        record, settings, told = drive.record, ObserverSettings(zeros=self.steering, noise=self.noise), {}
-        states = Observer(self.truck(drive), record.signals, settings).batch(record)
+    def sideslip(self, run: Run) -> dict[str, tuple[float, float]]:
+        """Rms error of the observed sideslip and standard deviation of the true one from the start of steering, deg."""
+        record, settings = run.record, ObserverSettings(sensor_errors=self.steering, noise=self.noise)
+        states, results = Observer(self.truck(run), record.signals, settings).batch(record), {}
         for name in ("sideslip.tractor", "sideslip.semitrailer"):
-            truth, seen = (np.degrees(values[name][record.time >= 0]) for values in (record.reference, states.values))
-            told[name] = float(np.sqrt(np.mean((seen - truth) ** 2))), float(truth.std())
-        return told
+            truth, observed = (np.degrees(v[name][record.time >= 0]) for v in (record.reference, states.values))
+            results[name] = float(np.sqrt(np.mean((observed - truth) ** 2))), float(truth.std())
+        return results
 
 
 def main() -> None:
-    """Print what was identified on each log, and the table."""
+    """Print the estimates of each log, and the table of predictions."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     folder = parser.parse_args().folder
-    if not (drives := [read(path) for path in sorted(folder.glob("vehicle_dataLateral_*.csv"))]):
-        parser.error(f"{folder}: no vehicle_dataLateral_*.csv; name the folder they are in, or set FIFTHWHEEL_DATA")
-    results = {drive.record.name: identify([drive.record], drive.truck, SETTINGS) for drive in drives}
-    for drive in drives:
-        print(f"{drive.record.name}: {drive.record.span[1]:.2f} s from where steering begins; {drive.geometry}")
-        for e in results[drive.record.name].parameters:
+    if not (runs := [read(path) for path in sorted(folder.glob("vehicle_dataLateral_*.csv"))]):
+        parser.error(
+            f"{folder}: expected files vehicle_dataLateral_*.csv, got none; give their folder, or set FIFTHWHEEL_DATA"
+        )
+    results = {run.record.name: identify([run.record], run.truck, SETTINGS) for run in runs}
+    for run in runs:
+        print(f"{run.record.name}: {run.record.span[1]:.2f} s from the start of steering; {run.geometry}")
+        for e in results[run.record.name].parameters:
             print(f"  {e.name:35s} {e.value:9.3g} +- {e.sigma or np.nan:7.2g}, assumed {e.initial:8.3g}, {e.verdict}")
-    print(f"\n{'':18s}{'explained, %':>20s}{'sideslip, deg: rms error (deviation)':>46s}")
+    print(f"\n{'':18s}{'explained, %':>20s}{'sideslip, deg: rms error (sigma of truth)':>46s}")
     print(f"identified on log  {'tractor':>9s}{'trailer':>9s}{'artic.':>9s}   {'tractor':>12s}{'trailer':>17s}")
     for used in [*[[name] for name in results], [*results]]:
-        found = Found.of([results[name] for name in used])
-        for drive in drives:
-            log = drive.record.name + ("*" if drive.record.name in used else "")
-            explained = "".join(f"{found.explained(drive)[channel]:9.1f}" for channel in CHANNELS)
-            sideslip = "".join(f"{rms:10.2f} ({deviation:.2f})" for rms, deviation in found.sideslip(drive).values())
+        transfer = Transfer.of([results[name] for name in used])
+        for run in runs:
+            log = run.record.name + ("*" if run.record.name in used else "")
+            explained = "".join(f"{transfer.explained(run)[channel]:9.1f}" for channel in CHANNELS)
+            sideslip = "".join(f"{rms:10.2f} ({sigma:.2f})" for rms, sigma in transfer.sideslip(run).values())
             print(f"{'mean of all' if len(used) > 1 else used[0]:14s}{log:5s}{explained}{sideslip}")
-    print("* identified on it, else predicted")
+    print("* identified on this log; all others are predicted")
 
 
 if __name__ == "__main__":

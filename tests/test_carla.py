@@ -1,4 +1,4 @@
-"""Logs of a third party's simulator (benchmarks/carla.py), where they are at hand; they are not part of the project."""
+"""Logs of another simulator (benchmarks/carla.py); they are not part of the project, and may be missing."""
 
 import importlib.util
 from pathlib import Path
@@ -23,7 +23,7 @@ def benchmark() -> ModuleType:
 
 carla = benchmark()
 LOGS = ("11", "13", "15")
-pytestmark = pytest.mark.skipif(not carla.FOLDER.is_dir(), reason="the logs from CARLA are not here")
+pytestmark = pytest.mark.skipif(not carla.FOLDER.is_dir(), reason="the logs from CARLA are not available")
 
 
 def path(log: str) -> Path:
@@ -31,35 +31,35 @@ def path(log: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def drives() -> dict[str, Any]:
+def runs() -> dict[str, Any]:
     return {log: carla.read(path(log)) for log in LOGS}
 
 
 @pytest.fixture(scope="module")
-def results(drives: dict[str, Any]) -> dict[str, Identification]:
-    return {log: identify([drive.record], drive.truck, carla.SETTINGS) for log, drive in drives.items()}
+def results(runs: dict[str, Any]) -> dict[str, Identification]:
+    return {log: identify([run.record], run.truck, carla.SETTINGS) for log, run in runs.items()}
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_signs(drives: dict[str, Any], log: str) -> None:
-    record = drives[log].record
+def test_signs(runs: dict[str, Any], log: str) -> None:
+    record = runs[log].record
     assert record.span[0] == pytest.approx(-1)
     assert 1 < record.span[1] < 2
-    begins = (record.time > 0) & (record.time < 0.5)  # to the left
+    first = (record.time > 0) & (record.time < 0.5)  # to the left
     for name in ("steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"):
-        assert (record.signals[name][begins] > 0).all()
-    assert (record.signals["articulation.semitrailer"][begins] < 0).all()
+        assert (record.signals[name][first] > 0).all()
+    assert (record.signals["articulation.semitrailer"][first] < 0).all()
 
 
 @pytest.mark.parametrize("log", LOGS)
 @pytest.mark.parametrize(("k", "unit"), [(1, "tractor"), (2, "semitrailer")])
-def test_the_record_leads_to_where_the_unit_is(drives: dict[str, Any], log: str, k: int, unit: str) -> None:
-    """Yaw rate is curvature times speed: integrated with sideslip, it leads along CARLA's positions."""
-    record, table = drives[log].record, np.genfromtxt(path(log), delimiter=",", names=True)
-    motion = carla.Motion(table, k)
-    first = int(np.flatnonzero(np.abs(np.diff(table["delta"])) > carla.JUMP)[0]) - 20
+def test_yaw_rate_and_speed_integrate_to_the_position(runs: dict[str, Any], log: str, k: int, unit: str) -> None:
+    """Yaw rate, speed and sideslip, integrated, give the positions in the log."""
+    record, table = runs[log].record, np.genfromtxt(path(log), delimiter=",", names=True)
+    motion = carla.Motion.of(table, k)
+    first = int(np.flatnonzero(np.abs(np.diff(table["delta"])) > carla.STEER_STEP)[0]) - 20
     rows = slice(first, first + len(record))
-    truth = (motion.position + drives[log].geometry.cog[unit] * motion.ahead)[rows]  # on the road under the centre
+    truth = (motion.position + runs[log].geometry.cog[unit] * motion.direction)[rows]  # at the road below the CoG
 
     def integral(values: Any) -> Any:
         return np.append(0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(record.time)))
@@ -72,20 +72,20 @@ def test_the_record_leads_to_where_the_unit_is(drives: dict[str, Any], log: str,
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_geometry_is_that_of_a_tractor_and_its_semitrailer(drives: dict[str, Any], log: str) -> None:
-    geometry = drives[log].geometry
+def test_geometry_is_plausible(runs: dict[str, Any], log: str) -> None:
+    geometry = runs[log].geometry
     assert geometry.cog["tractor"] == pytest.approx(0.57, abs=0.05)
-    assert geometry.height["tractor"] == pytest.approx(1.37, abs=0.03)  # one tractor, found three times
+    assert geometry.height["tractor"] == pytest.approx(1.37, abs=0.03)  # the tractor is the same in all logs
     assert geometry.hitch == pytest.approx(-2.12, abs=0.1)
     assert -float(log) < geometry.trailer_axle < geometry.cog["semitrailer"] < -0.4 * float(log)
 
 
-# What follows is measured, with a margin: it tells that something changed, not that it is good.
+# The limits below are measured values with a margin: they detect changes, and state nothing about quality.
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_a_log_explains_itself(drives: dict[str, Any], results: dict[str, Identification], log: str) -> None:
-    explained = carla.Found.of([results[log]]).explained(drives[log])
+def test_fit_on_the_identified_log(runs: dict[str, Any], results: dict[str, Identification], log: str) -> None:
+    explained = carla.Transfer.of([results[log]]).explained(runs[log])
     assert np.all(np.array([explained[name] for name in carla.CHANNELS]) >= [99, 98, 99.5])  # 99.6, 98.7, 99.8
 
 
@@ -93,28 +93,28 @@ def test_a_log_explains_itself(drives: dict[str, Any], results: dict[str, Identi
     ("log", "least"),  # worst of both predicted logs: 91.3, 92.2, 93.0; 95.9, 88.2, 96.7; 96.0, 83.9, 95.1
     [("11", [90, 90, 91]), ("13", [94, 86, 95]), ("15", [94, 81, 93])],
 )
-def test_a_log_predicts_the_others(
-    drives: dict[str, Any], results: dict[str, Identification], log: str, least: list[float]
+def test_prediction_of_other_logs(
+    runs: dict[str, Any], results: dict[str, Identification], log: str, least: list[float]
 ) -> None:
-    found = carla.Found.of([results[log]])
+    transfer = carla.Transfer.of([results[log]])
     for other in set(LOGS) - {log}:
-        explained = found.explained(drives[other])
+        explained = transfer.explained(runs[other])
         assert np.all(np.array([explained[name] for name in carla.CHANNELS]) >= least)
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_sideslip(drives: dict[str, Any], results: dict[str, Identification], log: str) -> None:
-    """The tractor's is found, also on predicted logs; the trailer's is too small for a model without roll."""
-    for drive in drives.values():
-        sideslip = carla.Found.of([results[log]]).sideslip(drive)
-        error, deviation = sideslip["sideslip.tractor"]
-        assert error < 0.65 * deviation  # 0.15 to 0.60
-        assert sideslip["sideslip.semitrailer"][0] < 0.6  # deg; 0.17 to 0.54, where the truth varies by 0.12 to 0.29
+def test_sideslip(runs: dict[str, Any], results: dict[str, Identification], log: str) -> None:
+    """Tractor: also on predicted logs. Trailer: the sideslip is too small for a model without roll."""
+    for run in runs.values():
+        sideslip = carla.Transfer.of([results[log]]).sideslip(run)
+        error, sigma = sideslip["sideslip.tractor"]
+        assert error < 0.65 * sigma  # 0.15 to 0.60
+        assert sideslip["sideslip.semitrailer"][0] < 0.6  # deg; 0.17 to 0.54, true values: sigma of 0.12 to 0.29
 
 
-def test_identify_agrees_on_its_own_log(drives: dict[str, Any], results: dict[str, Identification]) -> None:
-    """Carried over to the log it comes from, what was found is what was found."""
+def test_explained_agrees_with_identify(runs: dict[str, Any], results: dict[str, Identification]) -> None:
+    """On the log of its identification, a transfer explains what the result states."""
     for log, result in results.items():
-        explained = carla.Found.of([result]).explained(drives[log])
+        explained = carla.Transfer.of([result]).explained(runs[log])
         for fit in result.fits:
             assert explained[fit.signal] == pytest.approx(100 * fit.explained, abs=1e-3)

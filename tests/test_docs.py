@@ -1,28 +1,38 @@
 """The documentation is complete, its tables say what the code does, its examples run and its links lead somewhere."""
 
 import re
+import shlex
 from ast import literal_eval
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from pydantic import BaseModel
 
-from fifthwheel import dynamics, plant, vehicle
+from fifthwheel import cli, dynamics, plant, vehicle
+from fifthwheel.checks import Fault
+from fifthwheel.checks.samples import LIMITS
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
-from fifthwheel.identify import OneStage, TwoStage, Verdict, article
-from fifthwheel.logs import Fault, SignalMap, names
-from fifthwheel.logs.samples import LIMITS
-from fifthwheel.logs.signals import Channel, TimeColumn
+from fifthwheel.identify import OneStage, TwoStage, article
+from fifthwheel.identify.online import LearnerSettings
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.logs import SignalMap
+from fifthwheel.logs.signal_map import Channel, TimeColumn
+from fifthwheel.manoeuvres import MANOEUVRES
 from fifthwheel.observe import ObserverSettings, Status
+from fifthwheel.record import signal_names as names
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
-from fifthwheel.vehicle.files import IN_FILE, loads
+from fifthwheel.vehicle.files import FILE_KEYS, loads
 from fifthwheel.vehicle.paths import SI_UNITS
+from tests.test_architecture import ROOMS, SOURCE
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TRUCK = vehicle.get("cheng_cebon_2011")
+COMMANDS: dict[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
 
 
 def page(name: str) -> str:
@@ -73,9 +83,9 @@ PARAMETERS = [f"{prefix}.{w}" for kind, prefix in PREFIXES.items() for w in kind
 
 
 @pytest.mark.parametrize("pattern", PARAMETERS)
-def test_every_parameter_of_a_vehicle_is_among_the_symbols(pattern: str) -> None:
+def test_every_parameter_of_a_vehicle_is_in_the_glossary(pattern: str) -> None:
     table = {
-        cells[1]: cells for cells in rows(section(page("symbols.md"), "Parameters of the vehicle")) if len(cells) > 4
+        cells[1]: cells for cells in rows(section(page("glossary.md"), "Parameters of the vehicle")) if len(cells) > 4
     }
     assert table[f"`{pattern}`"][2] == SI_UNITS[pattern.rpartition(".")[2]]
 
@@ -84,11 +94,11 @@ def test_patterns_are_all_there_are() -> None:
     assert {pattern.rpartition(".")[2] for pattern in PARAMETERS} == set(SI_UNITS)
     assert {path.rpartition(".")[2] for path in TRUCK.parameters()} <= set(SI_UNITS)
     for word in {path.rpartition(".")[2] for path in TRUCK.derived()}:
-        assert f"`<unit>.{word}`" in page("symbols.md")
+        assert f"`<unit>.{word}`" in page("glossary.md")
 
 
-def test_every_state_input_and_sensor_is_among_the_symbols() -> None:
-    text = page("symbols.md")
+def test_every_state_input_and_sensor_is_in_the_glossary() -> None:
+    text = page("glossary.md")
     for name in dynamics.state_names(TRUCK, roll=True):
         quantity = name.partition(".")[0]
         owner = "<group>" if quantity == "slip_angle" else "<unit>"
@@ -125,7 +135,7 @@ def test_every_fault_verdict_and_status_is_told() -> None:
 def test_ranges_are_those_of_the_code() -> None:
     told = {cells[0].strip("`"): cells[1] for cells in rows(section(page("signals.md"), "Faults"))}
     for quantity, limit in LIMITS.items():
-        assert told[quantity] == f"{limit.most:g} {limit.unit}"
+        assert told[quantity] == f"{limit.magnitude:g} {limit.unit}"
 
 
 def same(written: str, value: object) -> bool:
@@ -156,6 +166,18 @@ def test_every_setting_of_one_stage_is_told_with_its_default() -> None:
     assert set(table) - {"field", "---"} == {field.name for field in fields(OneStage)}
 
 
+def test_every_setting_of_the_learner_is_documented_with_its_default() -> None:
+    text = section(page("one-stage.md"), "Settings of the learner")
+    table = {cells[0].strip("`"): cells[1] for cells in rows(text)[2:]}
+    for field in fields(LearnerSettings):
+        value = getattr(LearnerSettings(), field.name)
+        if is_dataclass(value):
+            assert table[field.name] == f"`{type(value).__name__}()`"
+        else:
+            assert same(table[field.name], value), field.name
+    assert set(table) == {field.name for field in fields(LearnerSettings)}
+
+
 def test_every_setting_of_the_observer_is_told_with_its_default() -> None:
     table = {cells[0].strip("`"): cells[1] for cells in rows(section(page("method.md"), "Settings")) if len(cells) == 3}
     for field in fields(ObserverSettings):
@@ -184,7 +206,7 @@ def test_every_key_of_a_vehicle_file_is_in_the_example() -> None:
     kinds: list[type[BaseModel]] = [Vehicle, *PREFIXES]
     for kind in kinds:
         for field in kind.model_fields:
-            assert re.search(rf"\b{IN_FILE.get(field, field)}\b( =|\]\])|\.{field}\]", example), field
+            assert re.search(rf"\b{FILE_KEYS.get(field, field)}\b( =|\]\])|\.{field}\]", example), field
 
 
 @pytest.mark.parametrize("block", examples("python", "# runnable"))
@@ -208,7 +230,17 @@ def test_toml_is_read(block: str, tmp_path: Path) -> None:
     else:
         file = tmp_path / "sensors.toml"
         file.write_text(block, encoding="utf-8")
-        assert plant.sensors.load(file)
+        assert plant.read_sensors(file)
+
+
+@pytest.mark.parametrize("block", examples("sh"))
+def test_commands_exist_with_their_options(block: str) -> None:
+    for line in re.findall(r"^(?:\S*/)?fifthwheel (.*)$|&& \S*/fifthwheel (.*)$", block, re.MULTILINE):
+        name, *words = shlex.split("".join(line), comments=True)
+        if name != "--version":
+            own = {flag for option in COMMANDS[name].params for flag in (*option.opts, *option.secondary_opts)}
+            for word in words:
+                assert not re.match("--?[a-z]", word) or word.partition("=")[0] in own, line
 
 
 def anchors(path: Path) -> set[str]:
@@ -233,11 +265,47 @@ def test_every_page_is_in_the_contents() -> None:
         assert path.name == "index.md" or f"({path.name})" in page("index.md")
 
 
-def test_every_course_property_and_sensor_field_is_told() -> None:
+def test_every_manoeuvre_is_documented_with_its_forms() -> None:
+    table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(page("plant.md"), "Manoeuvres"))[2:]}
+    forms = {
+        name: ["acceleration" if m.acceleration else "", "path" if m.path else "open loop" if m.open_loop else ""]
+        for name, m in MANOEUVRES.items()
+    }
+    assert table == forms
+
+
+def test_every_property_and_sensor_field_is_told() -> None:
     text = page("plant.md")
-    told = {cells[0].strip("`") for cells in rows(section(text, "Courses"))}
-    assert set(plant.COURSES) <= told
     told = {cells[0].strip("`") for cells in rows(section(text, "Properties"))}
     assert {field.name for field in fields(plant.Properties)} <= told
     for field in fields(plant.Sensor):
         assert re.search(rf"^{field.name} = ", text, re.MULTILINE), field.name
+
+
+def test_the_readme_is_short_and_has_the_test_command() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 120
+    marked = re.search(r"<!-- test command -->\n```sh\n(python3 .*)\n```$", text, re.MULTILINE)
+    assert marked
+    assert marked[1].endswith(".venv/bin/pytest -n 2 -m 'not slow'")
+
+
+def test_every_room_is_described_in_the_import_order() -> None:
+    titles = re.findall(r"^### `(\w+)`$", page("architecture.md"), re.MULTILINE)
+    assert titles == list(ROOMS)
+
+
+def test_the_places_of_the_architecture_exist() -> None:
+    paths = re.findall(r"`([a-z_0-9]+(?:/[a-z_0-9.]*|\.py)+)`", prose(page("architecture.md")))
+    assert len(paths) > 20
+    for path in paths:
+        assert (SOURCE / path).exists() or (ROOT / path).exists(), path
+
+
+def test_the_names_of_the_architecture_exist() -> None:
+    """A function or class that a row of the table names stands in the place of that row."""
+    for question, place in rows(section(page("architecture.md"), "Where is what"))[2:]:
+        for name, path in re.findall(r"`(\w+)` in `([a-z_/0-9]+(?:\.py)?)`", place):
+            files = [SOURCE / path] if path.endswith(".py") else (SOURCE / path).rglob("*.py")
+            defined = rf"^(def {name}\(|class {name}\b|{name}\b.*=)"
+            assert any(re.search(defined, file.read_text(encoding="utf-8"), re.MULTILINE) for file in files), question

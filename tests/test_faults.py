@@ -1,7 +1,7 @@
-"""Every fault that a log can have, through identification, the observer and the command line.
+"""Every fault of a log in identification, observer and command line.
 
-None may end in a silent wrong answer: either there is an error that names the signal, or the faulty signal is named
-beside the result, or the result is right.
+No fault may lead to a wrong result without a message: an error names the signal, or a note of the result names it, or
+the result is right.
 """
 
 import re
@@ -15,19 +15,21 @@ import pytest
 from pyarrow import parquet
 
 from fifthwheel import cli
-from fifthwheel.cli.app import expected
+from fifthwheel.checks import Fault
+from fifthwheel.diagnose import cautions
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.parameters import stage_1_names
-from fifthwheel.logs import Fault, Record, check, read, write
+from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Observer, Status
-from fifthwheel.report import cautions
+from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get, save
+from fifthwheel.workflow import check_record
 
 TRUCK = get("cheng_cebon_2011")
 TRUTH = TRUCK.parameters() | TRUCK.derived()
-# what its owner believes: every parameter that is sought is a fifth off
+# the vehicle file of the user: every estimated parameter is wrong by 20 %
 GUESS = TRUCK.replace(
     {n: TRUTH[n] * k for n, k in zip(stage_1_names(TRUCK), [0.8, 1.2, 0.8, 1.2], strict=True)}
     | {"semitrailer.payload.height": 1.0}
@@ -47,7 +49,7 @@ def scaled(name: str, factor: float, offset: float = 0.0) -> Inject:
 
 
 def during(name: str, start: float, stop: float, value: float | None) -> Inject:
-    """A signal at a value within start to stop, s; at the one that it has there first when the value is None."""
+    """A signal replaced by a value from start to stop, s; by its value at start if the value is None."""
 
     def inject(record: Record) -> Record:
         values, inside = record.signals[name].copy(), (record.time >= start) & (record.time < stop)
@@ -57,9 +59,9 @@ def during(name: str, start: float, stop: float, value: float | None) -> Inject:
     return inject
 
 
-def thinned(name: str, share: float) -> Inject:
+def incomplete(name: str, fraction: float) -> Inject:
     def inject(record: Record) -> Record:
-        lost = np.random.default_rng(1).random(len(record)) < share
+        lost = np.random.default_rng(1).random(len(record)) < fraction
         return record.with_signals({name: np.where(lost, np.nan, record.signals[name])})
 
     return inject
@@ -88,18 +90,18 @@ def swapped(one: str, other: str) -> Inject:
 
 @dataclass(frozen=True)
 class Case:
-    """A fault, the signal that it is in, and what has to come of it."""
+    """A fault, its signal, and the expected reaction."""
 
     fault: Fault
     signal: str
     inject: Inject
     refused: bool
-    what: str = ""
+    variant: str = ""
     among: tuple[str, ...] = ()
-    """Signals that may be named in the place of the faulty one."""
+    """Signals that may be named instead of the faulty one."""
 
     def __str__(self) -> str:
-        return " ".join(filter(None, [self.fault.value, self.signal, self.what]))
+        return " ".join(filter(None, [self.fault.value, self.signal, self.variant]))
 
 
 CASES = [
@@ -107,8 +109,8 @@ CASES = [
     *(Case(Fault.DROPOUT, n, during(n, 9, 11, np.nan), True, "2 s") for n in (SPEED, STEER)),
     Case(Fault.DROPOUT, STEER, during(STEER, 9, 9.4, np.nan), False, "0.4 s"),
     *(Case(Fault.DROPOUT, n, during(n, 9, 11, np.nan), False, "2 s") for n in (YAW, ROLL2)),
-    *(Case(Fault.DROPOUT, n, thinned(n, 0.3), False, "30 %") for n in (SPEED, YAW2)),
-    *(Case(Fault.DROPOUT, n, thinned(n, 0.6), True, "60 %") for n in (YAW, ROLL2)),
+    *(Case(Fault.DROPOUT, n, incomplete(n, 0.3), False, "30 %") for n in (SPEED, YAW2)),
+    *(Case(Fault.DROPOUT, n, incomplete(n, 0.6), True, "60 %") for n in (YAW, ROLL2)),
     *(
         Case(Fault.SPIKE, n, spiked(n, size), False)
         for n, size in ((SPEED, 10.0), (STEER, 0.3), (YAW, 0.6), (ROLL2, 1.0))
@@ -142,31 +144,30 @@ CASES = [
 cases = pytest.mark.parametrize("case", CASES, ids=str)
 
 
-def estimates(found: Identification) -> list[tuple[str, float, float]]:
-    """Name, value and sigma of all that was found; numbers all of them."""
-    told = [(e.name, e.value, e.sigma) for e in (*found.parameters, *found.derived)]
-    told += [(e.name, e.value, e.sigma) for e in found.sensors]
-    for name, value, sigma in told:
+def require_finite(found: Identification) -> None:
+    """All estimates, sigmas, histories and fits of an identification are finite."""
+    estimates = [(e.name, e.value, e.sigma) for e in (*found.parameters, *found.derived)]
+    estimates += [(e.name, e.value, e.sigma) for e in found.sensors]
+    for name, value, sigma in estimates:
         assert np.isfinite(value), name
         assert np.isfinite(sigma), name
         assert sigma >= 0, name
-    assert all(np.isfinite(t.values).all() and np.isfinite(t.sigma).all() for t in found.traces.values())
+    assert all(np.isfinite(t.values).all() and np.isfinite(t.sigma).all() for t in found.histories.values())
     assert all(np.isfinite([f.explained, f.rms]).all() for f in found.fits)
-    return told
 
 
-def wrong(found: Identification) -> list[str]:
-    """Parameters that are neither right nor said to be uncertain: off by more than 5 sigma and 5 %."""
+def wrong_parameters(found: Identification) -> list[str]:
+    """Parameters called converged that are wrong by more than 5 sigma and 5 %."""
     return [
-        f"{e.name}: {e.value:.4g} +- {e.sigma:.2g}, {TRUTH[e.name]:.4g} is true"
+        f"{e.name}: {e.value:.4g} +- {e.sigma:.2g}, true value {TRUTH[e.name]:.4g}"
         for e in (*found.parameters, *found.derived)
         if e.verdict == "converged" and abs(e.value - TRUTH[e.name]) > 5 * e.sigma + 0.05 * abs(TRUTH[e.name])
     ]
 
 
-def remarks(found: Identification) -> str:
+def messages(found: Identification) -> str:
     """All that is said beside the numbers."""
-    return "\n".join([*found.notes, *cautions.fit_cautions(found), *cautions.sensor_cautions(found)])
+    return "\n".join([*found.notes, *map(str, (*cautions.fit_cautions(found), *cautions.sensor_cautions(found)))])
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
@@ -181,16 +182,23 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int
     return code, *capsys.readouterr()
 
 
-def test_every_fault_is_here():
+def test_every_fault_has_a_case():
     assert {case.fault for case in CASES} == set(Fault)
+
+
+@cases
+def test_errors_name_the_signal_and_the_cure(case):
+    for finding in check_record(case.inject(BASE), TRUCK):
+        assert finding.message.startswith(f"{finding.signal}: ")
+        assert finding.severity == "warning" or "signals.toml" in finding.message.partition("; ")[2]
 
 
 def test_without_a_fault():
     found = identify([BASE], GUESS)
-    estimates(found)
-    assert not wrong(found)
+    require_finite(found)
+    assert not wrong_parameters(found)
     assert all(e.verdict == "converged" for e in found.parameters)
-    assert not [line for line in remarks(found).splitlines() if any(n in line for n in (SPEED, *MEASURED))]
+    assert not [line for line in messages(found).splitlines() if any(n in line for n in (SPEED, *MEASURED))]
     assert (Observer(TRUCK, BASE.signals).batch(BASE).status == Status.OK).all()
 
 
@@ -203,17 +211,17 @@ def test_identification(case):
         assert any(line.startswith(f"{case.signal}: ") for line in str(error.value).splitlines())
         return
     found = identify([record], GUESS)
-    estimates(found)
-    named = [name for name in (case.signal, *case.among) if f"{name}" in remarks(found)]
-    if case.fault is Fault.OFFSET:  # it is estimated
+    require_finite(found)
+    named = [name for name in (case.signal, *case.among) if f"{name}" in messages(found)]
+    if case.fault is Fault.OFFSET:  # the offset is estimated
         named += [e.name for e in found.sensors if e.name == f"{case.signal}.offset" and e.value > 5 * e.sigma]
-    unsure = [e.name for e in found.parameters if e.verdict != "converged"]
-    assert named or unsure, f"silent: {[str(e) for e in found.parameters]}"
+    uncertain = [e.name for e in found.parameters if e.verdict != "converged"]
+    assert named or uncertain, f"no message: {[str(e) for e in found.parameters]}"
     if case.fault is not Fault.WRONG_COLUMN and case.fault is not Fault.SWAPPED_SIGN:
         assert named
-        assert not wrong(found)
+        assert not wrong_parameters(found)
     elif not named:
-        assert not wrong(found)
+        assert not wrong_parameters(found)
 
 
 @pytest.mark.parametrize(
@@ -221,18 +229,18 @@ def test_identification(case):
     [case for case in CASES if case.refused and case.fault in (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN, Fault.STUCK)],
     ids=str,
 )
-def test_identification_unchecked_still_gives_numbers_or_an_error(case):
+def test_identification_without_checks_gives_finite_numbers_or_an_error(case):
     try:
         found = identify([case.inject(BASE)], GUESS, TwoStage(check=False, passes=2, rounds=1))
     except SignalError as error:
         assert str(error).partition(":")[0].split(".")[0] in {n.split(".")[0] for n in BASE.signals}  # noqa: PT017
         return
-    estimates(found)
+    require_finite(found)
 
 
 @cases
 def test_observer(case):
-    """Unchecked: what may not be believed is NaN and has a status, all else is a number with a sigma."""
+    """Without checks: unusable samples are NaN and have a status, all others are finite and have a sigma."""
     record = case.inject(BASE)
     found = Observer(TRUCK, record.signals).batch(record)
     good = np.isin(found.status, [Status.OK, Status.COASTING])
@@ -244,7 +252,7 @@ def test_observer(case):
         assert (found.status[record.signals[SPEED] < 5] == Status.TOO_SLOW).all()
     if case.fault is Fault.OUT_OF_RANGE and case.signal == SPEED:
         assert (found.status == Status.INPUT_MISSING).all()
-    if case.fault is Fault.DROPOUT and case.what == "all":
+    if case.fault is Fault.DROPOUT and case.variant == "all":
         lost = case.signal in (SPEED, STEER)
         assert (found.status == (Status.INPUT_MISSING if lost else Status.OK)).all()
     if case.fault is Fault.SPIKE and case.signal in MEASURED:
@@ -257,11 +265,11 @@ def test_observer(case):
 
 @cases
 def test_command_line(case, tmp_path, capsys):
-    """`states` refuses what `identify` refuses, in one line of errors a signal, without a traceback."""
+    """`states` refuses the same logs as `identify`, with one line for each error, without a traceback."""
     log = tmp_path / "log.parquet"
-    write(case.inject(BASE), log)
+    write_record(case.inject(BASE), log)
     code, out, err = run(capsys, "states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
-    findings = [f for f in check(case.inject(BASE), **expected(TRUCK)) if f.severity == "error"]
+    findings = [f for f in check_record(case.inject(BASE), TRUCK) if f.severity == "error"]
     assert "Traceback" not in err
     if findings:
         assert code == 2
@@ -279,7 +287,7 @@ def test_command_line(case, tmp_path, capsys):
 
 
 def lines_of(record: Record, tmp_path: Path) -> list[str]:
-    write(record, tmp_path / "good.csv")
+    write_record(record, tmp_path / "good.csv")
     return (tmp_path / "good.csv").read_text().splitlines(keepends=True)
 
 
@@ -287,7 +295,7 @@ def backward(lines: list[str]) -> str:
     return "".join([*lines[:800], *lines[600:]])
 
 
-def exchanged(lines: list[str]) -> str:
+def exchanged_rows(lines: list[str]) -> str:
     return "".join([*lines[:800], lines[801], lines[800], *lines[802:]])
 
 
@@ -295,17 +303,17 @@ def duplicate(lines: list[str]) -> str:
     return "".join([*lines[:800], lines[799], *lines[800:]])
 
 
-def headless(lines: list[str]) -> str:
+def without_header(lines: list[str]) -> str:
     return "".join(lines[1:])
 
 
 FILES: dict[str, tuple[Callable[[list[str]], str], str]] = {
     "backward time": (backward, r"error: log\.csv: time: goes back from"),
-    "exchanged rows": (exchanged, r"error: log\.csv: time: goes back from"),
-    "duplicate time": (duplicate, r"error: log\.csv: time: 7\.98 s at row 800 is there twice"),
+    "exchanged rows": (exchanged_rows, r"error: log\.csv: time: goes back from"),
+    "duplicate time": (duplicate, r"error: log\.csv: time: 7\.98 s at row 800 occurs twice"),
     "empty": (lambda lines: "", r"error: log\.csv: empty"),
     "header only": (lambda lines: lines[0], r"error: log\.csv: a header but no rows"),
-    "no header": (headless, r"error: log\.csv: begins with numbers"),
+    "no header": (without_header, r"error: log\.csv: begins with numbers"),
     "one row": (lambda lines: "".join(lines[:2]), r"error: time: 1 samples"),
     "another table": (lambda lines: "a,b\n1,2\n2,3\n", r"error: log\.csv: no column has the name of a signal"),
     "no time": (lambda lines: "".join(line.partition(",")[2] for line in lines), r"error: log\.csv: no time"),
@@ -327,10 +335,10 @@ FILES: dict[str, tuple[Callable[[list[str]], str], str]] = {
 
 @pytest.mark.parametrize("command", ["identify", "states"])
 @pytest.mark.parametrize("fault", FILES)
-def test_files_that_cannot_be_used(fault, command, tmp_path, capsys):
-    spoil, message = FILES[fault]
+def test_unusable_files_are_refused(fault, command, tmp_path, capsys):
+    damage, message = FILES[fault]
     log = tmp_path / "log.csv"
-    log.write_text(spoil(lines_of(BASE, tmp_path)))
+    log.write_text(damage(lines_of(BASE, tmp_path)))
     code, out, err = run(capsys, command, log, "-v", "cheng_cebon_2011", "-o", tmp_path / "out")
     assert code == 2
     assert out == ""
@@ -341,24 +349,25 @@ def test_files_that_cannot_be_used(fault, command, tmp_path, capsys):
 
 @pytest.mark.parametrize("command", ["identify", "states"])
 def test_a_parquet_file_cut_short(command, tmp_path, capsys):
-    write(BASE, tmp_path / "log.parquet")
+    write_record(BASE, tmp_path / "log.parquet")
     data = (tmp_path / "log.parquet").read_bytes()
     (tmp_path / "log.parquet").write_bytes(data[: len(data) // 2])
     code, out, err = run(capsys, command, tmp_path / "log.parquet", "-v", "cheng_cebon_2011", "-o", tmp_path / "out")
     assert (code, out) == (2, "")
-    assert err == "error: log.parquet: a Parquet file cut short or damaged; copy it again, or export it as CSV\n"
+    cure = "copy it again, or export it as CSV"
+    assert err == f"error: log.parquet: a Parquet file that is cut short or damaged; {cure}\n"
 
 
 def test_a_csv_file_cut_short(tmp_path, capsys):
-    """The rest of it is good: it is used, and said to be cut."""
+    """The intact part is used, and a note says that the file is cut."""
     lines = lines_of(BASE, tmp_path)
     text = "".join(lines)
     log = tmp_path / "log.csv"
     log.write_text(text[: int(0.8 * len(text))])
     save(GUESS, tmp_path / "guess.toml")
-    found = identify([read(log)], GUESS)
-    estimates(found)
-    assert not wrong(found)
+    found = identify([read_log(log)], GUESS)
+    require_finite(found)
+    assert not wrong_parameters(found)
     assert "log: last line left out" in "\n".join(found.notes)
     code, out, err = run(capsys, "identify", log, "-v", tmp_path / "guess.toml", "-o", tmp_path / "out")
     assert (code, err) == (0, "")

@@ -1,16 +1,16 @@
 """Equations of motion of a chain by Lagrange's method: an oracle that shares no formula with the library.
 
 Unit i yaws by psi_i about the vertical, its sprung body rolls by phi_i about the unit's x-axis. The first unit moves as
-X = u t + ..., Y = y; each of the others hangs in plan view on a point fixed to the sprung body in front and to its own.
-Positions are exact up to the second order of the small coordinates, so that the equations are exact up to the first.
+X = u t + ..., Y = y. Each other unit is pinned, in plan view, at a point that is fixed to the sprung body in front and
+to its own. Positions are exact to second order in the small coordinates, so the equations are exact to first order.
 
-Sympy gives the motion under a side force at every axle, and the slip angle there. What force a slip angle makes is put
-to it in numbers: at once, or with a lag, where the force F of a group (not the slip angle that it stands for) is a
-state, sigma F' + u F = u sum C_k alpha_k; every axle has its equal part of F, and at once what its own C_k alpha_k is
-off the mean.
+Sympy gives the motion under a side force at every axle, and the slip angle at every axle. The relation of force and
+slip angle is added numerically: without lag, or with a relaxation length. Then the force F of a group (not its lagged
+slip angle, as in the library) is a state, sigma F' + u F = u sum C_k alpha_k; each axle has an equal share of F and,
+without lag, the difference of its C_k alpha_k from the mean.
 
-Three numbers that the library does not ask for, and that therefore must not matter, are given at random: how far the
-sprung CoG is ahead of the unit's CoG, the sprung pitch inertia, and the sprung part of the yaw inertia.
+Three numbers that the library does not need, and that therefore must have no effect, have arbitrary values: the
+distance of the sprung CoG ahead of the unit's CoG, the sprung pitch inertia, and the yaw inertia of the sprung body.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from sympy.physics.mechanics import (
     LagrangesMethod,
@@ -31,9 +30,9 @@ from sympy.physics.mechanics import (
     inertia,
 )
 
+from fifthwheel._types import Array
 from fifthwheel.vehicle import AxleGroup, Unit, Vehicle
 
-Array = NDArray[np.float64]
 S = sp.Symbol
 EPS = sp.Symbol("eps")
 GRAVITY = 9.80665
@@ -41,7 +40,7 @@ IRRELEVANT = {"ahead": 0.37, "Iyy": 23456.0, "Izz_sprung": 7654.0}
 
 
 class Linear(NamedTuple):
-    """E x' = F x + G d, where the state has the names of `states`."""
+    """E x' = F x + G d for the state with the names `states`."""
 
     states: tuple[str, ...]
     E: Array
@@ -57,18 +56,18 @@ class Linear(NamedTuple):
         return np.asarray(np.linalg.solve(self.E, self.G), dtype=np.float64)
 
     def ordered(self, states: Sequence[str]) -> "Linear":
-        """The same, states (and equations, each belonging to a state) in another order."""
+        """The same system with its states, and the equation of each state, in another order."""
         assert sorted(states) == sorted(self.states)
         i = [self.states.index(name) for name in states]
         return Linear(tuple(states), self.E[np.ix_(i, i)], self.F[np.ix_(i, i)], self.G[i])
 
 
 def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
-    """The linear equations of a vehicle at a speed."""
+    """The linear equations of a vehicle at a speed, m/s."""
     units, n = vehicle.units, len(vehicle.units)
     values: dict[str, float] = {"u": speed, "g": GRAVITY}
-    groups: list[tuple[str, AxleGroup, list[int]]] = []  # path, and the places of the group's axles among all
-    steer: list[int] = []  # places of the axles that are steered
+    groups: list[tuple[str, AxleGroup, list[int]]] = []  # path, group, indices of its axles
+    steer: list[int] = []  # indices of the steered axles
     count = 0
     for i, unit in enumerate(units):
         values |= {f"{word}{i}": value for word, value in (_numbers(vehicle, unit) | IRRELEVANT).items()}
@@ -88,21 +87,21 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
         }
     function, arguments = lagrangian(tuple(len(unit.axles) for unit in units), roll)
     M, D, K, H, P, R = (np.array(m, dtype=float) for m in function(*(values[name] for name in arguments)))
-    T = side_forces([(group, places) for _, group, places in groups], speed)
-    lagging = [(path, group.cornering_stiffness) for path, group, _ in groups if group.relaxation_length]
-    g = len(lagging)
+    T = side_forces([(group, indices) for _, group, indices in groups], speed)
+    relaxation = [(path, group.cornering_stiffness) for path, group, _ in groups if group.relaxation_length]
+    g = len(relaxation)
 
-    # M q'' + D q' + K q = H f, slip angles P q' + R q + S d, and (f, F') = T (slip angles, F); f goes into the former
-    # and F' under it
+    # M q'' + D q' + K q = H f, slip angles P q' + R q + S d, and (f, F') = T (slip angles, F). f is inserted in the
+    # first equation, and F' is appended to it
     by_slip, by_force = np.split(block_diag(H, np.eye(g)) @ T, [count], axis=1)
     M, D, K = (np.vstack([matrix, np.zeros((g, len(M)))]) for matrix in (M, D, K))
     D, K, driven = D - by_slip @ P, K - by_slip @ R, by_slip[:, steer]
 
     # q = y, psi, phi, with y' = v + u psi_0, y'' = v' + u r_0, psi_i = psi_0 + their sum
     yaw, rolls = slice(1, n + 1), slice(n + 1, None)
-    adrift = D[:, 0] * speed + K[:, yaw].sum(axis=1)
+    by_heading = D[:, 0] * speed + K[:, yaw].sum(axis=1)
     assert not K[:, 0].any()
-    assert np.abs(adrift).max() < 1e-12 * np.abs(K[:, yaw]).max(), "the equations depend on the heading"
+    assert np.abs(by_heading).max() < 1e-12 * np.abs(K[:, yaw]).max(), "the equations depend on the heading"
     sums = np.tril(np.ones((n, n)))[:, 1:]
     D_yaw = D[:, yaw].copy()
     D_yaw[:, 0] += speed * M[:, 0]
@@ -120,35 +119,35 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
     E = block_diag(M[:m], np.eye(a + g))
     F = np.vstack([right[:m], np.column_stack([rates, np.zeros((a, a + g))]), right[m:]])
     G = np.vstack([driven[:m], np.zeros((a, len(steer))), driven[m:]])
-    unit_of_force = np.r_[np.ones(m + a), [C for _, C in lagging]]  # F = C s
+    unit_of_force = np.r_[np.ones(m + a), [C for _, C in relaxation]]  # F = C s
     F, G = F * unit_of_force / unit_of_force[:, None], G / unit_of_force[:, None]
-    return Linear((*dynamic, *angles, *(f"slip_angle.{path}" for path, _ in lagging)), E, F, G)
+    return Linear((*dynamic, *angles, *(f"slip_angle.{path}" for path, _ in relaxation)), E, F, G)
 
 
 def side_forces(groups: Sequence[tuple[AxleGroup, list[int]]], speed: float) -> Array:
-    """(side force of every axle, F' of every group with a lag) by (slip angle of every axle, F of every such group).
+    """(side force of every axle, F' of every group with relaxation) by (slip angle of every axle, F of these groups).
 
-    A group without a lag has C alpha on each axle. With one, F goes to what C alpha would be for all its axles
-    together; each axle has an equal part of F, and what its own C alpha is more than their mean.
+    Without a relaxation length each axle has the force C alpha. With one, F tends to the sum of C alpha over the axles;
+    each axle has an equal share of F, and the difference of its C alpha from the mean.
     """
-    count = sum(len(places) for _, places in groups)
+    count = sum(len(indices) for _, indices in groups)
     T = np.zeros((count, count))
-    for group, places in groups:
-        T[places, places] = group.cornering_stiffness / len(places)
-    for group, places in groups:
+    for group, indices in groups:
+        T[indices, indices] = group.cornering_stiffness / len(indices)
+    for group, indices in groups:
         if not group.relaxation_length:
             continue
-        k, n = len(T), len(places)
-        own, rate = T[places, :].copy(), speed / group.relaxation_length
+        k, n = len(T), len(indices)
+        direct, rate = T[indices, :].copy(), speed / group.relaxation_length
         T = block_diag(T, np.array([[-rate]]))
-        T[k, :k] = rate * own.sum(axis=0)
-        T[places, :k] -= own.mean(axis=0)
-        T[places, k] = 1 / n
+        T[k, :k] = rate * direct.sum(axis=0)
+        T[indices, :k] -= direct.mean(axis=0)
+        T[indices, k] = 1 / n
     return T
 
 
 def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
-    """A unit's numbers as the derivation calls them: heights from the roll axis, the sprung body laden."""
+    """Numbers of a unit by their symbols: heights from the roll axis, the laden sprung body."""
     derived, sprung = vehicle.derived(), unit.laden_sprung_mass
     up = derived[f"{unit.name}.cog_height"] - unit.roll_axis_height
     return {
@@ -159,7 +158,7 @@ def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
         "Ixx": derived[f"{unit.name}.roll_inertia"] - sprung * up**2,
         "Ixz": unit.sprung.roll_yaw_product,
         "K": sum(1 / (1 / group.roll_stiffness + 1 / group.tyre_roll_stiffness) for group in unit.axle_groups),
-        "C": sum(  # to first order in frequency, behind the tyres' spring: see test_damper_in_series
+        "C": sum(  # to first order in frequency: see test_damper_in_series_with_the_tyres
             group.roll_damping / (1 + group.roll_stiffness / group.tyre_roll_stiffness) ** 2
             for group in unit.axle_groups
         ),
@@ -168,9 +167,9 @@ def _numbers(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
 
 @lru_cache
 def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]]:
-    """M, D, K, H, P, R for a chain of units with so many axles, and the names of the arguments.
+    """M, D, K, H, P, R for a chain of units with these numbers of axles, and the names of the arguments.
 
-    M q'' + D q' + K q = H f with f the side force of every axle, whose slip angle is P q' + R q and its steer angle.
+    M q'' + D q' + K q = H f with f the side force of every axle; the slip angle is P q' + R q plus the steer angle.
 
     q: y of the first unit's CoG, all yaw angles, and all roll angles unless the suspensions are rigid (roll False).
     """
@@ -192,7 +191,7 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
         return p
 
     energy, loads, forces, slips = sp.Integer(0), [], [], []
-    here = S("u") * t * ground.x + y * ground.y  # the roll axis under the CoG of the unit
+    axis = S("u") * t * ground.x + y * ground.y  # roll axis under the CoG of the unit
     yawed, rolled = [], []
     for i in range(n):
         m, Izz, ms, up, Ixx, Ixz, K, C = (S(f"{word}{i}") for word in ("m", "Izz", "ms", "up", "Ixx", "Ixz", "K", "C"))
@@ -201,14 +200,14 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
         body = unit.orientnew(f"body{i}", "Axis", [phi[i], unit.x])
         yawed.append(unit)
         rolled.append(body)
-        if i:  # from the coupling, where `here` has been left, to the unit's own CoG
-            here = second_order(here - S(f"trail{i}") * unit.x + S(f"trail_up{i}") * sp.sin(phi[i]) * unit.y)
+        if i:  # from the coupling point to this unit
+            axis = second_order(axis - S(f"trail{i}") * unit.x + S(f"trail_up{i}") * sp.sin(phi[i]) * unit.y)
 
-        behind = ms * ahead / (m - ms)  # where the rest must be, so that the CoG of the whole is at `here`
-        sprung_cog = point(f"sprung{i}", here + ahead * body.x + up * body.z)
+        behind = ms * ahead / (m - ms)  # of the unsprung mass, m
+        sprung_cog = point(f"sprung{i}", axis + ahead * body.x + up * body.z)
         central = inertia(body, Ixx, Iyy, Izs, izx=-(Ixz - ms * ahead * up))  # product: minus the integral of x z
         sprung = RigidBody(f"sprung{i}", sprung_cog, body, ms, (central, sprung_cog))
-        rest_cog = point(f"rest{i}", here - behind * unit.x)
+        rest_cog = point(f"rest{i}", axis - behind * unit.x)
         rest_yaw = Izz - Izs - ms * ahead**2 - (m - ms) * behind**2
         rest = RigidBody(f"rest{i}", rest_cog, unit, m - ms, (inertia(unit, 0, 0, rest_yaw), rest_cog))
         energy += truncated(sprung.kinetic_energy(ground) + rest.kinetic_energy(ground), small, 2)
@@ -221,29 +220,29 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
             loads += [(body, -moment * unit.x), (rolled[i - 1], moment * yawed[i - 1].x)]
 
         for k in range(axles[i]):
-            axle, force = point(f"axle{i}_{k}", here + S(f"x{i}_{k}") * unit.x), S(f"f{i}_{k}")
+            axle, force = point(f"axle{i}_{k}", axis + S(f"x{i}_{k}") * unit.x), S(f"f{i}_{k}")
             v = axle.vel(ground)
             slips.append(truncated(-sp.atan(v.dot(unit.y) / v.dot(unit.x)), small, 1))
             loads.append((axle, force * unit.y))
             forces.append(force)
         if i + 1 < n:
-            here = second_order(here + S(f"lead{i}") * unit.x - S(f"lead_up{i}") * sp.sin(phi[i]) * unit.y)
+            axis = second_order(axis + S(f"lead{i}") * unit.x - S(f"lead_up{i}") * sp.sin(phi[i]) * unit.y)
 
     equations = LagrangesMethod(energy, q, forcelist=loads, frame=ground).form_lagranges_equations()
     orders = [[x.diff(t, 2) for x in q], [x.diff(t) for x in q], q, forces]
-    plain = {x: sp.Dummy() for order in orders for x in order}  # no derivative is left to hold a coordinate
+    plain = {x: sp.Dummy() for order in orders for x in order}  # so that no derivative contains a coordinate
     scaled = equations.xreplace({x: EPS * symbol for x, symbol in plain.items()})
     linearised = scaled.diff(EPS).xreplace({EPS: sp.Integer(0)})
-    found = [linearised.jacobian([plain[x] for x in order]) for order in orders]
-    found[3] = -found[3]
+    actual = [linearised.jacobian([plain[x] for x in order]) for order in orders]
+    actual[3] = -actual[3]
     angles = sp.Matrix(slips).xreplace(plain)
-    found += [angles.jacobian([plain[x] for x in order]) for order in orders[1:3]]
-    arguments = sorted(set().union(*(m.free_symbols for m in found)), key=str)
-    return sp.lambdify(arguments, found, modules="numpy", cse=True), tuple(str(a) for a in arguments)
+    actual += [angles.jacobian([plain[x] for x in order]) for order in orders[1:3]]
+    arguments = sorted(set().union(*(m.free_symbols for m in actual)), key=str)
+    return sp.lambdify(arguments, actual, modules="numpy", cse=True), tuple(str(a) for a in arguments)
 
 
 def truncated(expression: Any, small: Sequence[Any], order: int) -> Any:
-    """The Taylor polynomial in the small quantities, up to an order."""
+    """Taylor polynomial in the small quantities up to an order."""
     derivative = sp.sympify(expression).xreplace({x: EPS * x for x in small})
     total = sp.Integer(0)
     for k in range(order + 1):

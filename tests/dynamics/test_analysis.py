@@ -1,4 +1,4 @@
-"""The chain in numbers against closed forms and simulations."""
+"""Numerical properties of the chain against closed forms and simulations."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehi
 
 ARTICLE = get("cheng_cebon_2011")
 G = 9.80665
-FRONT, REAR, COG = 0.4, -5.2, -2.3  # m, of the truck, from an origin that is nothing special
+FRONT, REAR, COG = 0.4, -5.2, -2.3  # m, of the truck, from an arbitrary origin
 WHEELBASE = FRONT - REAR
 HITCH = -6.1
 
@@ -62,7 +62,7 @@ def truck_and_trailer() -> Vehicle:
 
 
 def understeer(vehicle: Vehicle) -> float:
-    """K of the bicycle model, rad s^2/m: a turn of radius R needs L/R + K u^2/R."""
+    """Understeer gradient K of the single-track model, rad s^2/m: the steer angle on a radius R is L/R + K u^2/R."""
     unit = vehicle.units[0]
     front, rear = (g.cornering_stiffness for g in unit.axle_groups)
     return unit.mass / WHEELBASE * ((COG - REAR) / front - (FRONT - COG) / rear)
@@ -70,7 +70,7 @@ def understeer(vehicle: Vehicle) -> float:
 
 @pytest.mark.parametrize("roll", [True, False])
 @pytest.mark.parametrize("speed", [3.0, 14.0, 27.0])
-def test_bicycle_in_a_turn(speed: float, roll: bool) -> None:
+def test_steady_turn_equals_the_single_track_model(speed: float, roll: bool) -> None:
     vehicle, steer = truck(), 0.02
     state = steady_state(vehicle, speed, [steer], roll=roll)
     yaw_rate = speed * steer / (WHEELBASE + understeer(vehicle) * speed**2)
@@ -79,7 +79,7 @@ def test_bicycle_in_a_turn(speed: float, roll: bool) -> None:
     rear_force = vehicle.units[0].mass * speed * yaw_rate * (FRONT - COG) / WHEELBASE
     rear_slip = -rear_force / vehicle.units[0].axle_groups[1].cornering_stiffness
     assert state["lateral_velocity.truck"] == pytest.approx(speed * rear_slip - (REAR - COG) * yaw_rate, rel=1e-9)
-    if roll:  # a turn to the left leans to the right, which is positive
+    if roll:  # in a left turn the body rolls to the right, which is positive
         moment, stiffness = 12000 * (1.5 - 0.6), 2 / (1 / 9e5 + 1 / 3e6)
         assert state["roll.truck"] == pytest.approx(moment * speed * yaw_rate / (stiffness - moment * G), rel=1e-9)
         assert state["roll_rate.truck"] == pytest.approx(0, abs=1e-12)
@@ -100,11 +100,11 @@ def test_no_critical_speed() -> None:
 
 
 def test_critical_speed_of_a_swaying_trailer() -> None:
-    """A load far behind: an oscillation, not a divergence; the damping changes its sign at the speed found."""
+    """A trailer with its CoG far to the rear becomes unstable by oscillation: the damping changes its sign."""
     rig = truck_and_trailer().replace({"trailer.cog": -6.7, "trailer.yaw_inertia": 1.2e5, "trailer.mass": 16000})
-    found = critical_speed(rig)
-    assert found is not None
-    below, above = (modes(rig, found + d) for d in (-1e-3, 1e-3))
+    critical = critical_speed(rig)
+    assert critical is not None
+    below, above = (modes(rig, critical + d) for d in (-1e-3, 1e-3))
     assert min(mode.damping for mode in below) > 0
     worst = min(above, key=lambda mode: mode.damping)
     assert -1e-3 < worst.damping < 0
@@ -112,17 +112,17 @@ def test_critical_speed_of_a_swaying_trailer() -> None:
 
 
 @pytest.mark.parametrize("roll", [True, False])
-def test_articulation_at_a_crawl(roll: bool) -> None:
-    """Every axle without slip: the hitch behind the rear axle swings out by c, the trailer follows L_2 behind it."""
+def test_articulation_at_very_low_speed(roll: bool) -> None:
+    """At very low speed no axle slips: the articulation angle follows from the hitch overhang and L_2."""
     steer = 0.03
-    behind, trailer_wheelbase = HITCH - REAR, 0.3 + 6.8
+    overhang, trailer_wheelbase = HITCH - REAR, 0.3 + 6.8
     state = steady_state(truck_and_trailer(), 0.05, [steer], roll=roll)
-    assert state["articulation.trailer"] == pytest.approx((behind - trailer_wheelbase) * steer / WHEELBASE, rel=1e-4)
+    assert state["articulation.trailer"] == pytest.approx((overhang - trailer_wheelbase) * steer / WHEELBASE, rel=1e-4)
     assert state["yaw_rate.trailer"] == pytest.approx(0.05 * steer / WHEELBASE, rel=1e-4)
 
 
 @pytest.mark.parametrize("roll", [True, False])
-def test_response_at_standstill_is_steady_state(roll: bool) -> None:
+def test_frequency_response_at_zero_frequency_is_the_steady_state(roll: bool) -> None:
     m = matrices(ARTICLE, 20.0, roll=roll)
     response = frequency_response(ARTICLE, 20.0, np.array([0.0, 0.5]), roll=roll)
     assert response.shape == (2, len(m.states), 4)
@@ -133,12 +133,12 @@ def test_response_at_standstill_is_steady_state(roll: bool) -> None:
 
 @pytest.mark.parametrize("roll", [True, False])
 def test_modes(roll: bool) -> None:
-    """Each mode by itself rings down as its frequency and damping say."""
+    """The free response of each mode decays with its frequency and damping."""
     A = matrices(ARTICLE, 24.4, roll=roll).A
-    found = modes(ARTICLE, 24.4, roll=roll)
-    assert sum(2 if mode.eigenvalue.imag else 1 for mode in found) == len(A)
-    assert list(found) == sorted(found, key=lambda mode: mode.frequency)
-    for mode in found:
+    result = modes(ARTICLE, 24.4, roll=roll)
+    assert sum(2 if mode.eigenvalue.imag else 1 for mode in result) == len(A)
+    assert list(result) == sorted(result, key=lambda mode: mode.frequency)
+    for mode in result:
         assert np.abs(mode.shape).max() == pytest.approx(1)
         w, d = 2 * np.pi * mode.frequency, mode.damping
         if mode.eigenvalue.imag:
@@ -160,9 +160,9 @@ def test_damping_of_an_unstable_real_mode() -> None:
 @pytest.mark.parametrize("roll", [True, False])
 def test_rearward_amplification_equals_simulation(roll: bool) -> None:
     speed, frequency = 24.4, 0.4
-    gain, at = rearward_amplification(ARTICLE, speed, np.array([frequency]), roll=roll)
+    gain, frequency_of_gain = rearward_amplification(ARTICLE, speed, np.array([frequency]), roll=roll)
     assert gain > 1
-    assert at == frequency
+    assert frequency_of_gain == frequency
 
     m = matrices(ARTICLE, speed, roll=roll)
     B = m.B[:, 0]
@@ -181,28 +181,28 @@ def test_rearward_amplification_equals_simulation(roll: bool) -> None:
     tractor, trailer = ARTICLE.units
     wheel = ARTICLE.couplings[0]
     v = x["lateral_velocity.tractor"]
-    at_wheel = v + (wheel.leading_position - tractor.cog) * x["yaw_rate.tractor"]
-    behind = at_wheel - speed * x["articulation.semitrailer"]
-    behind -= (wheel.trailing_position - trailer.cog) * x["yaw_rate.semitrailer"]
+    at_coupling = v + (wheel.leading_position - tractor.cog) * x["yaw_rate.tractor"]
+    v_trailer = at_coupling - speed * x["articulation.semitrailer"]
+    v_trailer -= (wheel.trailing_position - trailer.cog) * x["yaw_rate.semitrailer"]
     if roll:
-        behind -= (wheel.height - tractor.roll_axis_height) * x["roll_rate.tractor"]
-        behind += (wheel.height - trailer.roll_axis_height) * x["roll_rate.semitrailer"]
+        v_trailer -= (wheel.height - tractor.roll_axis_height) * x["roll_rate.tractor"]
+        v_trailer += (wheel.height - trailer.roll_axis_height) * x["roll_rate.semitrailer"]
 
     def amplitude(velocity: np.ndarray, yaw_rate: np.ndarray) -> float:
-        """Of v' + u r over two whole periods, by their Fourier coefficient."""
+        """Amplitude of v' + u r over two periods, by the Fourier coefficient."""
         wave = np.exp(-2j * np.pi * frequency * time)
         v, r = (2 * np.mean(values * wave) for values in (velocity, yaw_rate))
         return float(abs(2j * np.pi * frequency * v + speed * r))
 
-    simulated = amplitude(behind, x["yaw_rate.semitrailer"]) / amplitude(v, x["yaw_rate.tractor"])
+    simulated = amplitude(v_trailer, x["yaw_rate.semitrailer"]) / amplitude(v, x["yaw_rate.tractor"])
     assert gain == pytest.approx(simulated, rel=1e-4)
 
 
 def test_largest_rearward_amplification() -> None:
-    gain, at = rearward_amplification(ARTICLE, 24.4)
-    assert 0.2 < at < 0.6
+    gain, frequency_of_gain = rearward_amplification(ARTICLE, 24.4)
+    assert 0.2 < frequency_of_gain < 0.6
     assert gain > 1
-    for frequency in (at - 0.02, at + 0.02):
+    for frequency in (frequency_of_gain - 0.02, frequency_of_gain + 0.02):
         assert rearward_amplification(ARTICLE, 24.4, np.array([frequency]))[0] < gain
 
 

@@ -1,4 +1,4 @@
-"""The equations of motion against Lagrange's method, and the evidence for the article's misprint."""
+"""The equations of motion against Lagrange's method, and evidence of the article's misprint."""
 
 from collections.abc import Callable
 
@@ -9,20 +9,19 @@ from hypothesis import strategies as st
 
 from fifthwheel.dynamics import matrices, modes
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle, get
-
-from .lagrangian import Array, linear
+from tests.dynamics.lagrangian import Array, linear
 
 KMH_88 = 88 / 3.6
 
 
-def lagging(vehicle: Vehicle, *lengths: float) -> Vehicle:
-    """The vehicle with relaxation lengths, m: one for all axle groups, or one for each from front to rear."""
+def with_relaxation(vehicle: Vehicle, *lengths: float) -> Vehicle:
+    """The vehicle with one relaxation length for all axle groups, or one for each group from front to rear, m."""
     paths = [path for path in vehicle.parameters() if path.endswith(".relaxation_length")]
     return vehicle.replace(dict(zip(paths, lengths if len(lengths) > 1 else lengths * len(paths), strict=True)))
 
 
 TRUCK = get("cheng_cebon_2011")
-ARTICLE = lagging(TRUCK, 0.0)
+ARTICLE = with_relaxation(TRUCK, 0.0)
 
 
 def group(name: str, stiffness: float, roll: float, *axles: Axle) -> AxleGroup:
@@ -37,7 +36,7 @@ def group(name: str, stiffness: float, roll: float, *axles: Axle) -> AxleGroup:
 
 
 def b_double() -> Vehicle:
-    """Three units with everything that the article's truck leaves at zero."""
+    """Three units with non-zero values of everything that is zero in the article's truck."""
     tractor = Unit(
         name="tractor",
         mass=8600,
@@ -101,36 +100,36 @@ def b_double() -> Vehicle:
 
 
 def changed(vehicle: Vehicle, draw: Callable[[float, float], float], *, masses: bool) -> Vehicle:
-    """The vehicle with every parameter drawn anew between what is still a truck; its masses only if told so."""
+    """The vehicle with every parameter drawn from a plausible range; masses change only with `masses`."""
     values = {}
     for path, value in vehicle.parameters().items():
-        owner, _, word = path.rpartition(".")
-        if word in ("position", "cog", "leading_position", "trailing_position"):
+        owner, _, quantity = path.rpartition(".")
+        if quantity in ("position", "cog", "leading_position", "trailing_position"):
             values[path] = value + draw(-0.2, 0.2)
-        elif word == "mass":  # the whole may grow, its sprung part only shrink
-            grows = owner in {unit.name for unit in vehicle.units}
-            values[path] = value * (draw(1.0, 1.2) if grows else draw(0.8, 1.0)) if masses else value
-        elif "height" in word or word == "width":
+        elif quantity == "mass":  # the mass of a unit may only increase, its sprung mass only decrease
+            is_unit = owner in {unit.name for unit in vehicle.units}
+            values[path] = value * (draw(1.0, 1.2) if is_unit else draw(0.8, 1.0)) if masses else value
+        elif "height" in quantity or quantity == "width":
             values[path] = value * draw(0.8, 1.2)
         else:
             values[path] = value * draw(0.7, 1.4)
-        if word == "roll_damping" and not value:
+        if quantity == "roll_damping" and not value:
             values[path] = draw(0.0, 5e4)
-    found = vehicle.replace(values)
-    for unit in found.units:  # no body has a larger product than what makes its mass matrix singular
-        body, m = found.derived(), unit.laden_sprung_mass
+    result = vehicle.replace(values)
+    for unit in result.units:  # a larger product would make the mass matrix singular
+        body, m = result.derived(), unit.laden_sprung_mass
         moment = m * (body[f"{unit.name}.cog_height"] - unit.roll_axis_height)
         bound = np.sqrt(unit.yaw_inertia * (body[f"{unit.name}.roll_inertia"] - moment**2 / unit.mass))
-        found = found.replace({f"{unit.name}.sprung.roll_yaw_product": draw(-0.9, 0.9) * float(bound)})
-    return found
+        result = result.replace({f"{unit.name}.sprung.roll_yaw_product": draw(-0.9, 0.9) * float(bound)})
+    return result
 
 
 KINDS = {
     "article": ARTICLE,
     "truck": TRUCK,
     "b_double": b_double(),
-    "b_double, all late": lagging(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57),
-    "b_double, some late": lagging(b_double(), 0.0, 0.52, 0.0, 0.0, 0.57),
+    "b_double, all relaxation": with_relaxation(b_double(), 0.41, 0.52, 0.48, 0.36, 0.57),
+    "b_double, some relaxation": with_relaxation(b_double(), 0.0, 0.52, 0.0, 0.0, 0.57),
 }
 VEHICLES = KINDS | {
     f"{name}, all changed": changed(vehicle, np.random.default_rng(seed).uniform, masses=True)
@@ -138,40 +137,40 @@ VEHICLES = KINDS | {
 }
 
 
-def off(found: Array, expected: Array) -> float:
-    """Largest difference, each row relative to its largest element; a row of sums that cancel is nothing but zeros."""
+def difference(actual: Array, expected: Array) -> float:
+    """Largest difference, relative to the largest element of its row; a row whose terms cancel counts as zero."""
     size = np.abs(expected)
     scale = np.maximum(size.max(axis=1, keepdims=True), 1e-6 * size.max())
-    return float((np.abs(found - expected) / scale).max())
+    return float((np.abs(actual - expected) / scale).max())
 
 
 @pytest.mark.parametrize("speed", [9.0, KMH_88])
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
 @pytest.mark.parametrize("name", VEHICLES)
 def test_equals_lagrange(name: str, roll: bool, speed: float) -> None:
-    found = matrices(VEHICLES[name], speed, roll=roll)
-    expected = linear(VEHICLES[name], speed, roll=roll).ordered(found.states)
+    actual = matrices(VEHICLES[name], speed, roll=roll)
+    expected = linear(VEHICLES[name], speed, roll=roll).ordered(actual.states)
     for matrix in "EFGAB":
-        assert off(getattr(found, matrix), getattr(expected, matrix)) < 1e-9, matrix
-    ours, theirs = np.linalg.eigvals(found.A), np.linalg.eigvals(expected.A)
-    apart = np.abs(ours[:, None] - theirs) / np.abs(theirs)
-    assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-9
+        assert difference(getattr(actual, matrix), getattr(expected, matrix)) < 1e-9, matrix
+    ours, theirs = np.linalg.eigvals(actual.A), np.linalg.eigvals(expected.A)
+    distance = np.abs(ours[:, None] - theirs) / np.abs(theirs)
+    assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-9
 
 
-def test_oracle_sees_every_parameter() -> None:
-    """Each one that is not a mere origin of coordinates moves A or B of the oracle, and those of the library alike."""
-    vehicle = VEHICLES["b_double, all late, all changed"]
+def test_every_parameter_changes_both_derivations_equally() -> None:
+    """A change of any parameter changes A or B of the library, and those of the oracle by the same amount."""
+    vehicle = VEHICLES["b_double, all relaxation, all changed"]
     assert sum(path.endswith(".relaxation_length") for path in vehicle.parameters()) == 5
     before = matrices(vehicle, 15.0, roll=True)
     for path, value in vehicle.parameters().items():
         if path == "last.payload.width":
-            continue  # a point has no width
+            continue  # a point mass has no width
         other = vehicle.replace({path: value * 1.001 if value else 0.001})
-        found = matrices(other, 15.0, roll=True)
-        expected = linear(other, 15.0).ordered(found.states)
-        moved = max(off(found.A, before.A), off(found.B, before.B))
-        assert moved > 1e-9, path
-        assert max(off(found.A, expected.A), off(found.B, expected.B)) < 1e-6 * moved, path
+        actual = matrices(other, 15.0, roll=True)
+        expected = linear(other, 15.0).ordered(actual.states)
+        change = max(difference(actual.A, before.A), difference(actual.B, before.B))
+        assert change > 1e-9, path
+        assert max(difference(actual.A, expected.A), difference(actual.B, expected.B)) < 1e-6 * change, path
 
 
 @given(data=st.data())
@@ -189,30 +188,30 @@ def test_left_hand_side_positive_definite(data: st.DataObject) -> None:
 
 
 def test_misprint_of_the_roll_equation() -> None:
-    """(A3) and (A6) as printed count m_s h^2 phi'' twice: the laden trailer would roll at 1.09 instead of 1.44 Hz."""
+    """(A3) and (A6) as printed count m_s h^2 phi'' twice: the trailer's roll mode then has 1.09 instead of 1.44 Hz."""
     m = matrices(ARTICLE, KMH_88, roll=True)
     printed = m.E.copy()
     for unit in ARTICLE.units:
         i = m.states.index(f"roll_rate.{unit.name}")
-        up = ARTICLE.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
-        printed[i, i] += unit.laden_sprung_mass * up**2
+        lever = ARTICLE.derived()[f"{unit.name}.cog_height"] - unit.roll_axis_height
+        printed[i, i] += unit.laden_sprung_mass * lever**2
     angles = [i for i, name in enumerate(m.states) if name.startswith(("articulation", "roll."))]
 
     def trailer_roll(A: Array) -> complex:
         """The least damped oscillation in which the trailer's roll angle is larger than any other angle."""
         values, vectors = np.linalg.eig(A)
-        found = [
+        modes_of_trailer = [
             complex(value)
             for value, vector in zip(values, vectors.T, strict=True)
             if value.imag > 0 and m.states[max(angles, key=lambda i: abs(vector[i]))] == "roll.semitrailer"
         ]
-        return min(found, key=lambda value: -value.real / abs(value))
+        return min(modes_of_trailer, key=lambda value: -value.real / abs(value))
 
-    right, wrong = (trailer_roll(np.asarray(np.linalg.solve(E, m.F))) for E in (m.E, printed))
-    undamped = np.abs([right, wrong]) / (2 * np.pi)
-    damped = np.array([right.imag, wrong.imag]) / (2 * np.pi)
+    corrected, misprinted = (trailer_roll(np.asarray(np.linalg.solve(E, m.F))) for E in (m.E, printed))
+    undamped = np.abs([corrected, misprinted]) / (2 * np.pi)
+    damped = np.array([corrected.imag, misprinted.imag]) / (2 * np.pi)
     assert undamped == pytest.approx([1.441, 1.092], abs=0.001)
     assert damped == pytest.approx([1.394, 1.072], abs=0.001)
     assert any(mode.frequency == pytest.approx(undamped[0]) for mode in modes(ARTICLE, KMH_88))
     expected = linear(ARTICLE, KMH_88).ordered(m.states)
-    assert trailer_roll(expected.A) == pytest.approx(right, rel=1e-9)  # Lagrange sides with the mended equation
+    assert trailer_roll(expected.A) == pytest.approx(corrected, rel=1e-9)  # Lagrange agrees with the correction

@@ -1,4 +1,4 @@
-"""The rates at both ends of a step, against the step itself."""
+"""The rates at both ends of a step against the step."""
 
 import casadi as ca
 import numpy as np
@@ -6,7 +6,6 @@ import pytest
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.observe.prepare import locked_but
 
 OUTPUTS = ("yaw_rate.tractor", "roll_rate.semitrailer")
 FREE = ("tractor.front.cornering_stiffness", "semitrailer.payload.height", "steer.tractor.front.delay")
@@ -14,11 +13,11 @@ FREE = ("tractor.front.cornering_stiffness", "semitrailer.payload.height", "stee
 
 @pytest.fixture(scope="module")
 def model() -> ChainModel:
-    truck = locked_but(vehicle.get("cheng_cebon_2011"), {"steer.tractor.front"}, "the test")
+    truck = vehicle.get("cheng_cebon_2011").with_logged_steering({"steer.tractor.front"}, "the test")
     return dynamics.model(truck, OUTPUTS, roll=True, bank=True, free=FREE)
 
 
-def test_are_the_slope_of_the_state(model: ChainModel) -> None:
+def test_mean_rate_is_the_slope_of_the_state(model: ChainModel) -> None:
     rng = np.random.default_rng(0)
     x, h = 0.05 * rng.normal(size=len(model.states)), 1e-5
     values = dynamics.all_parameters(model.vehicle, OUTPUTS)
@@ -28,7 +27,7 @@ def test_are_the_slope_of_the_state(model: ChainModel) -> None:
     np.testing.assert_allclose((first + last) / 2, (later - x) / h, rtol=1e-6, atol=1e-6)
 
 
-def test_tell_the_derivatives_of_a_step_by_the_trapezoidal_rule(model: ChainModel) -> None:
+def test_trapezoidal_rule_gives_the_parameter_derivatives_of_a_step(model: ChainModel) -> None:
     symbols = [ca.SX.sym(name, model.transition.numel_in(i)) for i, name in enumerate(("x", "dt", "d", "p", "c"))]
     later = ca.SX.sym("later", len(model.states))
     exact = ca.Function("exact", symbols, [ca.jacobian(model.transition(*symbols), symbols[3])])
@@ -38,7 +37,7 @@ def test_tell_the_derivatives_of_a_step_by_the_trapezoidal_rule(model: ChainMode
     x, dt, d = np.full(len(model.states), 0.02), 0.004, np.array([20.0, 0.01, 20.0, 0.012])
     p, c = model.free_values(values), model.known_values(values)
     after, F = model.transition(x, dt, d, p, c), np.array(model.state_jacobian(x, dt, d, p, c))
-    first, last = (np.array(part) for part in ends(after, x, dt, d, p, c))
-    found, expected = dt / 2 * (F @ first + last), np.array(exact(x, dt, d, p, c))
+    first, last = (np.array(rate) for rate in ends(after, x, dt, d, p, c))
+    actual, expected = dt / 2 * (F @ first + last), np.array(exact(x, dt, d, p, c))
     largest = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(found / largest, expected / largest, atol=0.01)
+    np.testing.assert_allclose(actual / largest, expected / largest, atol=0.01)

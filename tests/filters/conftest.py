@@ -1,11 +1,11 @@
-"""The article's vehicle as a filter sees it, and a cache that dies with the tests."""
+"""The article's vehicle as a filter model, and a temporary cache."""
 
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from .examples import Article, lane_change
+from tests.filters.examples import Article, lane_change
 
 
 @pytest.fixture(autouse=True, scope="package")
@@ -17,5 +17,5 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="package")
 def article() -> Article:
-    """Eight states, four gyros, irregular samples, speed from 20 to 26 m/s: the transition differs from row to row."""
+    """Eight states, four gyros, irregular sampling, 20 to 26 m/s: the transition is different in every row."""
     return lane_change(np.random.default_rng(11))

@@ -1,4 +1,4 @@
-"""Models to filter, and plain numpy filters to compare with."""
+"""Models for the filters, and reference filters in NumPy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,22 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel import dynamics, vehicle
+from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Model, Noise
-from fifthwheel.observe.prepare import prepare, steered_as_logged
+from fifthwheel.filters.rows import step_rows
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 GYROS = ("roll_rate.tractor", "roll_rate.semitrailer", "yaw_rate.tractor", "yaw_rate.semitrailer")
 NOISE = np.array([4.52e-4, 4.70e-5, 1.52e-5, 1.11e-5])
 DEVIATION = {"lateral_velocity": 0.1, "yaw_rate": 0.03, "articulation": 0.02, "roll": 0.01, "roll_rate": 0.03}
-WORDS = ("x", "dt", "d", "p", "c")
+ARGUMENTS = ("x", "dt", "d", "p", "c")
 
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """A model of a few lines."""
+    """A symbolic model."""
 
     transition: ca.Function
     observation: ca.Function
@@ -33,47 +33,49 @@ class Example:
 def example(
     transition: Callable[..., ca.SX], observation: Callable[..., ca.SX], *, x: int, d: int = 0, p: int = 0, c: int = 0
 ) -> Example:
-    """From x+ = transition(x, dt, d, p, c) and y = observation(x, d, p, c)."""
-    symbols = [ca.SX.sym(word, size) for word, size in zip(WORDS, (x, 1, d, p, c), strict=True)]
-    seen = [symbols[0], *symbols[2:]]
+    """The model x+ = transition(x, dt, d, p, c), y = observation(x, d, p, c)."""
+    symbols = [ca.SX.sym(name, size) for name, size in zip(ARGUMENTS, (x, 1, d, p, c), strict=True)]
+    without_dt = [symbols[0], *symbols[2:]]
     return Example(
         ca.Function("transition", symbols, [ca.densify(ca.vertcat(transition(*symbols)))]),
-        ca.Function("observation", seen, [ca.densify(ca.vertcat(observation(*seen)))]),
+        ca.Function("observation", without_dt, [ca.densify(ca.vertcat(observation(*without_dt)))]),
     )
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """A model's functions and their derivatives as arrays, by CasADi's interpreter."""
+    """Functions of a model and their derivatives as arrays, by CasADi's interpreter."""
 
     model: Model
 
     @cached_property
-    def forward(self) -> ca.Function:
-        symbols = [ca.SX.sym(word, *self.model.transition.size_in(i)) for i, word in enumerate(WORDS)]
+    def transition_function(self) -> ca.Function:
+        symbols = [ca.SX.sym(name, *self.model.transition.size_in(i)) for i, name in enumerate(ARGUMENTS)]
         later = self.model.transition(*symbols)
         return ca.Function("f", symbols, [later, ca.jacobian(later, symbols[0]), ca.jacobian(later, symbols[3])])
 
     @cached_property
-    def seen(self) -> ca.Function:
-        symbols = [ca.SX.sym(word, *self.model.observation.size_in(i)) for i, word in enumerate(WORDS[:1] + WORDS[2:])]
+    def observation_function(self) -> ca.Function:
+        symbols = [
+            ca.SX.sym(name, *self.model.observation.size_in(i)) for i, name in enumerate(ARGUMENTS[:1] + ARGUMENTS[2:])
+        ]
         y = self.model.observation(*symbols)
         return ca.Function("h", symbols, [y, ca.jacobian(y, symbols[0]), ca.jacobian(y, symbols[2])])
 
     def transition(self, x: Array, dt: float, d: Array, p: Array, c: Array) -> tuple[Array, Array, Array]:
-        """x+ and its derivatives by x and p."""
-        later, F, by_p = (np.array(value) for value in self.forward(x, dt, d, p, c))
+        """x+ and its derivatives with respect to x and p."""
+        later, F, by_p = (np.array(value) for value in self.transition_function(x, dt, d, p, c))
         return later[:, 0], F, by_p
 
     def observation(self, x: Array, d: Array, p: Array, c: Array) -> tuple[Array, Array, Array]:
-        """y and its derivatives by x and p."""
-        y, H, by_p = (np.array(value) for value in self.seen(x, d, p, c))
+        """y and its derivatives with respect to x and p."""
+        y, H, by_p = (np.array(value) for value in self.observation_function(x, d, p, c))
         return y[:, 0], H, by_p
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Linear:
-    """x+ = F x + g, y = H x + b, row by row."""
+    """x+ = F x + g, y = H x + b, for each row."""
 
     F: Array  # (N, n, n)
     g: Array  # (N, n)
@@ -82,24 +84,27 @@ class Linear:
 
 
 def linear(model: Model, rows: Array, p: Array, c: Array) -> Linear:
-    """A linear model's matrices at every row, from its own derivatives."""
+    """Matrices of a linear model at every row, from its derivatives."""
     numbers, n_d = Numbers(model), model.transition.numel_in(2)
     zero = np.zeros(model.transition.numel_in(0))
     F, g, H, b = [], [], [], []
     for row in rows:
         d = row[1 : 1 + n_d]
-        forward, seen = numbers.transition(zero, row[0], d, p, c), numbers.observation(zero, d, p, c)
-        g.append(forward[0]), F.append(forward[1]), b.append(seen[0]), H.append(seen[1])
+        (offset, slope, _), (y, H_row, _) = (
+            numbers.transition(zero, row[0], d, p, c),
+            numbers.observation(zero, d, p, c),
+        )
+        g.append(offset), F.append(slope), b.append(y), H.append(H_row)
     return Linear(F=np.array(F), g=np.array(g), H=np.array(H), b=np.array(b))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Article:
-    """The vehicle with locked trailer axles, its model and a record's rows."""
+    """The article's vehicle with locked trailer axles, its model, and the rows of a record."""
 
     vehicle: Vehicle
     model: ChainModel
-    rows: Array  # (N, 1 + 4 + 8), nothing missing; 8 states, no lag of side forces
+    rows: Array  # (N, 1 + 4 + 8), nothing missing
     c: Array
     linear: Linear
     noise: Noise
@@ -111,39 +116,43 @@ class Article:
         return self.rows[:, 5:9]
 
     def arguments(self) -> dict[str, object]:
-        """For `kalman.run` and `smoother.run`."""
+        """Arguments of `kalman.run_kalman` and `smoother.run_smoother`."""
         return {"p": np.empty(0), "c": self.c, "noise": self.noise, "x0": self.x0, "P0": self.P0}
 
 
 def lane_change(rng: np.random.Generator) -> Article:
-    """Steered through a lane change, sampled irregularly; every row is measured, as the model itself moves."""
+    """A lane change with irregular sampling, simulated by the discrete model; all channels are measured."""
     truck = vehicle.get("cheng_cebon_2011")
-    whole = truck.replace({path: 0.0 for path in truck.parameters() if path.endswith(".relaxation_length")})
-    record = simulate(whole, count=1, duration=9.0, sensors=dict(zip(GYROS, NOISE, strict=True)))
-    some = np.sort(rng.choice(len(record), size=500, replace=False))
-    time = record.time[some] + rng.uniform(-0.004, 0.004, 500)
-    signals = {name: values[some] for name, values in record.signals.items()}
+    without_relaxation = truck.replace(
+        {path: 0.0 for path in truck.parameters() if path.endswith(".relaxation_length")}
+    )
+    record = simulate(without_relaxation, count=1, duration=9.0, sensors=dict(zip(GYROS, NOISE, strict=True)))
+    indices = np.sort(rng.choice(len(record), size=500, replace=False))
+    time = record.time[indices] + rng.uniform(-0.004, 0.004, 500)
+    signals = {name: values[indices] for name, values in record.signals.items()}
     signals["speed"] = 23.0 + 3.0 * np.sin(time / 3)
     record = replace(record, time=time, signals=signals, reference={})
-    locked = steered_as_logged(whole, record)
+    locked = without_relaxation.with_logged_steering(record.signals, record.name)
     model = dynamics.model(locked, GYROS, roll=True)
-    own = {"yaw_rate.tractor.offset": 0.002, "steer.tractor.front.offset": -0.001, "steer.tractor.front.gain": 1.05}
-    c = model.known_values(dynamics.all_parameters(locked, GYROS) | own)
-    rows = prepare(model, locked, record).rows
+    errors = {"yaw_rate.tractor.offset": 0.002, "steer.tractor.front.offset": -0.001, "steer.tractor.front.gain": 1.05}
+    c = model.known_values(dynamics.all_parameters(locked, GYROS) | errors)
+    rows = step_rows(model, locked, record).rows
     deviation = np.array([DEVIATION[name.split(".")[0]] for name in model.states])
     noise = Noise(process=np.diag((0.1 * deviation) ** 2), measurement=NOISE)
     system = linear(model, rows, np.empty(0), c)
     x0 = 0.3 * deviation
-    _, measured = moved(system, rows, noise, x0 + rng.normal(size=(1, 8)) * deviation, rng)
+    _, measured = simulate_model(system, rows, noise, x0 + rng.normal(size=(1, 8)) * deviation, rng)
     rows = np.hstack([rows[:, :5], measured[0], np.ones_like(measured[0])])
     return Article(
         vehicle=locked, model=model, rows=rows, c=c, linear=system, noise=noise, x0=x0, P0=np.diag(deviation**2)
     )
 
 
-def moved(system: Linear, rows: Array, noise: Noise, x: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """States (B, N, n) and measurements (B, N, m) of the discrete model itself from x (B, n) before the first row,
-    with process noise of variance Q dt and measurement noise R."""
+def simulate_model(
+    system: Linear, rows: Array, noise: Noise, x: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """States (B, N, n) and measurements (B, N, m) of the discrete model, from x (B, n) before the first row, with
+    process noise of variance Q dt and measurement noise R."""
     states, measured = [], []
     for k in range(len(rows)):
         w = rng.normal(size=x.shape) * np.sqrt(np.diag(noise.process) * rows[k, 0])
@@ -154,7 +163,7 @@ def moved(system: Linear, rows: Array, noise: Noise, x: Array, rng: np.random.Ge
 
 
 def without(rows: Array, missing: NDArray[np.bool_], n_d: int) -> Array:
-    """The rows with the channels in `missing` (N, m) taken away, as `sample_rows` leaves them."""
+    """The rows without the channels in `missing` (N, m), in the form of `sample_rows`."""
     m = missing.shape[1]
     rows = rows.copy()
     rows[:, 1 + n_d : 1 + n_d + m][missing] = 0.0
@@ -162,17 +171,17 @@ def without(rows: Array, missing: NDArray[np.bool_], n_d: int) -> Array:
     return rows
 
 
-def apart(found: Array, expected: Array) -> float:
-    """The largest difference in any column of (N, n) or (N, n, n), relative to what the column, or the variances,
-    amount to."""
+def max_difference(actual: Array, expected: Array) -> float:
+    """Largest difference in (N, n), relative to the largest value of the column, or in covariances (N, n, n), relative
+    to the standard deviations."""
     if expected.ndim == 3:
         deviation = np.sqrt(np.einsum("kii->ki", expected))
-        return float((np.abs(found - expected) / (deviation[:, :, None] * deviation[:, None, :])).max())
-    return float((np.abs(found - expected) / np.abs(expected).max(axis=0)).max())
+        return float((np.abs(actual - expected) / (deviation[:, :, None] * deviation[:, None, :])).max())
+    return float((np.abs(actual - expected) / np.abs(expected).max(axis=0)).max())
 
 
 def joint_update(x: Array, P: Array, innovation: Array, H: Array, R: Array) -> tuple[Array, Array, float]:
-    """The Kalman update with all channels at once: state, covariance, NIS."""
+    """The Kalman update with all channels together: state, covariance, NIS."""
     S = H @ P @ H.T + np.diag(R)
     K = np.linalg.solve(S, H @ P).T
     left = np.eye(len(x)) - K @ H

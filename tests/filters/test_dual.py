@@ -1,4 +1,4 @@
-"""The dual filter: equal to the joint filter where it should be, equal to Wan and Nelson's where it is asked to be."""
+"""The dual filter against the joint filter (consistent and coupled) and against that of Wan and Nelson."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,35 +12,34 @@ from hypothesis import strategies as st
 
 from fifthwheel import dynamics
 from fifthwheel.filters import Model, Noise, dual, kalman, sample_rows
-from fifthwheel.filters.dual import Coupling, DualFiltered, DualState, Scaling
-
-from .examples import Array, Article, Example, Linear, Numbers, apart, example, linear, without
+from fifthwheel.filters.dual import DualCoupling, DualFiltered, DualState, Scaling
+from tests.filters.examples import Array, Article, Example, Linear, Numbers, example, linear, max_difference, without
 
 NOTHING = np.empty(0)
 WIDE = 1e9
 
 
 def plain(centre: Array, scale: Array) -> Scaling:
-    """p = centre + scale z, practically without bounds."""
+    """p = centre + scale z, with bounds that have no effect."""
     n = len(centre)
     return Scaling(
         logarithmic=(False,) * n, centre=centre, scale=scale, lower=np.full(n, -WIDE), upper=np.full(n, WIDE)
     )
 
 
-def one_by_one(
+def row_by_row(
     model: Model, rows: Array, start: DualState, **arguments: object
 ) -> tuple[list[DualState], list[DualFiltered]]:
-    """Both filters after every row: a run a row, each from where the last one ended."""
+    """State of both filters after every row, from one run for each row."""
     states, results = [], []
     for k in range(len(rows)):
-        results.append(dual.run(model, rows[k : k + 1], start=start, **arguments))
+        results.append(dual.run_dual(model, rows[k : k + 1], start=start, **arguments))
         start = results[-1].end
         states.append(start)
     return states, results
 
 
-# A model that is linear in state and parameters together: biases in the transition and in what the sensors show.
+# A model that is linear in state and parameters: offsets in the transition and in the outputs.
 
 BIASED = example(
     lambda x, dt, d, p, c: ca.vertcat(
@@ -75,7 +74,7 @@ def biased_rows(N: int = 80, seed: int = 0, *, gaps: bool = True) -> Array:
 
 
 def augmented() -> Example:
-    """State and z in one state of five; p = centre + scale z."""
+    """The model of the augmented state (x, z) with five elements; p = centre + scale z."""
 
     def p(x: ca.SX) -> ca.SX:
         return CENTRE + SCALE * x[3:]
@@ -90,21 +89,21 @@ def augmented() -> Example:
 
 
 def joint_covariance(state: DualState) -> Array:
-    """Of (x, z): the state's own, and what it owes to z along the sensitivity."""
+    """Covariance of (x, z): that of the state and the contribution of z along the sensitivity."""
     V, Pz = state.sensitivity, state.Pz
     return np.block([[state.P + V @ Pz @ V.T, V @ Pz], [Pz @ V.T, Pz]])
 
 
 @pytest.mark.parametrize("gate", [np.inf, 1.5], ids=["open", "gated"])
 def test_joint_filter(gate: float) -> None:
-    """Friedland: consistent and coupled it is the Kalman filter of state and parameters together, to rounding:
-    x, z, every covariance, innovations and what the gate does."""
+    """A consistent and coupled filter equals the Kalman filter of (x, z) to rounding (Friedland): x, z, covariances,
+    innovations and gate."""
     rows = biased_rows()
     noise = Noise(process=Q, measurement=R, gate=gate)
-    states, results = one_by_one(BIASED, rows, START, c=C, noise=noise, scaling=plain(CENTRE, SCALE))
+    states, results = row_by_row(BIASED, rows, START, c=C, noise=noise, scaling=plain(CENTRE, SCALE))
     process = np.zeros((5, 5))
     process[:3, :3] = Q
-    expected = kalman.run(
+    expected = kalman.run_kalman(
         augmented(),
         rows,
         p=NOTHING,
@@ -114,7 +113,7 @@ def test_joint_filter(gate: float) -> None:
         P0=joint_covariance(START),
     )
     assert np.array([np.concatenate([s.x, s.z]) for s in states]) == pytest.approx(expected.state, abs=1e-11)
-    assert apart(np.array([joint_covariance(s) for s in states]), expected.covariance) <= 1e-11
+    assert max_difference(np.array([joint_covariance(s) for s in states]), expected.covariance) <= 1e-11
     assert np.vstack([r.innovation for r in results]) == pytest.approx(expected.innovation, abs=1e-11)
     variances = np.vstack([r.innovation_variance for r in results])
     assert variances == pytest.approx(expected.innovation_variance, rel=1e-11)
@@ -124,10 +123,10 @@ def test_joint_filter(gate: float) -> None:
 
 
 def test_joint_filter_in_numpy() -> None:
-    """The same with a joint filter that owes nothing to the library: all channels at once, matrices by hand."""
+    """The same against an independent joint filter with explicit matrices and all channels together."""
     rows = biased_rows(60, 1, gaps=False)
     noise = Noise(process=Q, measurement=R)
-    found = dual.run(BIASED, rows, c=C, noise=noise, scaling=plain(CENTRE, SCALE), start=START)
+    actual = dual.run_dual(BIASED, rows, c=C, noise=noise, scaling=plain(CENTRE, SCALE), start=START)
     x, P = np.concatenate([START.x, START.z]), joint_covariance(START)
     for k, row in enumerate(rows):
         dt, d = row[:2]
@@ -143,34 +142,34 @@ def test_joint_filter_in_numpy() -> None:
         S = H @ P @ H.T + np.diag(R)
         K = P @ H.T @ np.linalg.inv(S)
         x, P = x + K @ (row[2:5] - H @ x - b), P - K @ S @ K.T
-        assert found.z[k] == pytest.approx(x[3:], abs=1e-11)
-        assert found.z_variance[k] == pytest.approx(np.diag(P)[3:], abs=1e-11)
-    assert found.end.x == pytest.approx(x[:3], abs=1e-11)
-    assert joint_covariance(found.end) == pytest.approx(P, abs=1e-11)
+        assert actual.z[k] == pytest.approx(x[3:], abs=1e-11)
+        assert actual.z_variance[k] == pytest.approx(np.diag(P)[3:], abs=1e-11)
+    assert actual.end.x == pytest.approx(x[:3], abs=1e-11)
+    assert joint_covariance(actual.end) == pytest.approx(P, abs=1e-11)
 
 
-def test_record_in_two_parts() -> None:
+def test_record_in_two_segments() -> None:
     rows = biased_rows()
     arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE),
-                 "coupling": Coupling(random_walk=0.1, forgetting=0.3)}  # fmt: skip
-    whole = dual.run(BIASED, rows, start=START, **arguments)
-    first = dual.run(BIASED, rows[:33], start=START, **arguments)
-    second = dual.run(BIASED, rows[33:], start=first.end, **arguments)
-    assert np.array_equal(np.vstack([first.z, second.z]), whole.z)
-    assert np.array_equal(second.end.vector(), whole.end.vector())
+                 "coupling": DualCoupling(random_walk=0.1, forgetting=0.3)}  # fmt: skip
+    complete = dual.run_dual(BIASED, rows, start=START, **arguments)
+    first = dual.run_dual(BIASED, rows[:33], start=START, **arguments)
+    second = dual.run_dual(BIASED, rows[33:], start=first.end, **arguments)
+    assert np.array_equal(np.vstack([first.z, second.z]), complete.z)
+    assert np.array_equal(second.end.vector(), complete.end.vector())
 
 
 def test_state_as_a_vector() -> None:
-    again = DualState.from_vector(replace(START, walk=0.25).vector(), 3, 2)
+    restored = DualState.from_vector(replace(START, walk=0.25).vector(), 3, 2)
     for name in ("x", "P", "z", "Pz", "sensitivity"):
-        assert np.array_equal(getattr(again, name), getattr(START, name)), name
-    assert again.walk == 0.25
+        assert np.array_equal(getattr(restored, name), getattr(START, name)), name
+    assert restored.walk == 0.25
 
 
-# Wan and Nelson's dual filter, written down once more.
+# The dual filter of Wan and Nelson.
 
 
-def by_hand(
+def reference_filter(
     model: Model,
     rows: Array,
     *,
@@ -182,11 +181,11 @@ def by_hand(
     consistent: bool = False,
     coupled: bool = False,
 ) -> tuple[Array, DualState]:
-    """z after every row and both filters after the last: a filter for x, one for z, and dx/dz carried along with the
-    gain held (Wan and Nelson 2001, table 5.2 and their recurrent derivative), channel after channel."""
+    """z after every row, and both filters after the last row (Wan and Nelson 2001, table 5.2, with the recurrent
+    derivative dx/dz at a fixed gain), channel by channel."""
     numbers, m, n_d = Numbers(model), len(R), model.transition.numel_in(2)
     x, P, z, Pz, V = start.x, start.P, start.z, start.Pz, start.sensitivity
-    path = []
+    history = []
     for row in rows:
         d, y = row[1 : 1 + n_d], row[1 + n_d : 1 + n_d + m]
         x, F, by_p = numbers.transition(x, row[0], d, scaling.to_p(z), c)
@@ -198,15 +197,15 @@ def by_hand(
             h = H[i]
             innovation = y[i] - predicted[i] - h @ (x - before) - coupled * direct[i] @ (z - z_before)
             psi = h @ V + direct[i]
-            own = h @ P @ h + R[i]
-            K = P @ h / own
-            Kz = Pz @ psi / (psi @ Pz @ psi + (own if consistent else R[i]))
+            S = h @ P @ h + R[i]
+            K = P @ h / S
+            Kz = Pz @ psi / (psi @ Pz @ psi + (S if consistent else R[i]))
             V = V - np.outer(K, psi)
             P = P - np.outer(K, h @ P)
             Pz = Pz - np.outer(Kz, psi @ Pz)
             x, z = x + K * innovation + coupled * V @ (Kz * innovation), z + Kz * innovation
-        path.append(z)
-    return np.array(path), DualState(x=x, P=P, z=z, Pz=Pz, sensitivity=V)
+        history.append(z)
+    return np.array(history), DualState(x=x, P=P, z=z, Pz=Pz, sensitivity=V)
 
 
 SPRING = example(
@@ -233,42 +232,42 @@ SPRING_START = DualState(
     sensitivity=np.array([[0.0, 0.1], [-0.2, 0.0]]),
 )
 COUPLINGS = {
-    "Wan and Nelson": Coupling(consistent=False, coupled=False),
-    "consistent": Coupling(consistent=True, coupled=False),
-    "coupled": Coupling(consistent=False, coupled=True),
-    "Friedland": Coupling(),
+    "Wan and Nelson": DualCoupling(consistent=False, coupled=False),
+    "consistent": DualCoupling(consistent=True, coupled=False),
+    "coupled": DualCoupling(consistent=False, coupled=True),
+    "Friedland": DualCoupling(),
 }
 
 
 def spring_rows(N: int = 150, seed: int = 5) -> Array:
-    """A spring of p = (2.2, 0.6), swinging."""
+    """A record of an oscillating spring with p = (2.2, 0.6)."""
     rng = np.random.default_rng(seed)
     x, measured = np.array([0.3, 0.0]), []
     dt, d = rng.uniform(0.02, 0.1, N), 2 * np.sin(np.arange(N) / 6)
     for k in range(N):
         x = np.array([x[0] + dt[k] * x[1], x[1] + dt[k] * (d[k] - 2.2 * np.sin(x[0]) - 0.6 * x[1])])
         measured.append([x[0] + 0.1, x[1] * (1 + 0.1 * x[0])] + rng.normal(size=2) * np.sqrt(SPRING_R))
-    seen = np.where(rng.random((N, 2)) < 0.15, np.nan, np.array(measured))
-    return sample_rows(dt, d[:, None], seen)
+    with_gaps = np.where(rng.random((N, 2)) < 0.15, np.nan, np.array(measured))
+    return sample_rows(dt, d[:, None], with_gaps)
 
 
 @pytest.mark.parametrize("direct", [0.0, 0.2], ids=["indirect", "direct"])
 @pytest.mark.parametrize("name", COUPLINGS)
-def test_written_down_once_more(name: str, direct: float) -> None:
-    """Parameters in the transition and, if direct, in what a sensor shows; nonlinear; two channels, some missing."""
+def test_equals_the_reference_filter(name: str, direct: float) -> None:
+    """A nonlinear model with parameters in the transition and, if direct, in an output; some values are missing."""
     coupling, c = COUPLINGS[name], np.array([0.1, direct])
     noise = Noise(process=SPRING_Q, measurement=SPRING_R)
     given = {"c": c, "scaling": SPRING_SCALING, "start": SPRING_START}
-    found = dual.run(SPRING, spring_rows(), noise=noise, coupling=coupling, **given)
+    actual = dual.run_dual(SPRING, spring_rows(), noise=noise, coupling=coupling, **given)
     switches = {"consistent": coupling.consistent, "coupled": coupling.coupled}
-    path, end = by_hand(SPRING, spring_rows(), Q=SPRING_Q, R=SPRING_R, **given, **switches)
-    assert found.z == pytest.approx(path, abs=1e-10)
-    for part in ("x", "P", "z", "Pz", "sensitivity"):
-        assert getattr(found.end, part) == pytest.approx(getattr(end, part), abs=1e-10), part
+    history, end = reference_filter(SPRING, spring_rows(), Q=SPRING_Q, R=SPRING_R, **given, **switches)
+    assert actual.z == pytest.approx(history, abs=1e-10)
+    for field in ("x", "P", "z", "Pz", "sensitivity"):
+        assert getattr(actual.end, field) == pytest.approx(getattr(end, field), abs=1e-10), field
 
 
-def test_one_channel_is_the_textbooks() -> None:
-    """Wan and Nelson with matrices as they print them; one channel, so that nothing is done in turn."""
+def test_one_channel_equals_the_textbook_filter() -> None:
+    """The matrices of Wan and Nelson with one channel, so that there is no sequential update."""
     model = example(
         lambda x, dt, d, p, c: SPRING.transition(x, dt, d, p, ca.SX.zeros(2)),
         lambda x, d, p, c: ca.sin(x[0]) + 0.1 * p[1] * x[1],
@@ -279,7 +278,7 @@ def test_one_channel_is_the_textbooks() -> None:
     rows = spring_rows()
     rows = sample_rows(rows[:, 0], rows[:, 1:2], rows[:, 2:3])
     r = np.array([0.03])
-    found = dual.run(
+    actual = dual.run_dual(
         model,
         rows,
         c=NOTHING,
@@ -295,17 +294,17 @@ def test_one_channel_is_the_textbooks() -> None:
         slope = np.diag(SPRING_SCALING.slope(p))
         forward, A, by_p = numbers.transition(x[:, 0], row[0], row[1:2], p, NOTHING)
         x, P, V = forward[:, None], A @ P @ A.T + SPRING_Q * row[0], A @ V + by_p @ slope
-        seen, H, by_p = numbers.observation(x[:, 0], row[1:2], p, NOTHING)
-        error, by_w = row[2:3, None] - seen[:, None], H @ V + by_p @ slope
+        predicted, H, by_p = numbers.observation(x[:, 0], row[1:2], p, NOTHING)
+        error, by_w = row[2:3, None] - predicted[:, None], H @ V + by_p @ slope
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + r)
         Kw = Pw @ by_w.T @ np.linalg.inv(by_w @ Pw @ by_w.T + r)
         x, P, V = x + K @ error, (np.eye(2) - K @ H) @ P, V - K @ by_w
         w, Pw = w + Kw @ error, (np.eye(2) - Kw @ by_w) @ Pw
-        assert found.z[k] == pytest.approx(w[:, 0], abs=1e-10)
-        assert found.z_variance[k] == pytest.approx(np.diag(Pw), abs=1e-10)
-    assert found.end.x == pytest.approx(x[:, 0], abs=1e-10)
-    assert pytest.approx(P, abs=1e-10) == found.end.P
-    assert found.end.sensitivity == pytest.approx(V, abs=1e-10)
+        assert actual.z[k] == pytest.approx(w[:, 0], abs=1e-10)
+        assert actual.z_variance[k] == pytest.approx(np.diag(Pw), abs=1e-10)
+    assert actual.end.x == pytest.approx(x[:, 0], abs=1e-10)
+    assert pytest.approx(P, abs=1e-10) == actual.end.P
+    assert actual.end.sensitivity == pytest.approx(V, abs=1e-10)
 
 
 # Sensitivities.
@@ -313,7 +312,7 @@ def test_one_channel_is_the_textbooks() -> None:
 
 @pytest.mark.parametrize("name", COUPLINGS)
 def test_sensitivities_of_a_filter_whose_gain_does_not_depend_on_p(name: str) -> None:
-    """Against differences of whole runs with z frozen a little to either side; p enters the drive, nonlinearly."""
+    """Against differences of runs with fixed z on either side; the input depends nonlinearly on p."""
     model = example(
         lambda x, dt, d, p, c: ca.vertcat(x[0] + dt * x[1], 0.9 * x[1] - dt * (x[0] - ca.exp(p[0]) * d - p[1] ** 3)),
         lambda x, d, p, c: ca.vertcat(x[0], x[1] + ca.sin(p[1]) * d),
@@ -327,17 +326,19 @@ def test_sensitivities_of_a_filter_whose_gain_does_not_depend_on_p(name: str) ->
     noise = Noise(process=SPRING_Q, measurement=SPRING_R)
 
     def run(z: Array) -> DualFiltered:
-        at = replace(start, z=z)
-        return dual.run(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=at, coupling=COUPLINGS[name])
+        start_at_z = replace(start, z=z)
+        return dual.run_dual(
+            model, rows, c=NOTHING, noise=noise, scaling=scaling, start=start_at_z, coupling=COUPLINGS[name]
+        )
 
-    found, h = run(z), 1e-4
-    assert np.array_equal(found.z, np.tile(z, (60, 1)))  # frozen
-    assert not found.z_variance.any()
+    actual, h = run(z), 1e-4
+    assert np.array_equal(actual.z, np.tile(z, (60, 1)))  # fixed
+    assert not actual.z_variance.any()
     for j in range(2):
         plus, minus = run(z + h * np.eye(2)[j]), run(z - h * np.eye(2)[j])
-        assert found.end.sensitivity[:, j] == pytest.approx((plus.end.x - minus.end.x) / (2 * h), abs=1e-8)
-        shown = -(plus.innovation - minus.innovation) / (2 * h)
-        assert found.sensitivity[:, :, j][rows[:, 4:] > 0] == pytest.approx(shown[rows[:, 4:] > 0], abs=1e-8)
+        assert actual.end.sensitivity[:, j] == pytest.approx((plus.end.x - minus.end.x) / (2 * h), abs=1e-8)
+        by_difference = -(plus.innovation - minus.innovation) / (2 * h)
+        assert actual.sensitivity[:, :, j][rows[:, 4:] > 0] == pytest.approx(by_difference[rows[:, 4:] > 0], abs=1e-8)
 
 
 FREE = (
@@ -351,7 +352,7 @@ LOGARITHMIC = (True, True, False, False, False)
 
 
 def free_article(article: Article) -> tuple[dynamics.ChainModel, Array, Scaling]:
-    """The article's vehicle with five parameters free, its other parameters, and priors and bounds as wide as ours."""
+    """The article's vehicle with five free parameters, its other parameters, and the usual priors and bounds."""
     model = dynamics.model(article.vehicle, article.model.outputs, roll=True, free=FREE)
     values = dict(zip(article.model.known, article.c, strict=True))
     nominal = model.free_values(values)
@@ -367,12 +368,12 @@ def free_article(article: Article) -> tuple[dynamics.ChainModel, Array, Scaling]
 
 
 def test_sensitivities_of_the_article(article: Article) -> None:
-    """Against differences of the filter with the gains held, stiffnesses, payload height and offsets, 150 samples."""
+    """Against differences of the filter with fixed gains: stiffnesses, payload height and offsets, 150 samples."""
     model, c, scaling = free_article(article)
     rows = without(article.rows[:150], np.random.default_rng(0).random((150, 4)) < 0.2, 4)
     z = np.array([0.3, -0.5, 0.2, -0.1, 0.5])
     start = DualState(x=article.x0, P=article.P0, z=z, Pz=np.zeros((5, 5)), sensitivity=np.zeros((8, 5)))
-    found = dual.run(model, rows, c=c, noise=article.noise, scaling=scaling, start=start)
+    actual = dual.run_dual(model, rows, c=c, noise=article.noise, scaling=scaling, start=start)
 
     def matrices(z: Array) -> Linear:
         return linear(model, rows, scaling.to_p(z), c)
@@ -380,10 +381,10 @@ def test_sensitivities_of_the_article(article: Article) -> None:
     nominal, P, gains = matrices(z), article.P0, []
     for k, row in enumerate(rows):
         P = nominal.F[k] @ P @ nominal.F[k].T + article.noise.process * row[0]
-        there, K = row[9:] > 0, np.zeros((8, 4))
-        H = nominal.H[k][there]
-        K[:, there] = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(article.noise.measurement[there]))
-        P = P - K[:, there] @ H @ P
+        present, K = row[9:] > 0, np.zeros((8, 4))
+        H = nominal.H[k][present]
+        K[:, present] = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(article.noise.measurement[present]))
+        P = P - K[:, present] @ H @ P
         gains.append(K)
 
     def end(z: Array) -> Array:
@@ -393,27 +394,27 @@ def test_sensitivities_of_the_article(article: Article) -> None:
             x = x + gains[k] @ (row[5:9] - system.b[k] - system.H[k] @ x)
         return x
 
-    assert found.end.x == pytest.approx(end(z), abs=1e-11)
-    assert apart(found.end.P[None], P[None]) <= 1e-9
+    assert actual.end.x == pytest.approx(end(z), abs=1e-11)
+    assert max_difference(actual.end.P[None], P[None]) <= 1e-9
     for j, h in enumerate(1e-3 * np.eye(5)):
         expected = (8 * (end(z + h) - end(z - h)) - (end(z + 2 * h) - end(z - 2 * h))) / 12e-3
-        assert np.abs(found.end.sensitivity[:, j] - expected).max() <= 1e-7 * np.abs(expected).max(), FREE[j]
+        assert np.abs(actual.end.sensitivity[:, j] - expected).max() <= 1e-7 * np.abs(expected).max(), FREE[j]
 
 
-# Bounds, signs, and numbers that stay numbers.
+# Bounds, signs and finite numbers.
 
 
-def powers(low: float, high: float) -> st.SearchStrategy[float]:
+def powers_of_ten(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
 STARTS = {
     "relative": st.tuples(*[st.floats(0.6, 1.4) | st.sampled_from([1 / 8, 8.0])] * 2),
     "height": st.floats(0.1, 1.8) | st.sampled_from([0.0, 3.5]),
-    "R": powers(-8, 2),
-    "P0": powers(-12, 4),
-    "Q": st.just(0.0) | powers(-10, -2),
-    "prior": powers(-3, 1),
+    "R": powers_of_ten(-8, 2),
+    "P0": powers_of_ten(-12, 4),
+    "Q": st.just(0.0) | powers_of_ten(-10, -2),
+    "prior": powers_of_ten(-3, 1),
     "size": st.sampled_from([0.0, 1e-3, 0.1, 10.0, 1e4]),
     "gate": st.sampled_from([3.0, 6.0, np.inf]),
     "seed": st.integers(0, 2**32 - 1),
@@ -421,8 +422,8 @@ STARTS = {
 
 
 @pytest.mark.parametrize("name", COUPLINGS)
-def test_whatever_the_start_and_the_noise(article: Article, name: str) -> None:
-    """Parameters stay inside their bounds, stiffnesses positive, covariances symmetric and positive, all finite."""
+def test_any_start_and_any_noise(article: Article, name: str) -> None:
+    """Parameters are within their bounds, stiffnesses positive, covariances symmetric and positive, all finite."""
     model, c, scaling = free_article(article)
 
     corner = {"height": 0.0, "R": 1e-7, "P0": 1.0, "Q": 0.0, "prior": 1.0, "size": 1e4, "gate": np.inf}
@@ -449,30 +450,30 @@ def test_whatever_the_start_and_the_noise(article: Article, name: str) -> None:
         z = scaling.to_z(np.array([*(scaling.centre[:2] * relative), height, 0.0, 0.0]))
         start = DualState(x=article.x0, P=P0 * np.eye(8), z=z, Pz=prior * np.eye(5), sensitivity=np.zeros((8, 5)))
         noise = Noise(process=Q * np.eye(8), measurement=np.full(4, R), gate=gate)
-        found = dual.run(model, rows, c=c, noise=noise, scaling=scaling, start=start, coupling=COUPLINGS[name])
+        actual = dual.run_dual(model, rows, c=c, noise=noise, scaling=scaling, start=start, coupling=COUPLINGS[name])
         for field in ("z", "z_variance", "innovation", "innovation_variance", "sensitivity"):
-            assert np.isfinite(getattr(found, field)).all(), field
-        assert np.isfinite(found.end.vector()).all()
-        p = scaling.to_p(found.z)
-        room = 1e-14 * (scaling.upper - scaling.lower)
-        assert (p >= scaling.lower - room).all()
-        assert (p <= scaling.upper + room).all()
+            assert np.isfinite(getattr(actual, field)).all(), field
+        assert np.isfinite(actual.end.vector()).all()
+        p = scaling.to_p(actual.z)
+        rounding = 1e-14 * (scaling.upper - scaling.lower)
+        assert (p >= scaling.lower - rounding).all()
+        assert (p <= scaling.upper + rounding).all()
         assert (p[:, :2] > 0).all()
-        for covariance in (found.end.P, found.end.Pz):
+        for covariance in (actual.end.P, actual.end.Pz):
             assert np.array_equal(covariance, covariance.T)
-        if min(relative) < 0.6:  # an unstable vehicle, whose sensitivities grow until rounding wins
+        if min(relative) < 0.6:  # an unstable vehicle, whose sensitivities grow without bound
             return
-        largest = max(P0, found.innovation_variance.max())  # on the way
-        for covariance, once in ((found.end.P, largest), (found.end.Pz, prior)):
+        largest = max(P0, actual.innovation_variance.max())  # during the run
+        for covariance, initial in ((actual.end.P, largest), (actual.end.Pz, prior)):
             values = np.linalg.eigvalsh(covariance)
-            assert values[0] >= -1e-12 * max(values[-1], once)
-        assert (found.z_variance >= -1e-12 * prior).all()
+            assert values[0] >= -1e-12 * max(values[-1], initial)
+        assert (actual.z_variance >= -1e-12 * prior).all()
 
     check()
 
 
-def test_bounds_hold_a_parameter_that_wants_out() -> None:
-    """A constant bias of five, bounded to two; the state is not dragged further than the parameter goes."""
+def test_parameter_stays_at_its_bound() -> None:
+    """An offset of five with a bound of two; the correction of the state belongs to the bounded parameter."""
     model = example(lambda x, dt, d, p, c: x * ca.exp(-dt), lambda x, d, p, c: x + p, x=1, p=1)
     rows = sample_rows(np.full(200, 0.1), np.empty((200, 0)), np.full((200, 1), 5.0))
     scaling = Scaling(
@@ -480,17 +481,17 @@ def test_bounds_hold_a_parameter_that_wants_out() -> None:
     )
     start = DualState(x=np.zeros(1), P=np.full((1, 1), 0.01), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.zeros((1, 1)))
     noise = Noise(process=np.zeros((1, 1)), measurement=np.ones(1))
-    found = dual.run(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=start)
-    assert found.z.max() == 2.0
-    assert found.z[-1] == 2.0
-    assert abs(found.end.x.item()) < 0.1
+    actual = dual.run_dual(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=start)
+    assert actual.z.max() == 2.0
+    assert actual.z[-1] == 2.0
+    assert abs(actual.end.x.item()) < 0.1
     beyond = replace(start, z=np.array([9.0]))
-    outside = dual.run(model, rows[:1], c=NOTHING, noise=noise, scaling=scaling, start=beyond)
+    outside = dual.run_dual(model, rows[:1], c=NOTHING, noise=noise, scaling=scaling, start=beyond)
     assert outside.z.item() == 2.0
 
 
-def test_state_follows_the_parameter_as_far_as_it_goes() -> None:
-    """By hand: P = 3, r = 1 and V = -1/2 give K = 3/4, psi = 1/2 and V+ = -7/8; z gets 1/10 and no more."""
+def test_correction_of_the_state_belongs_to_the_bounded_parameter() -> None:
+    """P = 3, r = 1 and V = -1/2 give K = 3/4, psi = 1/2 and V+ = -7/8; z is bounded to 1/10."""
     model = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: x + p, x=1, p=1)
     scaling = Scaling(
         logarithmic=(False,), centre=np.zeros(1), scale=np.ones(1), lower=np.array([-0.1]), upper=np.array([0.1])
@@ -499,10 +500,10 @@ def test_state_follows_the_parameter_as_far_as_it_goes() -> None:
         x=np.zeros(1), P=np.full((1, 1), 3.0), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.full((1, 1), -0.5)
     )
     noise, row = Noise(process=np.zeros((1, 1)), measurement=np.ones(1)), np.array([[0.0, 2.0, 1.0]])
-    found = dual.run(model, row, c=NOTHING, noise=noise, scaling=scaling, start=start)
-    assert found.z.item() == 0.1
-    assert found.end.sensitivity.item() == pytest.approx(-7 / 8, rel=1e-14)
-    assert found.end.x.item() == pytest.approx(3 / 4 * 2.0 - 7 / 8 * 0.1, rel=1e-14)
+    actual = dual.run_dual(model, row, c=NOTHING, noise=noise, scaling=scaling, start=start)
+    assert actual.z.item() == 0.1
+    assert actual.end.sensitivity.item() == pytest.approx(-7 / 8, rel=1e-14)
+    assert actual.end.x.item() == pytest.approx(3 / 4 * 2.0 - 7 / 8 * 0.1, rel=1e-14)
 
 
 def test_scaling() -> None:
@@ -523,102 +524,94 @@ def test_scaling() -> None:
 
 
 def test_random_walk_and_forgetting() -> None:
-    """Nothing is measured: Pz gains walk * dt, times what forgetting leaves at each sample; a walk for each z."""
+    """Without measurements Pz increases by walk * dt, times the factor of forgetting; each z has its own walk."""
     rows = without(biased_rows(40, gaps=False), np.ones((40, 3), dtype=bool), 1)
     arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE), "start": START}
     time = np.cumsum(rows[:, 0])
     walk = np.array([0.3, 0.02])
     for forgetting in (0.0, 0.4, 5.0):
-        coupling = Coupling(random_walk=walk, forgetting=forgetting)
-        found = dual.run(BIASED, rows, coupling=coupling, **arguments)
-        gained = np.cumsum(rows[:, 0] * np.exp(-forgetting * time))
-        assert found.z_variance == pytest.approx(np.diag(START.Pz) + gained[:, None] * walk, rel=1e-12)
-        assert found.end.Pz[0, 1] == START.Pz[0, 1]
-        assert found.end.walk == pytest.approx(np.exp(-forgetting * time[-1]), rel=1e-12)
-        assert np.array_equal(found.z, np.tile(START.z, (40, 1)))
-    same = dual.run(BIASED, rows, coupling=Coupling(random_walk=0.3), **arguments)
-    each = dual.run(BIASED, rows, coupling=Coupling(random_walk=np.full(2, 0.3)), **arguments)
+        coupling = DualCoupling(random_walk=walk, forgetting=forgetting)
+        actual = dual.run_dual(BIASED, rows, coupling=coupling, **arguments)
+        increase = np.cumsum(rows[:, 0] * np.exp(-forgetting * time))
+        assert actual.z_variance == pytest.approx(np.diag(START.Pz) + increase[:, None] * walk, rel=1e-12)
+        assert actual.end.Pz[0, 1] == START.Pz[0, 1]
+        assert actual.end.walk == pytest.approx(np.exp(-forgetting * time[-1]), rel=1e-12)
+        assert np.array_equal(actual.z, np.tile(START.z, (40, 1)))
+    same = dual.run_dual(BIASED, rows, coupling=DualCoupling(random_walk=0.3), **arguments)
+    each = dual.run_dual(BIASED, rows, coupling=DualCoupling(random_walk=np.full(2, 0.3)), **arguments)
     assert np.array_equal(same.z_variance, each.z_variance)
 
 
-def test_random_walk_keeps_the_filter_awake() -> None:
-    """Without it the variance of z falls on and on; with it, it levels off; forgotten, it falls again."""
+def test_random_walk_limits_the_decrease_of_the_variance() -> None:
+    """Without it the variance of z decreases; with it, it is stationary; with forgetting, it decreases again."""
     rows = biased_rows(1500, gaps=False)
     arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE), "start": START}
 
-    def late(coupling: Coupling) -> tuple[float, float]:
-        found = dual.run(BIASED, rows, coupling=coupling, **arguments).z_variance[:, 0]
-        return found[700:750].mean(), found[-50:].mean()
+    def middle_and_end(coupling: DualCoupling) -> tuple[float, float]:
+        variance = dual.run_dual(BIASED, rows, coupling=coupling, **arguments).z_variance[:, 0]
+        return variance[700:750].mean(), variance[-50:].mean()
 
-    still, awake = late(Coupling()), late(Coupling(random_walk=0.01))
-    asleep = late(Coupling(random_walk=0.01, forgetting=0.1))
-    assert still[1] < 0.6 * still[0]
-    assert awake[1] == pytest.approx(awake[0], rel=0.1)
-    assert still[1] < asleep[1] < 0.3 * awake[1]
-
-
-# Missing values, the gate, many vehicles.
+    without_walk, with_walk = middle_and_end(DualCoupling()), middle_and_end(DualCoupling(random_walk=0.01))
+    with_forgetting = middle_and_end(DualCoupling(random_walk=0.01, forgetting=0.1))
+    assert without_walk[1] < 0.6 * without_walk[0]
+    assert with_walk[1] == pytest.approx(with_walk[0], rel=0.1)
+    assert without_walk[1] < with_forgetting[1] < 0.3 * with_walk[1]
 
 
-def same(found: DualFiltered, expected: DualFiltered, channels: list[int] | None = None) -> None:
-    channels = channels if channels is not None else list(range(found.innovation.shape[1]))
-    assert found.z == pytest.approx(expected.z, rel=1e-12, abs=1e-12)
-    assert found.z_variance == pytest.approx(expected.z_variance, rel=1e-12)
-    assert found.innovation[:, channels] == pytest.approx(expected.innovation, rel=1e-11, abs=1e-12)
-    assert found.end.vector() == pytest.approx(expected.end.vector(), rel=1e-11, abs=1e-12)
+# Missing values, gate, batches.
 
 
 @pytest.mark.parametrize("name", COUPLINGS)
 @pytest.mark.parametrize("channel", range(3))
-def test_missing_channel_is_a_model_without_it(channel: int, name: str) -> None:
-    """At some samples: there one row of the smaller model, else one row of the whole."""
-    kept = [i for i in range(3) if i != channel]
-    fewer = example(lambda *a: BIASED.transition(*a), lambda *a: BIASED.observation(*a)[kept], x=3, d=1, p=2, c=2)
+def test_missing_channel_equals_a_model_without_it(channel: int, name: str) -> None:
+    """A channel that is sometimes missing: there the smaller model gives the same result."""
+    remaining = [i for i in range(3) if i != channel]
+    fewer = example(lambda *a: BIASED.transition(*a), lambda *a: BIASED.observation(*a)[remaining], x=3, d=1, p=2, c=2)
     rows = biased_rows(60, channel)
-    gone = np.zeros((60, 3), dtype=bool)
-    gone[:, channel] = np.random.default_rng(channel).random(60) < 0.5
-    small = np.hstack([rows[:, :2], rows[:, 2:5][:, kept], rows[:, 5:][:, kept]])
+    missing_channels = np.zeros((60, 3), dtype=bool)
+    missing_channels[:, channel] = np.random.default_rng(channel).random(60) < 0.5
+    small = np.hstack([rows[:, :2], rows[:, 2:5][:, remaining], rows[:, 5:][:, remaining]])
     arguments = {"c": C, "scaling": plain(CENTRE, SCALE), "coupling": COUPLINGS[name]}
-    noise, less = (Noise(process=Q, measurement=r) for r in (R, R[kept]))
-    found = dual.run(BIASED, without(rows, gone, 1), noise=noise, start=START, **arguments)
+    noise, noise_of_fewer = (Noise(process=Q, measurement=r) for r in (R, R[remaining]))
+    actual = dual.run_dual(BIASED, without(rows, missing_channels, 1), noise=noise, start=START, **arguments)
     state = START
     for k in range(60):
-        if gone[k, channel]:
-            one = dual.run(fewer, small[k : k + 1], noise=less, start=state, **arguments)
+        if missing_channels[k, channel]:
+            step = dual.run_dual(fewer, small[k : k + 1], noise=noise_of_fewer, start=state, **arguments)
         else:
-            one = dual.run(BIASED, rows[k : k + 1], noise=noise, start=state, **arguments)
-        state = one.end
-        assert found.z[k] == pytest.approx(state.z, rel=1e-12, abs=1e-12)
-        assert found.z_variance[k] == pytest.approx(np.diag(state.Pz), rel=1e-12)
-    assert found.end.vector() == pytest.approx(state.vector(), rel=1e-12, abs=1e-12)
-    assert not found.innovation[gone].any()
-    assert not found.accepted[gone].any()
+            step = dual.run_dual(BIASED, rows[k : k + 1], noise=noise, start=state, **arguments)
+        state = step.end
+        assert actual.z[k] == pytest.approx(state.z, rel=1e-12, abs=1e-12)
+        assert actual.z_variance[k] == pytest.approx(np.diag(state.Pz), rel=1e-12)
+    assert actual.end.vector() == pytest.approx(state.vector(), rel=1e-12, abs=1e-12)
+    assert not actual.innovation[missing_channels].any()
+    assert not actual.accepted[missing_channels].any()
 
 
 @pytest.mark.parametrize("name", COUPLINGS)
-def test_all_missing_is_prediction(name: str) -> None:
-    """The parameters stay, state, covariance and sensitivity go on with the model."""
+def test_without_measurements_it_is_prediction(name: str) -> None:
+    """Parameters are constant; state, covariance and sensitivity follow the model."""
     rows = without(biased_rows(30), np.ones((30, 3), dtype=bool), 1)
     scaling, noise = plain(CENTRE, SCALE), Noise(process=Q, measurement=R)
-    found = dual.run(BIASED, rows, c=C, noise=noise, scaling=scaling, start=START, coupling=COUPLINGS[name])
+    actual = dual.run_dual(BIASED, rows, c=C, noise=noise, scaling=scaling, start=START, coupling=COUPLINGS[name])
     p = scaling.to_p(START.z)
     x, P, V, numbers = START.x, START.P, START.sensitivity, Numbers(BIASED)
     for row in rows:
         x, F, by_p = numbers.transition(x, row[0], row[1:2], p, C)
         P, V = F @ P @ F.T + Q * row[0], F @ V + by_p * SCALE
-    assert np.array_equal(found.z, np.tile(START.z, (30, 1)))
-    assert np.array_equal(found.end.Pz, START.Pz)
-    assert found.end.x == pytest.approx(x, abs=1e-13)
-    assert pytest.approx(P, abs=1e-13) == found.end.P
-    assert found.end.sensitivity == pytest.approx(V, abs=1e-13)
-    assert not found.innovation.any()
+    assert np.array_equal(actual.z, np.tile(START.z, (30, 1)))
+    assert np.array_equal(actual.end.Pz, START.Pz)
+    assert actual.end.x == pytest.approx(x, abs=1e-13)
+    assert pytest.approx(P, abs=1e-13) == actual.end.P
+    assert actual.end.sensitivity == pytest.approx(V, abs=1e-13)
+    assert not actual.innovation.any()
 
 
-def test_one_of_two_by_hand() -> None:
+def test_one_of_two_channels_in_numbers() -> None:
     """y = [NaN, 1] of x + z and x - z, variances 1: P = 4 and Pz = 2, so S = 7."""
     model = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: ca.vertcat(x + p, x - p), x=1, p=1)
     rows = sample_rows(np.zeros(1), np.empty((1, 0)), np.array([[np.nan, 1.0]]))
-    found = dual.run(
+    actual = dual.run_dual(
         model,
         rows,
         c=NOTHING,
@@ -628,54 +621,54 @@ def test_one_of_two_by_hand() -> None:
             x=np.zeros(1), P=np.full((1, 1), 4.0), z=np.zeros(1), Pz=np.full((1, 1), 2.0), sensitivity=np.zeros((1, 1))
         ),
     )
-    assert found.z.item() == pytest.approx(-2 / 7, rel=1e-14)
-    assert found.z_variance.item() == pytest.approx(2 - 4 / 7, rel=1e-14)
-    assert found.end.x.item() == pytest.approx(4 / 7, rel=1e-14)
-    assert found.innovation.tolist() == [[0, 1]]
-    assert found.innovation_variance.tolist() == [[7, 7]]
-    assert found.accepted.tolist() == [[0, 1]]
+    assert actual.z.item() == pytest.approx(-2 / 7, rel=1e-14)
+    assert actual.z_variance.item() == pytest.approx(2 - 4 / 7, rel=1e-14)
+    assert actual.end.x.item() == pytest.approx(4 / 7, rel=1e-14)
+    assert actual.innovation.tolist() == [[0, 1]]
+    assert actual.innovation_variance.tolist() == [[7, 7]]
+    assert actual.accepted.tolist() == [[0, 1]]
 
 
 @pytest.mark.parametrize("name", COUPLINGS)
-def test_gate_rejects_as_if_missing(name: str) -> None:
+def test_rejected_sample_equals_a_missing_sample(name: str) -> None:
     rows, rng = biased_rows(80), np.random.default_rng(1)
     spikes = (rng.random((80, 3)) < 0.05) & (rows[:, 5:] > 0)
     assert spikes.sum() > 5
-    spoiled = rows.copy()
-    spoiled[:, 2:5][spikes] += 1e3
+    with_spikes = rows.copy()
+    with_spikes[:, 2:5][spikes] += 1e3
     given = {"c": C, "noise": Noise(process=Q, measurement=R, gate=30.0), "scaling": plain(CENTRE, SCALE)}
     given |= {"start": START, "coupling": COUPLINGS[name]}
-    found = dual.run(BIASED, spoiled, **given)
-    expected = dual.run(BIASED, without(rows, spikes, 1), **given)
-    assert np.array_equal(found.accepted, expected.accepted)
-    assert np.array_equal(found.z, expected.z)
-    assert np.array_equal(found.z_variance, expected.z_variance)
-    assert np.array_equal(found.end.vector(), expected.end.vector())
-    assert (found.innovation[spikes] > 900).all()
-    assert np.array_equal(found.innovation[~spikes], expected.innovation[~spikes])
+    actual = dual.run_dual(BIASED, with_spikes, **given)
+    expected = dual.run_dual(BIASED, without(rows, spikes, 1), **given)
+    assert np.array_equal(actual.accepted, expected.accepted)
+    assert np.array_equal(actual.z, expected.z)
+    assert np.array_equal(actual.z_variance, expected.z_variance)
+    assert np.array_equal(actual.end.vector(), expected.end.vector())
+    assert (actual.innovation[spikes] > 900).all()
+    assert np.array_equal(actual.innovation[~spikes], expected.innovation[~spikes])
 
 
-def test_frozen_parameters_leave_the_kalman_filter(article: Article) -> None:
-    """Pz = 0: the state's filter alone, at these parameters."""
+def test_fixed_parameters_give_the_kalman_filter(article: Article) -> None:
+    """With Pz = 0 it is the Kalman filter of the state at these parameters."""
     model, c, scaling = free_article(article)
     z = np.array([0.2, 0.1, -0.3, 0.4, -0.5])
     start = DualState(x=article.x0, P=article.P0, z=z, Pz=np.zeros((5, 5)), sensitivity=np.zeros((8, 5)))
-    found = dual.run(model, article.rows, c=c, noise=article.noise, scaling=scaling, start=start)
+    actual = dual.run_dual(model, article.rows, c=c, noise=article.noise, scaling=scaling, start=start)
     values: Mapping[str, float] = dict(zip(article.model.known, article.c, strict=True)) | dict(
         zip(FREE, scaling.to_p(z), strict=True)
     )
     arguments = article.arguments() | {"c": article.model.known_values(values)}
-    expected = kalman.run(article.model, article.rows, **arguments)
-    assert found.end.x == pytest.approx(expected.state[-1], abs=1e-11)
-    assert apart(found.end.P[None], expected.covariance[-1:]) <= 1e-11
-    assert found.innovation == pytest.approx(expected.innovation, abs=1e-11)
-    assert found.innovation_variance == pytest.approx(expected.innovation_variance, rel=1e-11)
+    expected = kalman.run_kalman(article.model, article.rows, **arguments)
+    assert actual.end.x == pytest.approx(expected.state[-1], abs=1e-11)
+    assert max_difference(actual.end.P[None], expected.covariance[-1:]) <= 1e-11
+    assert actual.innovation == pytest.approx(expected.innovation, abs=1e-11)
+    assert actual.innovation_variance == pytest.approx(expected.innovation_variance, rel=1e-11)
 
 
-def test_batch_is_a_loop() -> None:
-    """Vehicles with their own starts, constants and records; six in lanes of four."""
+def test_batch_equals_a_loop_over_vehicles() -> None:
+    """Six vehicles with different starts, constants and records in lanes of four."""
     rng = np.random.default_rng(9)
-    step, vehicles = dual.step(SPRING, SPRING_SCALING.logarithmic), 6
+    step, vehicles = dual.dual_step(SPRING, SPRING_SCALING.logarithmic), 6
     start = replace(SPRING_START, walk=0.7).vector()
     constant = np.concatenate(
         [[0.1, 0.2], Noise(process=SPRING_Q, measurement=SPRING_R, gate=4.0).vector(), SPRING_SCALING.vector(),
@@ -686,15 +679,15 @@ def test_batch_is_a_loop() -> None:
     rows = np.array([spring_rows(seed=seed) for seed in range(vehicles)])
     after, out = step.batch(starts, rows, constants)
     for i in range(vehicles):
-        one_after, one = step(starts[i], rows[i], constants[i])
-        assert out[i] == pytest.approx(one, rel=1e-12, abs=1e-12)
-        assert after[i] == pytest.approx(one_after, rel=1e-12, abs=1e-12)
+        after_one, out_one = step(starts[i], rows[i], constants[i])
+        assert out[i] == pytest.approx(out_one, rel=1e-12, abs=1e-12)
+        assert after[i] == pytest.approx(after_one, rel=1e-12, abs=1e-12)
 
 
-def test_parameters_are_found() -> None:
-    """Five hundred seconds of a spring: the estimates end within three of their own sigmas of the truth."""
+def test_parameters_converge() -> None:
+    """After 8000 samples of a spring the errors of the estimates are below three sigma."""
     rows = spring_rows(8000, 3)
-    found = dual.run(
+    actual = dual.run_dual(
         SPRING,
         rows,
         c=np.array([0.1, 0.0]),
@@ -702,19 +695,21 @@ def test_parameters_are_found() -> None:
         scaling=SPRING_SCALING,
         start=replace(SPRING_START, z=np.zeros(2), Pz=np.eye(2), sensitivity=np.zeros((2, 2))),
     )
-    sigma = np.sqrt(found.z_variance[-1])
-    assert (np.abs(found.z[-1] - SPRING_SCALING.to_z(np.array([2.2, 0.6]))) < 3 * sigma).all()
+    sigma = np.sqrt(actual.z_variance[-1])
+    assert (np.abs(actual.z[-1] - SPRING_SCALING.to_z(np.array([2.2, 0.6]))) < 3 * sigma).all()
     assert (sigma < 0.1).all()
 
 
-def test_channel_that_only_a_parameter_moves() -> None:
+def test_channel_that_depends_only_on_a_parameter() -> None:
     model = example(lambda x, dt, d, p, c: x * ca.exp(-dt) + p[0], lambda x, d, p, c: ca.vertcat(p[1], x), x=1, p=2)
     rows = sample_rows(np.full(20, 0.1), np.empty((20, 0)), np.random.default_rng(0).normal(size=(20, 2)))
     given = {"c": NOTHING, "scaling": plain(np.zeros(2), np.ones(2))}
     start = DualState(x=np.zeros(1), P=np.eye(1), z=np.zeros(2), Pz=np.eye(2), sensitivity=np.zeros((1, 2)))
     noise = Noise(process=np.eye(1), measurement=np.ones(2))
-    found = dual.run(model, rows, noise=noise, start=start, **given)
-    path, _ = by_hand(model, rows, Q=np.eye(1), R=np.ones(2), start=start, consistent=True, coupled=True, **given)
-    assert found.z == pytest.approx(path, abs=1e-12)
-    assert found.sensitivity[:, 0] == pytest.approx(np.tile([0.0, 1.0], (20, 1)))
-    assert np.isfinite(found.sensitivity).all()
+    actual = dual.run_dual(model, rows, noise=noise, start=start, **given)
+    history, _ = reference_filter(
+        model, rows, Q=np.eye(1), R=np.ones(2), start=start, consistent=True, coupled=True, **given
+    )
+    assert actual.z == pytest.approx(history, abs=1e-12)
+    assert actual.sensitivity[:, 0] == pytest.approx(np.tile([0.0, 1.0], (20, 1)))
+    assert np.isfinite(actual.sensitivity).all()

@@ -1,14 +1,14 @@
-"""The joint filter against the Kalman filter of state and parameters in one, with gains of its own choice."""
+"""The joint filter against the Kalman filter of the augmented state [x, z]."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from fifthwheel._types import Array
 from fifthwheel.filters import Noise, joint
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.filters.model import Array, pack_array, unpack_array
-
-from .examples import example
+from fifthwheel.filters.model import pack_array, unpack_array
+from tests.filters.examples import example
 
 MODEL = example(
     lambda x, dt, d, p, c: ca.vertcat(
@@ -32,19 +32,19 @@ SCALING = Scaling(
 
 
 def linear(dt: float, d: float) -> tuple[Array, Array, Array, Array]:
-    """Of [x, z]: F, b, H, e in x+ = F x + b and y = H x + e; the model is linear in both together."""
+    """F, b, H, e of v+ = F v + b and y = H v + e for v = [x, z], in which the model is linear."""
 
     def later(v: Array) -> Array:
         return np.concatenate([np.array(MODEL.transition(v[:3], dt, d, SCALING.to_p(v[3:]), C)).ravel(), v[3:]])
 
-    def seen(v: Array) -> Array:
+    def observed(v: Array) -> Array:
         return np.array(MODEL.observation(v[:3], d, SCALING.to_p(v[3:]), C)).ravel()
 
-    b, e = later(np.zeros(5)), seen(np.zeros(5))
+    b, e = later(np.zeros(5)), observed(np.zeros(5))
     return (
         np.column_stack([later(row) - b for row in np.eye(5)]),
         b,
-        np.column_stack([seen(row) - e for row in np.eye(5)]),
+        np.column_stack([observed(row) - e for row in np.eye(5)]),
         e,
     )
 
@@ -60,9 +60,9 @@ def rows() -> Array:
 
 
 def run(rows: Array, free: Array, base: Array) -> tuple[Array, Array]:
-    """Carries (N, n_carry, LANES) and outputs after every row, from x = 0 with covariance 1."""
+    """Carries (N, n_carry, LANES) and outputs after every row, from x = 0, z = 0 with covariance 1."""
     layout = joint.Layout(3, 2)
-    scan = joint.step(MODEL, SCALING.logarithmic)
+    scan = joint.joint_step(MODEL, SCALING.logarithmic)
     carry = np.concatenate([np.zeros(3), pack_array(np.eye(3)), np.zeros(2), pack_array(np.eye(2)), np.zeros(6)])
     carry = np.column_stack([carry, carry])
     assert len(carry) == layout.size
@@ -77,8 +77,8 @@ def run(rows: Array, free: Array, base: Array) -> tuple[Array, Array]:
     return np.array(carries), np.array(outputs)
 
 
-def whole(carry: Array) -> tuple[Array, Array]:
-    """Mean and covariance of [x, z] together."""
+def augmented(carry: Array) -> tuple[Array, Array]:
+    """Mean and covariance of [x, z]."""
     layout = joint.Layout(3, 2)
     V = carry[layout.V].reshape(3, 2, order="F")
     Pz = unpack_array(carry[layout.Pz], 2)
@@ -86,7 +86,7 @@ def whole(carry: Array) -> tuple[Array, Array]:
     return np.concatenate([carry[layout.x], carry[layout.z]]), np.block([[P, V @ Pz], [Pz @ V.T, Pz]])
 
 
-def test_is_the_kalman_filter_of_both_that_stops_learning_where_it_is_told(rows: Array) -> None:
+def test_equals_the_kalman_filter_of_the_augmented_state_with_optional_learning(rows: Array) -> None:
     mean, P = np.zeros(5), np.eye(5)
     Q = np.zeros((5, 5))
     Q[:3, :3] = NOISE.process
@@ -102,35 +102,34 @@ def test_is_the_kalman_filter_of_both_that_stops_learning_where_it_is_told(rows:
                 mean = mean + gain * (row[2 + i] - h @ mean - e[i])
                 left = np.eye(5) - np.outer(gain, h)
                 P = left @ P @ left.T + r * np.outer(gain, gain)
-        found, covariance = whole(carry[:, 0])
-        np.testing.assert_allclose(found, mean, atol=1e-12)
+        actual, covariance = augmented(carry[:, 0])
+        np.testing.assert_allclose(actual, mean, atol=1e-12)
         np.testing.assert_allclose(covariance, P, atol=1e-12)
 
 
-def test_where_a_linear_model_is_linearised_does_not_matter(rows: Array) -> None:
+def test_linearisation_point_has_no_effect_on_a_linear_model(rows: Array) -> None:
     carries, outputs = run(rows, np.ones(2), np.array([1.7, -0.6]))
     np.testing.assert_allclose(carries[:, :, 1], carries[:, :, 0], atol=1e-12)
     np.testing.assert_allclose(outputs[..., 1], outputs[..., 0], atol=1e-12)
 
 
-def test_what_is_only_considered_stays_but_counts(rows: Array) -> None:
+def test_considered_parameter_keeps_its_value_and_its_variance(rows: Array) -> None:
     rows[:, 6] = 1.0
     carries, _ = run(rows, np.array([1.0, 0.0]), np.zeros(2))
     layout = joint.Layout(3, 2)
-    mean, covariance = whole(carries[-1, :, 0])
+    mean, covariance = augmented(carries[-1, :, 0])
     assert mean[4] == 0.0
     assert covariance[4, 4] == 1.0
-    sure, _ = run(rows, np.array([1.0, 0.0]), np.zeros(2))
-    ignoring = unpack_array(sure[-1, layout.P, 0], 3)
-    assert (np.diag(covariance)[:3] > np.diag(ignoring)).all()
+    without_parameters = unpack_array(carries[-1, layout.P, 0], 3)
+    assert (np.diag(covariance)[:3] > np.diag(without_parameters)).all()
     assert (np.linalg.eigvalsh(covariance) > 0).all()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
-def test_a_lost_state_says_so_and_teaches_nothing(rows: Array, bad: float) -> None:
+def test_diverged_state_is_reported_and_changes_no_parameter(rows: Array, bad: float) -> None:
     rows[:, 4:] = 1.0
     layout = joint.Layout(3, 2)
-    scan = joint.step(MODEL, SCALING.logarithmic)
+    scan = joint.joint_step(MODEL, SCALING.logarithmic)
     carry = run(rows, np.ones(2), np.zeros(2))[0][-1].copy()
     z, Pz = carry[layout.z].copy(), carry[layout.Pz].copy()
     carry[0] = bad

@@ -1,4 +1,4 @@
-"""The filter against two others, against plain numpy, and against itself with less to go on."""
+"""The Kalman filter against filterpy, statsmodels and NumPy, with missing channels and with a gate."""
 
 import casadi as ca
 import numpy as np
@@ -7,21 +7,30 @@ from filterpy.kalman import KalmanFilter as FilterPy
 from statsmodels.tsa.statespace.kalman_filter import KalmanFilter as StatsModels
 
 from fifthwheel.filters import Filtered, Noise, consistency, kalman, sample_rows
-
-from .examples import Array, Article, Numbers, apart, example, joint_update, linear, moved, without
+from tests.filters.examples import (
+    Array,
+    Article,
+    Numbers,
+    example,
+    joint_update,
+    linear,
+    max_difference,
+    simulate_model,
+    without,
+)
 
 NOTHING = np.empty(0)
 
 
 def some_missing(rows: Array, seed: int = 3) -> np.ndarray:
-    """A quarter of all values, and everything for a while."""
+    """A quarter of all values, and all channels of 40 samples."""
     missing = np.random.default_rng(seed).random((len(rows), 4)) < 0.25
     missing[100:140] = True
     return missing
 
 
 def by_statsmodels(article: Article, measured: Array) -> tuple[Array, Array, Array, Array]:
-    """Filtered and predicted states and covariances; theirs predicts after the update, ours before it."""
+    """Filtered and predicted states and covariances; statsmodels predicts after the update."""
     system, N = article.linear, len(article.rows)
     other = StatsModels(k_endog=4, k_states=8, k_posdef=8)
     other.bind(np.array(measured))
@@ -35,146 +44,148 @@ def by_statsmodels(article: Article, measured: Array) -> tuple[Array, Array, Arr
     F, Q = system.F[0], article.noise.process * article.rows[0, 0]
     other.initialize_known(F @ article.x0 + system.g[0], F @ article.P0 @ F.T + Q)
     other.tolerance = 0  # no steady state
-    found = other.filter()
-    states = found.filtered_state.T, np.moveaxis(found.filtered_state_cov, -1, 0)
-    return *states, found.predicted_state.T[:N], np.moveaxis(found.predicted_state_cov, -1, 0)[:N]
+    actual = other.filter()
+    states = actual.filtered_state.T, np.moveaxis(actual.filtered_state_cov, -1, 0)
+    return *states, actual.predicted_state.T[:N], np.moveaxis(actual.predicted_state_cov, -1, 0)[:N]
 
 
-@pytest.mark.parametrize("missing", [False, True], ids=["whole", "with gaps"])
+@pytest.mark.parametrize("missing", [False, True], ids=["complete", "with gaps"])
 def test_statsmodels(article: Article, missing: bool) -> None:
     rows, measured = article.rows, article.measured
     if missing:
-        gone = some_missing(rows)
-        rows, measured = without(rows, gone, 4), np.where(gone, np.nan, measured)
-    found = kalman.run(article.model, rows, **article.arguments())
+        missing_channels = some_missing(rows)
+        rows, measured = without(rows, missing_channels, 4), np.where(missing_channels, np.nan, measured)
+    actual = kalman.run_kalman(article.model, rows, **article.arguments())
     x, P, before, P_before = by_statsmodels(article, measured)
-    assert apart(found.state, x) <= 1e-9
-    assert apart(found.covariance, P) <= 1e-9
-    assert apart(found.predicted_state, before) <= 1e-9
-    assert apart(found.predicted_covariance, P_before) <= 1e-9
+    assert max_difference(actual.state, x) <= 1e-9
+    assert max_difference(actual.covariance, P) <= 1e-9
+    assert max_difference(actual.predicted_state, before) <= 1e-9
+    assert max_difference(actual.predicted_covariance, P_before) <= 1e-9
 
 
-@pytest.mark.parametrize("missing", [False, True], ids=["whole", "with gaps"])
+@pytest.mark.parametrize("missing", [False, True], ids=["complete", "with gaps"])
 def test_filterpy(article: Article, missing: bool) -> None:
     rows, system = article.rows, article.linear
-    gone = some_missing(rows) if missing else np.zeros((len(rows), 4), dtype=bool)
-    found = kalman.run(article.model, without(rows, gone, 4), **article.arguments())
+    missing_channels = some_missing(rows) if missing else np.zeros((len(rows), 4), dtype=bool)
+    actual = kalman.run_kalman(article.model, without(rows, missing_channels, 4), **article.arguments())
     other = FilterPy(dim_x=8, dim_z=4, dim_u=8)
     other.x, other.P, other.B = article.x0[:, None].copy(), article.P0.copy(), np.eye(8)
     states, covariances = [], []
     for k, row in enumerate(rows):
         other.predict(u=system.g[k][:, None], F=system.F[k], Q=article.noise.process * row[0])
-        there = ~gone[k]
-        if there.any():
-            R = np.diag(article.noise.measurement[there])
-            other.update((article.measured[k] - system.b[k])[there, None], R=R, H=system.H[k][there])
+        present = ~missing_channels[k]
+        if present.any():
+            R = np.diag(article.noise.measurement[present])
+            other.update((article.measured[k] - system.b[k])[present, None], R=R, H=system.H[k][present])
         states.append(other.x[:, 0].copy())
         covariances.append(other.P.copy())
-    assert apart(found.state, np.array(states)) <= 1e-9
-    assert apart(found.covariance, np.array(covariances)) <= 1e-9
+    assert max_difference(actual.state, np.array(states)) <= 1e-9
+    assert max_difference(actual.covariance, np.array(covariances)) <= 1e-9
 
 
-def test_compiled_step_is_the_symbolic_one(article: Article) -> None:
-    step = kalman.step(article.model)
+def test_compiled_step_equals_the_symbolic_one(article: Article) -> None:
+    step = kalman.kalman_step(article.model)
     carry = np.concatenate([article.x0, kalman.pack_array(article.P0)])
     constant = np.concatenate([article.c, article.noise.vector()])
     rows = without(article.rows, some_missing(article.rows), 4)[90:110]
     _, out = step(carry, rows, constant)
-    for row, found in zip(rows, out, strict=True):
+    for row, actual in zip(rows, out, strict=True):
         later, expected = (np.array(value).ravel() for value in step.step(carry, row, constant))
         scale = np.repeat([0.1, 1e-3, 1.0, 0.1, 1e-3], [8, 36, 12, 8, 36])
-        assert np.abs((found - expected) / scale).max() <= 1e-12
+        assert np.abs((actual - expected) / scale).max() <= 1e-12
         carry = later
 
 
 @pytest.mark.parametrize("channel", range(4))
-def test_missing_channel_is_a_model_without_it(article: Article, channel: int) -> None:
-    """Throughout, and at some samples: there the same as with the smaller model for those samples only."""
+def test_missing_channel_equals_a_model_without_it(article: Article, channel: int) -> None:
+    """A channel that is always missing, and one that is sometimes missing: the smaller model gives the same result."""
     from fifthwheel import dynamics
 
-    kept = [i for i in range(4) if i != channel]
-    fewer = dynamics.model(article.vehicle, tuple(article.model.outputs[i] for i in kept), roll=True)
+    remaining = [i for i in range(4) if i != channel]
+    fewer = dynamics.model(article.vehicle, tuple(article.model.outputs[i] for i in remaining), roll=True)
     values = dict(zip(article.model.known, article.c, strict=True))
     c = fewer.known_values(values)
-    noise = Noise(process=article.noise.process, measurement=article.noise.measurement[kept])
+    noise = Noise(process=article.noise.process, measurement=article.noise.measurement[remaining])
     rows = article.rows[:200]
-    small = np.hstack([rows[:, :5], rows[:, 5:9][:, kept], rows[:, 9:][:, kept]])
+    small = np.hstack([rows[:, :5], rows[:, 5:9][:, remaining], rows[:, 9:][:, remaining]])
 
-    gone = np.zeros((200, 4), dtype=bool)
-    gone[:, channel] = True
-    found = kalman.run(article.model, without(rows, gone, 4), **article.arguments())
-    expected = kalman.run(fewer, small, **article.arguments() | {"c": c, "noise": noise})
-    assert apart(found.state, expected.state) <= 1e-12
-    assert apart(found.covariance, expected.covariance) <= 1e-12
-    assert (found.accepted[:, channel] == 0).all()
-    assert (found.innovation[:, channel] == 0).all()
+    missing_channels = np.zeros((200, 4), dtype=bool)
+    missing_channels[:, channel] = True
+    actual = kalman.run_kalman(article.model, without(rows, missing_channels, 4), **article.arguments())
+    expected = kalman.run_kalman(fewer, small, **article.arguments() | {"c": c, "noise": noise})
+    assert max_difference(actual.state, expected.state) <= 1e-12
+    assert max_difference(actual.covariance, expected.covariance) <= 1e-12
+    assert (actual.accepted[:, channel] == 0).all()
+    assert (actual.innovation[:, channel] == 0).all()
 
-    gone[:, channel] = np.random.default_rng(channel).random(200) < 0.4
-    found = kalman.run(article.model, without(rows, gone, 4), **article.arguments())
+    missing_channels[:, channel] = np.random.default_rng(channel).random(200) < 0.4
+    actual = kalman.run_kalman(article.model, without(rows, missing_channels, 4), **article.arguments())
     state, states, covariances = {"x0": article.x0, "P0": article.P0}, [], []
     for k in range(200):
-        less = gone[k, channel]
-        one = kalman.run(
-            fewer if less else article.model,
-            (small if less else rows)[k : k + 1],
-            **article.arguments() | ({"c": c, "noise": noise} if less else {}) | state,
+        is_missing = missing_channels[k, channel]
+        step = kalman.run_kalman(
+            fewer if is_missing else article.model,
+            (small if is_missing else rows)[k : k + 1],
+            **article.arguments() | ({"c": c, "noise": noise} if is_missing else {}) | state,
         )
-        state = {"x0": one.state[0], "P0": one.covariance[0]}
-        states.append(one.state[0]), covariances.append(one.covariance[0])
-    assert apart(found.state, np.array(states)) <= 1e-12
-    assert apart(found.covariance, np.array(covariances)) <= 1e-12
+        state = {"x0": step.state[0], "P0": step.covariance[0]}
+        states.append(step.state[0]), covariances.append(step.covariance[0])
+    assert max_difference(actual.state, np.array(states)) <= 1e-12
+    assert max_difference(actual.covariance, np.array(covariances)) <= 1e-12
 
 
-def test_missing_values_by_their_rows(article: Article) -> None:
-    """NaN and infinities are missing, and what stands in their place does not matter."""
-    gone = some_missing(article.rows)
-    rows = sample_rows(article.rows[:, 0], article.rows[:, 1:5], np.where(gone, np.nan, article.measured))
-    assert np.array_equal(rows, without(article.rows, gone, 4))
-    infinite = sample_rows(article.rows[:, 0], article.rows[:, 1:5], np.where(gone, -np.inf, article.measured))
+def test_missing_values_in_rows(article: Article) -> None:
+    """NaN and infinities are missing, and the number in their place has no effect."""
+    missing_channels = some_missing(article.rows)
+    rows = sample_rows(article.rows[:, 0], article.rows[:, 1:5], np.where(missing_channels, np.nan, article.measured))
+    assert np.array_equal(rows, without(article.rows, missing_channels, 4))
+    infinite = sample_rows(
+        article.rows[:, 0], article.rows[:, 1:5], np.where(missing_channels, -np.inf, article.measured)
+    )
     assert np.array_equal(rows, infinite)
     other = rows.copy()
-    other[:, 5:9][gone] = 1e6
-    first, second = (kalman.run(article.model, r, **article.arguments()) for r in (rows, other))
+    other[:, 5:9][missing_channels] = 1e6
+    first, second = (kalman.run_kalman(article.model, r, **article.arguments()) for r in (rows, other))
     assert np.array_equal(first.state, second.state)
     assert np.array_equal(first.covariance, second.covariance)
 
 
-def test_all_missing_is_prediction(article: Article) -> None:
+def test_without_measurements_it_is_prediction(article: Article) -> None:
     rows, system = without(article.rows, np.ones((len(article.rows), 4), dtype=bool), 4), article.linear
-    found = kalman.run(article.model, rows, **article.arguments())
+    actual = kalman.run_kalman(article.model, rows, **article.arguments())
     x, P, states, covariances = article.x0, article.P0, [], []
     for k, row in enumerate(rows):
         x, P = system.F[k] @ x + system.g[k], system.F[k] @ P @ system.F[k].T + article.noise.process * row[0]
         states.append(x), covariances.append(P)
-    assert apart(found.state, np.array(states)) <= 1e-12
-    assert apart(found.covariance, np.array(covariances)) <= 1e-12
-    assert np.array_equal(found.state, found.predicted_state)
-    assert np.array_equal(found.covariance, found.predicted_covariance)
-    assert not found.accepted.any()
-    assert not found.innovation.any()
+    assert max_difference(actual.state, np.array(states)) <= 1e-12
+    assert max_difference(actual.covariance, np.array(covariances)) <= 1e-12
+    assert np.array_equal(actual.state, actual.predicted_state)
+    assert np.array_equal(actual.covariance, actual.predicted_covariance)
+    assert not actual.accepted.any()
+    assert not actual.innovation.any()
 
 
 WALK = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: ca.vertcat(x, x), x=1)
 
 
 def walk(measured: list[list[float]], gate: float = np.inf) -> Filtered:
-    """A random walk seen by two sensors of variance 1 and 2, from 0 with variance 3, a second a row, Q = 1."""
+    """A random walk with two sensors of variance 1 and 2, from 0 with variance 3, Q = 1, one row per second."""
     rows = sample_rows(np.ones(len(measured)), np.empty((len(measured), 0)), np.array(measured))
     noise = Noise(process=np.eye(1), measurement=np.array([1.0, 2.0]), gate=gate)
-    return kalman.run(WALK, rows, p=NOTHING, c=NOTHING, noise=noise, x0=np.zeros(1), P0=np.full((1, 1), 3.0))
+    return kalman.run_kalman(WALK, rows, p=NOTHING, c=NOTHING, noise=noise, x0=np.zeros(1), P0=np.full((1, 1), 3.0))
 
 
-def test_one_of_two_by_hand() -> None:
+def test_one_of_two_channels_in_numbers() -> None:
     """y = [NaN, 1]: P- = 4, S = 6, K = 2/3."""
-    found = walk([[np.nan, 1.0]])
-    assert found.state.item() == pytest.approx(2 / 3, rel=1e-15)
-    assert found.covariance.item() == pytest.approx(4 / 3, rel=1e-15)
-    assert found.innovation.tolist() == [[0, 1]]
-    assert found.innovation_variance.tolist() == [[5, 6]]
-    assert found.accepted.tolist() == [[0, 1]]
+    actual = walk([[np.nan, 1.0]])
+    assert actual.state.item() == pytest.approx(2 / 3, rel=1e-15)
+    assert actual.covariance.item() == pytest.approx(4 / 3, rel=1e-15)
+    assert actual.innovation.tolist() == [[0, 1]]
+    assert actual.innovation_variance.tolist() == [[5, 6]]
+    assert actual.accepted.tolist() == [[0, 1]]
 
 
-def test_gate_by_hand() -> None:
+def test_gate_in_numbers() -> None:
     """P- = 4: the first channel's variance is 5; 3 sigma is 6.708."""
     inside, outside = walk([[6.708, np.nan]], gate=3.0), walk([[6.709, 1.0]], gate=3.0)
     assert inside.accepted.tolist() == [[1, 0]]
@@ -183,67 +194,67 @@ def test_gate_by_hand() -> None:
     assert np.array_equal(outside.state, walk([[np.nan, 1.0]]).state)
 
 
-def test_gate_rejects_as_if_missing(article: Article) -> None:
+def test_rejected_sample_equals_a_missing_sample(article: Article) -> None:
     rng = np.random.default_rng(5)
     spikes = rng.random((len(article.rows), 4)) < 0.03
     rows = article.rows.copy()
     rows[:, 5:9][spikes] += 40 * np.sqrt(10 * np.broadcast_to(article.noise.measurement, spikes.shape)[spikes]) + 1
     gated = Noise(process=article.noise.process, measurement=10 * article.noise.measurement, gate=6.0)
     arguments = article.arguments() | {"noise": gated}
-    found = kalman.run(article.model, rows, **arguments)
-    expected = kalman.run(article.model, without(article.rows, spikes, 4), **arguments)
-    assert np.array_equal(found.accepted == 0, spikes)
+    actual = kalman.run_kalman(article.model, rows, **arguments)
+    expected = kalman.run_kalman(article.model, without(article.rows, spikes, 4), **arguments)
+    assert np.array_equal(actual.accepted == 0, spikes)
     for name in ("state", "covariance", "predicted_state", "predicted_covariance", "accepted", "innovation_variance"):
-        assert np.array_equal(getattr(found, name), getattr(expected, name)), name
-    assert np.array_equal(found.innovation[~spikes], expected.innovation[~spikes])
-    assert (found.innovation[spikes] > 6 * np.sqrt(found.innovation_variance[spikes])).all()
+        assert np.array_equal(getattr(actual, name), getattr(expected, name)), name
+    assert np.array_equal(actual.innovation[~spikes], expected.innovation[~spikes])
+    assert (actual.innovation[spikes] > 6 * np.sqrt(actual.innovation_variance[spikes])).all()
     open_gate = Noise(process=gated.process, measurement=gated.measurement)
-    swayed = kalman.run(article.model, rows, **arguments | {"noise": open_gate})
-    assert (swayed.accepted == 1).all()
-    assert apart(swayed.state, expected.state) > 0.1
+    without_gate = kalman.run_kalman(article.model, rows, **arguments | {"noise": open_gate})
+    assert (without_gate.accepted == 1).all()
+    assert max_difference(without_gate.state, expected.state) > 0.1
 
 
-def test_channel_by_channel_is_all_at_once(article: Article) -> None:
-    """States, covariances and the sum of the squared innovations over their variances."""
+def test_update_by_channel_equals_the_joint_update(article: Article) -> None:
+    """States, covariances and NIS are equal."""
     rows, system = article.rows, article.linear
-    gone = some_missing(rows)
-    found = kalman.run(article.model, without(rows, gone, 4), **article.arguments())
+    missing_channels = some_missing(rows)
+    actual = kalman.run_kalman(article.model, without(rows, missing_channels, 4), **article.arguments())
     x, P, states, covariances, sums = article.x0, article.P0, [], [], []
     for k, row in enumerate(rows):
         x, P = system.F[k] @ x + system.g[k], system.F[k] @ P @ system.F[k].T + article.noise.process * row[0]
-        there = ~gone[k]
-        innovation = (article.measured[k] - system.b[k] - system.H[k] @ x)[there]
-        x, P, nis = joint_update(x, P, innovation, system.H[k][there], article.noise.measurement[there])
+        present = ~missing_channels[k]
+        innovation = (article.measured[k] - system.b[k] - system.H[k] @ x)[present]
+        x, P, nis = joint_update(x, P, innovation, system.H[k][present], article.noise.measurement[present])
         states.append(x), covariances.append(P), sums.append(nis)
-    assert apart(found.state, np.array(states)) <= 1e-11
-    assert apart(found.covariance, np.array(covariances)) <= 1e-11
-    nis, degrees = consistency.nis(found.innovation, found.innovation_variance, found.accepted)
+    assert max_difference(actual.state, np.array(states)) <= 1e-11
+    assert max_difference(actual.covariance, np.array(covariances)) <= 1e-11
+    nis, degrees = consistency.nis(actual.innovation, actual.innovation_variance, actual.accepted)
     assert nis == pytest.approx(np.array(sums), rel=1e-8, abs=1e-10)
-    assert np.array_equal(degrees, (~gone).sum(axis=1))
+    assert np.array_equal(degrees, (~missing_channels).sum(axis=1))
 
 
-def test_covariances_stay_positive(article: Article) -> None:
-    """Whatever R and P0, with process noise and without; symmetric to the bit."""
+def test_covariances_are_positive(article: Article) -> None:
+    """For all R and P0, with and without process noise; they are exactly symmetric."""
     rows = without(article.rows, some_missing(article.rows), 4)
     for R in (1e-8, 1e-5, 1e-2, 1e2):
         for P0 in (1e-12, 1e-6, 1.0, 1e4):
             for Q in (0.0, 1e-6):
                 noise = Noise(process=Q * np.eye(8), measurement=np.full(4, R))
                 arguments = article.arguments() | {"noise": noise, "P0": P0 * np.eye(8)}
-                found = kalman.run(article.model, rows, **arguments)
-                for P in (found.covariance, found.predicted_covariance):
+                actual = kalman.run_kalman(article.model, rows, **arguments)
+                for P in (actual.covariance, actual.predicted_covariance):
                     assert np.array_equal(P, np.swapaxes(P, 1, 2))
                     values = np.linalg.eigvalsh(P)
                     assert (values[:, 0] >= -1e-12 * values[:, -1]).all(), (R, P0, Q)
-                assert np.isfinite(found.state).all()
+                assert np.isfinite(actual.state).all()
 
 
-def test_covariance_of_a_precise_sensor_after_a_vague_start() -> None:
-    """P0 / R = 1e20: what is left is R, not rounding."""
+def test_covariance_of_a_precise_sensor_with_a_wide_prior() -> None:
+    """P0 / R = 1e20: the result is R, not rounding error."""
     rows = sample_rows(np.zeros(3), np.empty((3, 0)), np.array([[1.0, np.nan], [1.0, np.nan], [np.nan, 1.0]]))
     noise = Noise(process=np.zeros((1, 1)), measurement=np.array([1e-10, 2e-10]))
-    found = kalman.run(WALK, rows, p=NOTHING, c=NOTHING, noise=noise, x0=np.zeros(1), P0=np.full((1, 1), 1e10))
-    assert found.covariance[:, 0, 0] == pytest.approx([1e-10, 0.5e-10, 0.4e-10], rel=1e-5)
+    actual = kalman.run_kalman(WALK, rows, p=NOTHING, c=NOTHING, noise=noise, x0=np.zeros(1), P0=np.full((1, 1), 1e10))
+    assert actual.covariance[:, 0, 0] == pytest.approx([1e-10, 0.5e-10, 0.4e-10], rel=1e-5)
 
 
 PENDULUM = example(
@@ -256,8 +267,8 @@ PENDULUM = example(
 )
 
 
-def test_nonlinear_model_is_the_textbooks() -> None:
-    """A pendulum, irregular samples; both channels linearised at the prediction."""
+def test_nonlinear_model_equals_the_textbook_filter() -> None:
+    """A pendulum with irregular sampling; both channels are linearised at the prediction."""
     rng = np.random.default_rng(2)
     N, p, c = 300, np.array([9.0]), np.array([0.4, 0.1])
     dt, d = rng.uniform(0.005, 0.05, N), rng.normal(size=(N, 1))
@@ -265,7 +276,7 @@ def test_nonlinear_model_is_the_textbooks() -> None:
     Q, R = np.array([[0.2, 0.05], [0.05, 0.4]]), np.array([0.3, 0.8])
     rows = sample_rows(dt, d, measured)
     x0, P0 = np.array([0.5, -0.2]), np.array([[0.3, 0.1], [0.1, 0.2]])
-    found = kalman.run(PENDULUM, rows, p=p, c=c, noise=Noise(process=Q, measurement=R), x0=x0, P0=P0)
+    actual = kalman.run_kalman(PENDULUM, rows, p=p, c=c, noise=Noise(process=Q, measurement=R), x0=x0, P0=P0)
     x, P, states, covariances = x0, P0, [], []
     for k in range(N):
         F = np.array([[1, dt[k]], [-dt[k] * 9 * np.cos(x[0]), 1 - dt[k] * 0.4]])
@@ -274,11 +285,11 @@ def test_nonlinear_model_is_the_textbooks() -> None:
         H = np.array([[np.cos(x[0]), 0], [x[1], x[0]]])
         x, P, _ = joint_update(x, P, measured[k] - [np.sin(x[0]) + 0.1, x[0] * x[1]], H, R)
         states.append(x), covariances.append(P)
-    assert apart(found.state, np.array(states)) <= 1e-10
-    assert apart(found.covariance, np.array(covariances)) <= 1e-10
+    assert max_difference(actual.state, np.array(states)) <= 1e-10
+    assert max_difference(actual.covariance, np.array(covariances)) <= 1e-10
 
 
-def test_scalar_nonlinear_model_is_the_textbooks() -> None:
+def test_scalar_nonlinear_model_equals_the_textbook_filter() -> None:
     """x' = -x^3 + d, y = x + x^2 / 5, one channel, some missing, steps from 1 ms to 0.3 s."""
     model = example(lambda x, dt, d, p, c: x + dt * (d - x**3), lambda x, d, p, c: x + x**2 / 5, x=1, d=1)
     rng = np.random.default_rng(4)
@@ -287,7 +298,9 @@ def test_scalar_nonlinear_model_is_the_textbooks() -> None:
     measured = np.where(rng.random(N) < 0.3, np.nan, 0.6 * np.sin(np.arange(N) / 9) + 0.2 * rng.normal(size=N))
     noise = Noise(process=np.full((1, 1), q), measurement=np.array([r]))
     rows = sample_rows(dt, d[:, None], measured[:, None])
-    found = kalman.run(model, rows, p=NOTHING, c=NOTHING, noise=noise, x0=np.array([0.4]), P0=np.full((1, 1), 0.5))
+    actual = kalman.run_kalman(
+        model, rows, p=NOTHING, c=NOTHING, noise=noise, x0=np.array([0.4]), P0=np.full((1, 1), 0.5)
+    )
     x, P, states, variances, innovations = 0.4, 0.5, [], [], []
     for k in range(N):
         F = 1 - 3 * dt[k] * x**2
@@ -297,13 +310,13 @@ def test_scalar_nonlinear_model_is_the_textbooks() -> None:
             K = P * H / (H * P * H + r)
             x, P = x + K * innovation, (1 - K * H) * P
         states.append(x), variances.append(P), innovations.append(innovation)
-    assert found.state[:, 0] == pytest.approx(np.array(states), abs=1e-12)
-    assert found.covariance[:, 0, 0] == pytest.approx(np.array(variances), rel=1e-11)
-    assert found.innovation[:, 0] == pytest.approx(np.nan_to_num(innovations), abs=1e-12)
+    assert actual.state[:, 0] == pytest.approx(np.array(states), abs=1e-12)
+    assert actual.covariance[:, 0, 0] == pytest.approx(np.array(variances), rel=1e-11)
+    assert actual.innovation[:, 0] == pytest.approx(np.nan_to_num(innovations), abs=1e-12)
 
 
-def test_linear_model_needs_no_linearisation_point(article: Article) -> None:
-    """The transition's derivative is the same at any state: the extended filter is the Kalman filter."""
+def test_covariance_of_a_linear_model_does_not_depend_on_the_state(article: Article) -> None:
+    """The derivatives of the model are constant, so the extended filter is the Kalman filter."""
     numbers = Numbers(article.model)
     rng = np.random.default_rng(6)
     for k in (0, 50, 200):
@@ -312,15 +325,17 @@ def test_linear_model_needs_no_linearisation_point(article: Article) -> None:
         H = numbers.observation(rng.normal(size=8), d, NOTHING, article.c)[1]
         assert pytest.approx(article.linear.F[k], abs=1e-13) == F
         assert pytest.approx(article.linear.H[k], abs=1e-13) == H
-    far = {"x0": article.x0 + 1e3}
-    near, shifted = (kalman.run(article.model, article.rows, **article.arguments() | x) for x in ({}, far))
-    assert np.array_equal(near.covariance, shifted.covariance)
+    shifted_start = {"x0": article.x0 + 1e3}
+    nominal, shifted = (
+        kalman.run_kalman(article.model, article.rows, **article.arguments() | x) for x in ({}, shifted_start)
+    )
+    assert np.array_equal(nominal.covariance, shifted.covariance)
 
 
-def test_batch_is_a_loop(article: Article) -> None:
-    """Vehicles with their own parameters, noise, start and measurements; five of them in lanes of four."""
+def test_batch_equals_a_loop_over_vehicles(article: Article) -> None:
+    """Five vehicles with different parameters, starts and measurements in lanes of four."""
     rng = np.random.default_rng(8)
-    step, vehicles = kalman.step(article.model), 5
+    step, vehicles = kalman.kalman_step(article.model), 5
     carry = np.array(
         [
             np.concatenate([rng.normal(size=8) * 0.01, kalman.pack_array(article.P0 * rng.uniform(0.5, 2))])
@@ -336,48 +351,48 @@ def test_batch_is_a_loop(article: Article) -> None:
     rows = np.array([without(article.rows, some_missing(article.rows, seed), 4)[:200] for seed in range(vehicles)])
     after, out = step.batch(carry, rows, constant)
     for i in range(vehicles):
-        one_after, one = step(carry[i], rows[i], constant[i])
-        scale = np.abs(one).max(axis=0) + 1e-12
-        assert (np.abs(out[i] - one) / scale).max() <= 1e-12
-        assert (np.abs(after[i] - one_after) / (np.abs(one).max(axis=0)[:44] + 1e-12)).max() <= 1e-12
+        after_one, out_one = step(carry[i], rows[i], constant[i])
+        scale = np.abs(out_one).max(axis=0) + 1e-12
+        assert (np.abs(out[i] - out_one) / scale).max() <= 1e-12
+        assert (np.abs(after[i] - after_one) / (np.abs(out_one).max(axis=0)[:44] + 1e-12)).max() <= 1e-12
 
 
 def test_matched_model_is_consistent(article: Article) -> None:
-    """Fifty runs of the model itself, driven by noise of exactly Q dt and R from a start drawn from P0: the mean NEES
-    and NIS of the runs lie where chi-squares do, and with Q a tenth of what it is they do not."""
+    """Fifty simulations with noise of variance Q dt and R from random starts with covariance P0: mean NEES and NIS are
+    within the chi-square intervals, and with a tenth of Q they are not."""
     rng = np.random.default_rng(2024)
     runs, rows, system = 50, article.rows[:250], article.linear
     N, R = len(rows), article.noise.measurement
     x = article.x0 + rng.normal(size=(runs, 8)) * np.sqrt(np.diag(article.P0))
     later = Numbers(article.model).transition(x[0], rows[0, 0], rows[0, 1:5], NOTHING, article.c)[0]
     assert system.F[0] @ x[0] + system.g[0] == pytest.approx(later, abs=1e-14)
-    truth, measured = moved(system, rows, article.noise, x, rng)
+    truth, measured = simulate_model(system, rows, article.noise, x, rng)
     samples = np.tile(rows, (runs, 1, 1))
     samples[:, :, 5:9] = measured
 
-    def tested(noise: Noise) -> tuple[Array, Array]:
+    def mean_nees_and_nis(noise: Noise) -> tuple[Array, Array]:
         carry = np.tile(np.concatenate([article.x0, kalman.pack_array(article.P0)]), (runs, 1))
         constant = np.tile(np.concatenate([article.c, noise.vector()]), (runs, 1))
-        _, out = kalman.step(article.model).batch(carry, samples, constant)
+        _, out = kalman.kalman_step(article.model).batch(carry, samples, constant)
         covariance = kalman.unpack_array(out[..., 8:44], 8)
         error = consistency.nees(out[..., :8] - truth, covariance).mean(axis=0)
         nis = (out[..., 44:48] ** 2 / out[..., 48:52]).sum(axis=-1).mean(axis=0)
         return error, nis
 
     times = [0, 20, 60, 120, 180, 249]
-    error, nis = tested(article.noise)
-    for found, degrees in ((error, 8), (nis, 4)):
+    error, nis = mean_nees_and_nis(article.noise)
+    for actual, degrees in ((error, 8), (nis, 4)):
         low, high = consistency.chi_square_band(degrees, runs)
-        assert ((low < found[times]) & (found[times] < high)).all(), (low, found[times], high)
-        assert 0.85 < ((low < found) & (found < high)).mean() <= 1.0
-    low, high = consistency.chi_square_band(4, runs * N, 0.99)  # innovations are white: all times are one sample
+        assert ((low < actual[times]) & (actual[times] < high)).all(), (low, actual[times], high)
+        assert 0.85 < ((low < actual) & (actual < high)).mean() <= 1.0
+    low, high = consistency.chi_square_band(4, runs * N, 0.99)  # innovations are white: the mean over all times
     assert low < nis.mean() < high
     wrong = Noise(process=article.noise.process / 10, measurement=R)
-    assert tested(wrong)[0][times[2:]].min() > consistency.chi_square_band(8, runs)[1]
+    assert mean_nees_and_nis(wrong)[0][times[2:]].min() > consistency.chi_square_band(8, runs)[1]
 
 
-def test_linear_matrices_are_those_of_the_model(article: Article) -> None:
-    """The reference filters above differ from row to row, or they would prove little."""
+def test_reference_matrices_change_from_row_to_row(article: Article) -> None:
+    """The reference filters above are only a test of the time-varying filter if their matrices change."""
     system = linear(article.model, article.rows[:3], NOTHING, article.c)
     assert np.array_equal(system.F, article.linear.F[:3])
     assert np.ptp(article.linear.F[10:], axis=0).max() > 0.01

@@ -1,17 +1,16 @@
-"""How numbers lie in the vectors that a compiled step reads and writes."""
+"""Layout of the vectors of a compiled step."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from fifthwheel.filters import Noise, model, sample_rows
-
-from .examples import example
+from tests.filters.examples import example
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_packed_matrices(n: int) -> None:
-    """Numbers and symbols in the same order, there and back."""
+    """Arrays and symbols have the same order, and unpacking inverts packing."""
     half = np.random.default_rng(n).normal(size=(3, n, n))
     matrix = half + np.swapaxes(half, 1, 2)
     packed = model.pack_array(matrix)
@@ -26,7 +25,7 @@ def test_packed_matrices(n: int) -> None:
         assert np.array_equal(np.array(back(packed[k])), matrix[k])
 
 
-def test_lower_triangle_is_kept() -> None:
+def test_lower_triangle_is_packed() -> None:
     assert model.pack_array(np.array([[1, 9, 9], [2, 4, 9], [3, 5, 6]])).tolist() == [1, 2, 3, 4, 5, 6]
 
 

@@ -1,4 +1,4 @@
-"""Derivatives in machine code against central differences of the same scans."""
+"""Compiled derivatives against central differences."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -9,8 +9,8 @@ import pytest
 from fifthwheel import dynamics, vehicle
 from fifthwheel.filters import Noise, tangent
 from fifthwheel.filters.model import sizes
-from fifthwheel.observe.noise import PROCESS, process
-from fifthwheel.observe.prepare import locked_but, prepare
+from fifthwheel.filters.noise import PROCESS_VARIANCE, process_covariance
+from fifthwheel.filters.rows import step_rows
 from fifthwheel.simulate import simulate
 
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
@@ -18,13 +18,13 @@ OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
 
 @pytest.fixture(scope="module")
 def setting() -> tuple[dynamics.ChainModel, np.ndarray, np.ndarray]:
-    """A model with everything free, the rows of a drive with a gap in a channel, and the parameters."""
+    """A model with all parameters free, the rows of a record with a gap in one channel, and the parameters."""
     truck = vehicle.get("cheng_cebon_2011")
     record = simulate(truck, count=1, seed=1).cut(0.5, 4.0)
-    truck = locked_but(truck, record.signals, "the record")
+    truck = truck.with_logged_steering(record.signals, "the record")
     given = dynamics.all_parameters(truck, OUTPUTS)
     model = dynamics.model(truck, OUTPUTS, roll=True, bank=True, free=tuple(given))
-    rows = prepare(model, truck, record).rows.copy()
+    rows = step_rows(model, truck, record).rows.copy()
     rows[100:150, -1] = 0.0  # the weight of the last channel
     return model, rows, model.free_values(given)
 
@@ -45,12 +45,14 @@ def test_derivatives(setting: tuple[dynamics.ChainModel, np.ndarray, np.ndarray]
     model, rows, p = setting
     n, n_d, _, _, m = sizes(model)
     rng = np.random.default_rng(0)
-    monkeypatch.setattr(tangent, "CHUNK", 97)  # several chunks, of which the last is short
+    monkeypatch.setattr(tangent, "CHUNK", 97)  # several chunks, the last one shorter
     x0 = 0.01 * rng.normal(size=n)
     if form == "simulation":
         scan, rows, others, start = tangent.simulation(model), rows[:, : 1 + n_d], np.zeros(0), x0
     else:
-        noise = Noise(process=process(model.states, PROCESS), measurement=np.full(m, 1e-4), gate=5.0)
+        noise = Noise(
+            process=process_covariance(model.states, PROCESS_VARIANCE), measurement=np.full(m, 1e-4), gate=5.0
+        )
         scan, others = tangent.innovations(model), noise.vector()
         start, _ = tangent.start_of_filter(x0, 1e-4 * np.eye(n), np.zeros((1, n)))
     count = 6

@@ -1,10 +1,10 @@
-"""A truck whose parameters are known, and that truck as one might know it before the drive."""
+"""A truck with known parameters, and the same truck with wrong initial values."""
 
 import pytest
 
 from fifthwheel import vehicle
 from fifthwheel.identify.parameters import stage_1_names
-from fifthwheel.logs import Record
+from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
 

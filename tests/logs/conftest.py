@@ -1,4 +1,4 @@
-"""A drive that is physically consistent, and where to find logs from elsewhere."""
+"""A physically consistent run, and the folder of logs that are not part of the project."""
 
 import os
 from pathlib import Path
@@ -6,19 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.logs import Record
+from fifthwheel.record import Record
 
 
-def drive(
+def weaving_truck(
     *, speed: float = 18.0, duration: float = 40.0, rate: float = 50.0, noise: float = 1.0, seed: int = 0
 ) -> Record:
-    """A single-track tractor (linear tyres) towing a kinematic semitrailer through weaves and bends, with noise.
+    """Record of a single-track tractor (linear tyres) with a kinematic semitrailer in weaves and bends, with noise.
 
-    speed m/s, duration s, rate Hz. Geometry, not the code under test, gives the articulation its sign.
+    speed m/s, duration s, rate Hz. The sign of the articulation follows from geometry, not from the code under test.
     """
     mass, inertia, a, b, cf, cr, towed = 9000.0, 30000.0, 1.4, 2.6, 3.0e5, 6.0e5, 9.0
-    fine = 5
-    step = 1 / (rate * fine)
+    substeps = 5
+    step = 1 / (rate * substeps)
     t = np.arange(0, duration, step)
     steer = 0.03 * np.sin(0.8 * t) + 0.02 * np.sin(2.3 * t + 1) * (np.sin(0.3 * t) > 0) + 0.01 * np.sin(0.15 * t)
     steer[t < 2] = 0.0
@@ -33,36 +33,36 @@ def drive(
         v += step * ((force_f + force_r) / mass - u[k] * r)
         r += step * (a * force_f - b * force_r) / inertia
         psi1, psi2 = psi1 + step * rows[-1][0], psi2 + step * turn2
-    x = np.array(rows)[::fine]
+    x = np.array(rows)[::substeps]
     random = np.random.default_rng(seed)
 
     def noisy(values, sigma):
         return values + noise * sigma * random.standard_normal(values.size)
 
     return Record(
-        time=t[::fine],
+        time=t[::substeps],
         signals={
-            "speed": noisy(u[::fine], 0.05),
-            "steer.tractor.front": noisy(steer[::fine], 0.0005),
+            "speed": noisy(u[::substeps], 0.05),
+            "steer.tractor.front": noisy(steer[::substeps], 0.0005),
             "yaw_rate.tractor": noisy(x[:, 0], 0.003),
             "yaw_rate.semitrailer": noisy(x[:, 1], 0.003),
             "articulation.semitrailer": noisy(x[:, 2], 0.002),
             "lateral_acceleration.tractor": noisy(x[:, 3], 0.1),
         },
         reference={"lateral_velocity.tractor": x[:, 4]},
-        name="drive",
+        name="weaving",
     )
 
 
 @pytest.fixture(scope="session")
-def a_drive() -> Record:
-    return drive()
+def weaving() -> Record:
+    return weaving_truck()
 
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """Folder of logs that are not part of the project; the test skips without it."""
+    """Folder of logs that are not part of the project; tests are skipped without it."""
     folder = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
     if not (folder / "real_truck").is_dir():
-        pytest.skip("no logs from elsewhere; set FIFTHWHEEL_DATA")
+        pytest.skip("no external logs; set FIFTHWHEEL_DATA to their folder")
     return folder

@@ -1,4 +1,4 @@
-"""The same drive in every format that can be read, written by the libraries that others use."""
+"""One run in every supported format, written by independent libraries."""
 
 import json
 import warnings
@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.logs import Record, SignalMap, write
+from fifthwheel.logs import SignalMap, write_record
+from fifthwheel.record import Record
 
 DBC = """VERSION ""
 BU_: X
@@ -45,7 +46,7 @@ speed = "Drive1.speed"
 
 
 def _plain(record: Record, path: Path) -> None:
-    write(record, path)
+    write_record(record, path)
 
 
 def _german(record: Record, path: Path) -> None:
@@ -149,11 +150,11 @@ FORMATS: dict[str, tuple[Callable[[Record, Path], None], str]] = {
     "candump.log": (_frames("candump"), CAN_MAP),
     "drive.trc": (_frames("trc"), CAN_MAP),
 }
-"""File name to what writes it, and the map that reads it."""
+"""File name, the function that writes the file, and the map that reads it."""
 
 
 def stored(record: Record, folder: Path, name: str) -> tuple[Path, SignalMap]:
-    """The record in a file of this name, and its map."""
+    """Path of the record in a file of this name, and its map."""
     writer, toml = FORMATS[name]
     writer(record, folder / name)
     if not toml:

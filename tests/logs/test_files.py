@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs import Record, SignalMap, read, write
+from fifthwheel.logs import SignalMap, read_log, write_record
+from fifthwheel.record import Record
 
 NAMES = ("speed", "steer.tractor.front", "yaw_rate.semitrailer", "load_transfer.semitrailer", "articulation.dolly-2")
 GOOD = """\
@@ -20,10 +21,10 @@ time,speed [km/h],yaw_rate.tractor [deg/s],reference.sideslip.semitrailer,note
 """
 
 
-def reading(tmp_path, content, name="log.csv", **options):
+def read_content(tmp_path, content, name="log.csv", **options):
     path = tmp_path / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return read(path, **options)
+    return read_log(path, **options)
 
 
 @st.composite
@@ -38,10 +39,10 @@ def records(draw):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 @settings(max_examples=40, deadline=None)
 @given(record=records())
-def test_round_trip(tmp_path_factory, suffix, record):
+def test_a_written_record_is_read_equal(tmp_path_factory, suffix, record):
     path = tmp_path_factory.mktemp("trip") / f"run{suffix}"
-    write(record, path)
-    back = read(path, SignalMap.parse("[time]\nrate = inf"))
+    write_record(record, path)
+    back = read_log(path, SignalMap.parse("[time]\nrate = inf"))
     assert back == record
     assert list(back.signals) == list(record.signals)
     assert back.name == "run"
@@ -50,12 +51,12 @@ def test_round_trip(tmp_path_factory, suffix, record):
 
 
 def test_names_and_units_in_the_header(tmp_path):
-    record = reading(tmp_path, GOOD)
+    record = read_content(tmp_path, GOOD)
     assert record.signals["speed"] == pytest.approx([10, 20, 10])
     assert record.signals["yaw_rate.tractor"] == pytest.approx([np.pi / 180, np.nan, np.pi / 60], nan_ok=True)
     assert record.reference["sideslip.semitrailer"] == pytest.approx([0.1, 0.2, 0.3])
     assert record.name == "log"
-    assert reading(tmp_path, GOOD, name="x", signals=None).name == "x"
+    assert read_content(tmp_path, GOOD, name="x", signals=None).name == "x"
 
 
 GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,").replace(".tractor", ".tractor")
@@ -84,19 +85,19 @@ def test_dialects_of_csv(tmp_path, content):
     if not isinstance(content, bytes):
         (tmp_path / "good").mkdir()
         content = content.encode()
-    assert reading(tmp_path, content) == reading(tmp_path, GOOD, name="good.csv")
+    assert read_content(tmp_path, content) == read_content(tmp_path, GOOD, name="good.csv")
 
 
 def test_text_cells_are_missing_and_noted(tmp_path):
-    record = reading(tmp_path, GOOD.replace("0.1,72", "0.1,fault"))
+    record = read_content(tmp_path, GOOD.replace("0.1,72", "0.1,fault"))
     assert np.isnan(record.signals["speed"][1])
     assert record.notes == ("1 cells of column 'speed' are no numbers, taken as missing",)
     with pytest.raises(SignalError, match=r"column 'speed' is mostly text \(2 of 3 cells, such as 'fast'\)"):
-        reading(tmp_path, GOOD.replace("36", "fast"))
+        read_content(tmp_path, GOOD.replace("36", "fast"))
 
 
-def test_crooked_and_timeless_lines_are_left_out_and_noted(tmp_path):
-    record = reading(tmp_path, GOOD + "0.3,36\n,36,3,0.3,c\n0.4,36,3,0.3,c")
+def test_incomplete_lines_and_lines_without_time_are_left_out_and_noted(tmp_path):
+    record = read_content(tmp_path, GOOD + "0.3,36\n,36,3,0.3,c\n0.4,36,3,0.3,c")
     assert len(record) == 3
     assert len(record.notes) == 3
 
@@ -112,58 +113,58 @@ def test_crooked_and_timeless_lines_are_left_out_and_noted(tmp_path):
         (bytes(range(256)) * 4, "not a table, it holds binary data"),
         (b"PAR1 and then nothing", "cut short or damaged"),
         ("1,2\n3,4\n5,6\n", "begins with numbers"),
-        ("time,v\n0,1\n1,2\n", r'no column has the name of a signal, there is time, v; write a signals.toml'),
+        ("time,v\n0,1\n1,2\n", r'no column has the name of a signal, the columns are time, v; map'),
         ("stamp,speed\n0,1\n1,2\n", "no time for speed, neither 'time' nor 't' among stamp, speed"),
         ("t,speed,speed\n0,1,1\n1,2,2\n", "column 'speed' has several sources; say which: speed@1, speed@2"),
         ("t,speed\n0,1\n1,2\n0.5,3\n", r"goes back from 1 to 0\.5 s at row 3"),
-        ("t,speed [deg]\n0,1\n1,2\n", "'deg' does not fit"),
+        ("t,speed [deg]\n0,1\n1,2\n", "got 'deg'"),
         ("t,speed\n12:00,1\n12:01,2\n", "column 't' is mostly text"),
         ("t,speed\n0,1\n1,inf\n", "speed: infinite"),
     ],
 )  # fmt: skip
-def test_what_is_no_log(tmp_path, content, message):
+def test_files_without_a_usable_log_are_refused(tmp_path, content, message):
     with pytest.raises(SignalError, match=message):
-        reading(tmp_path, content)
+        read_content(tmp_path, content)
 
 
-def test_missing_files_and_unknown_formats(tmp_path, a_drive):
+def test_missing_files_and_unknown_formats(tmp_path, weaving):
     with pytest.raises(SignalError, match="cannot be read"):
-        read(tmp_path / "none.csv")
+        read_log(tmp_path / "none.csv")
     with pytest.raises(SignalError, match="cannot be read"):
-        read(tmp_path)
+        read_log(tmp_path)
     with pytest.raises(SignalError, match=r"end the name in \.csv or \.parquet"):
-        write(a_drive, tmp_path / "run.xlsx")
+        write_record(weaving, tmp_path / "run.xlsx")
     with pytest.raises(SignalError, match="cannot be written"):
-        write(a_drive, tmp_path / "no" / "run.csv")
+        write_record(weaving, tmp_path / "no" / "run.csv")
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path, a_drive, monkeypatch):
+def test_a_failed_write_leaves_the_old_file(tmp_path, weaving, monkeypatch):
     path = tmp_path / "run.parquet"
-    write(a_drive, path)
+    write_record(weaving, path)
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.replace", full)
     with pytest.raises(SignalError, match="No space left"):
-        write(a_drive.cut(0, 1), path)
-    assert read(path) == a_drive
+        write_record(weaving.cut(0, 1), path)
+    assert read_log(path) == weaving
     assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_cut_short_at_any_byte(tmp_path, suffix):
-    whole = reading(tmp_path, GOOD)
-    write(whole, tmp_path / f"whole{suffix}")
-    data = (tmp_path / f"whole{suffix}").read_bytes()
+def test_a_file_cut_at_any_byte(tmp_path, suffix):
+    complete = read_content(tmp_path, GOOD)
+    write_record(complete, tmp_path / f"complete{suffix}")
+    data = (tmp_path / f"complete{suffix}").read_bytes()
     kept = 0
     for size in range(len(data)):
         try:
-            record = reading(tmp_path, data[:size], name="short")
+            record = read_content(tmp_path, data[:size], name="short")
         except SignalError:
             continue
         kept += 1
-        assert record == whole.cut(*record.span)
+        assert record == complete.cut(*record.span)
     assert (kept > 0) == (suffix == ".csv")
 
 
@@ -172,24 +173,24 @@ def test_cut_short_at_any_byte(tmp_path, suffix):
     head=st.sampled_from([b"", b"PAR1", b"t,speed\n0,1\n", codecs.BOM_UTF16_LE]),
     data=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode("utf-8", "ignore")),
 )
-def test_garbage_is_told_as_such(tmp_path_factory, head, data):
+def test_random_content_is_a_record_or_refused(tmp_path_factory, head, data):
     path = tmp_path_factory.mktemp("garbage") / "x"
     path.write_bytes(head + data)
     with contextlib.suppress(SignalError):
-        assert isinstance(read(path), Record)
+        assert isinstance(read_log(path), Record)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 @settings(max_examples=250, deadline=None)
 @given(at=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
-def test_one_wrong_byte(tmp_path_factory, suffix, at, value):
+def test_a_wrong_byte_is_a_record_or_refused(tmp_path_factory, suffix, at, value):
     path = tmp_path_factory.mktemp("wrong") / f"run{suffix}"
-    write(Record(time=[0.0, 0.1, 0.2], signals={"speed": [10.0, np.nan, 20.0]}), path)
+    write_record(Record(time=[0.0, 0.1, 0.2], signals={"speed": [10.0, np.nan, 20.0]}), path)
     data = bytearray(path.read_bytes())
     data[int(at * len(data))] = value
     path.write_bytes(data)
     with contextlib.suppress(SignalError):
-        assert isinstance(read(path), Record)
+        assert isinstance(read_log(path), Record)
 
 
 def test_parquet_of_other_writers(tmp_path):
@@ -201,12 +202,12 @@ def test_parquet_of_other_writers(tmp_path):
     columns += [pa.array(["1", "2", "x"]).dictionary_encode(), pa.array([[1], [2], [3]])]
     fields = [*units, pa.field("roll.tractor", columns[2].type), pa.field("yaw.tractor", columns[3].type)]
     pq.write_table(pa.table(columns[:3], schema=pa.schema(fields[:3])), tmp_path / "a")
-    record = read(tmp_path / "a", name="a drive")
+    record = read_log(tmp_path / "a", name="a run")
     assert record.time == pytest.approx([0, 0.1, 0.2])
     assert record.signals["speed"] == pytest.approx([10, np.nan, 20], nan_ok=True)
     assert record.signals["roll.tractor"] == pytest.approx([1, 2, np.nan], nan_ok=True)
-    assert record.name == "a drive"
+    assert record.name == "a run"
     pq.write_table(pa.table(columns, schema=pa.schema(fields)), tmp_path / "b")
     with pytest.raises(SignalError, match="holds list"):
-        read(tmp_path / "b")
-    assert len(read(tmp_path / "b", SignalMap.parse('ignore = ["yaw.tractor"]'))) == 3
+        read_log(tmp_path / "b")
+    assert len(read_log(tmp_path / "b", SignalMap.parse('ignore = ["yaw.tractor"]'))) == 3

@@ -1,4 +1,4 @@
-"""Machine code on disk: what is read back, and what never is."""
+"""The cache of machine code: valid entries are used, all others are ignored."""
 
 import errno
 import os
@@ -15,12 +15,11 @@ import pytest
 from llvmlite import binding
 
 from fifthwheel.native import Scan, cache, scan
-
-from .conftest import times
+from tests.native.conftest import times
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 CODE = b"machine code " * 20
-posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions are POSIX's")
+posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs POSIX permissions")
 
 
 def entry(folder: Path, key: bytes = KEY) -> Path:
@@ -28,28 +27,28 @@ def entry(folder: Path, key: bytes = KEY) -> Path:
 
 
 def result(factor: float = 2.0, name: str = "times") -> float:
-    """What a new Scan makes of 1 + 2 + 3: six times the factor."""
+    """Result of a new Scan for the samples 1, 2, 3: six times the factor."""
     return Scan(times(factor, name))(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item()
 
 
 @pytest.fixture
 def loaded(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
-    """All object code that is handed to an engine from here on."""
-    seen: list[bytes] = []
+    """All object code that engines load during the test."""
+    recorded: list[bytes] = []
     real = scan.llvm.ObjectFileRef.from_data
     monkeypatch.setattr(
-        scan.llvm.ObjectFileRef, "from_data", staticmethod(lambda code: (seen.append(code), real(code))[1])
+        scan.llvm.ObjectFileRef, "from_data", staticmethod(lambda code: (recorded.append(code), real(code))[1])
     )
-    return seen
+    return recorded
 
 
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """All sources that go to the compiler from here on."""
-    seen: list[str] = []
+    """All sources that are compiled during the test."""
+    recorded: list[str] = []
     real = scan._compile
-    monkeypatch.setattr(scan, "_compile", lambda source: (seen.append(source), real(source))[1])
-    return seen
+    monkeypatch.setattr(scan, "_compile", lambda source: (recorded.append(source), real(source))[1])
+    return recorded
 
 
 def test_entry_is_read_back(cache_folder: Path) -> None:
@@ -63,7 +62,7 @@ def test_entry_is_read_back(cache_folder: Path) -> None:
 
 
 @posix
-def test_folder_and_entry_are_their_users_alone(cache_folder: Path) -> None:
+def test_folder_and_entry_are_private(cache_folder: Path) -> None:
     before = os.umask(0)
     try:
         cache.write(KEY, CODE)
@@ -83,16 +82,18 @@ def test_second_scan_compiles_nothing(cache_folder: Path, compiled: list[str], l
     assert (len(compiled), len(list(cache_folder.iterdir()))) == (2, 2)
 
 
-def test_lanes_and_sizes_have_entries_of_their_own(cache_folder: Path) -> None:
+def test_numbers_of_lanes_have_separate_entries(cache_folder: Path) -> None:
     step = times(2.0)
     for lanes in (1, 4, 8):
         Scan(step, lanes).batch(np.zeros((3, 1)), np.ones((2, 1)), np.ones((3, 1)))
     assert len(list(cache_folder.iterdir())) == 3
-    assert result(name="another_name") == 12  # the key is of what is computed
+    assert result(name="another_name") == 12  # the key does not depend on the name
     assert len(list(cache_folder.iterdir())) == 3
 
 
-def test_another_compiler_or_processor_has_other_entries(compiled: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_compiler_or_processor_has_separate_entries(
+    compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     result()
     *machine, identity = scan._platform()
     monkeypatch.setattr(scan, "_platform", lambda: (*machine, identity + b"another"))
@@ -100,7 +101,7 @@ def test_another_compiler_or_processor_has_other_entries(compiled: list[str], mo
     assert len(compiled) == 2
 
 
-def test_key_names_compiler_and_processor() -> None:
+def test_key_identifies_compiler_and_processor() -> None:
     identity = scan._platform()[-1].decode().split("\n")
     assert llvmlite.__version__ in identity
     assert ".".join(map(str, binding.llvm_version_info)) in identity
@@ -127,7 +128,7 @@ print(Scan(step)(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item()
     assert len(list(cache_folder.iterdir())) == 1
 
 
-def test_every_flipped_byte_is_noticed(cache_folder: Path) -> None:
+def test_every_changed_byte_is_detected(cache_folder: Path) -> None:
     cache.write(KEY, CODE)
     path = entry(cache_folder)
     good = path.read_bytes()
@@ -143,16 +144,18 @@ def test_every_flipped_byte_is_noticed(cache_folder: Path) -> None:
     assert cache.read(KEY) == CODE
 
 
-def test_flipped_byte_is_compiled_anew_and_mended(cache_folder: Path, compiled: list[str], loaded: list[bytes]) -> None:
+def test_entry_with_a_changed_byte_is_compiled_and_written_again(
+    cache_folder: Path, compiled: list[str], loaded: list[bytes]
+) -> None:
     result()
     (path,) = cache_folder.iterdir()
     good = path.read_bytes()
-    places = [0, 31, 32, 63, 64, 65, *range(66, len(good), len(good) // 5), len(good) - 1]
-    for i in places:
+    indices = [0, 31, 32, 63, 64, 65, *range(66, len(good), len(good) // 5), len(good) - 1]
+    for i in indices:
         path.write_bytes(good[:i] + bytes([good[i] ^ 0x80]) + good[i + 1 :])
         assert result() == 12
         assert path.read_bytes() == good
-    assert len(compiled) == 1 + len(places)
+    assert len(compiled) == 1 + len(indices)
     assert set(loaded) == {good[64:]}
 
 
@@ -162,7 +165,7 @@ def with_header(key: bytes, code: bytes) -> bytes:
 
 @pytest.fixture
 def foreign(cache_folder: Path) -> tuple[Path, bytes, bytes]:
-    """The place of this step's entry, empty; its key; and another step's object code, which would give 6 n, not 12."""
+    """Path of this step's entry, which does not exist; its key; and the object code of another step."""
     result(999.0)
     (path,) = cache_folder.iterdir()
     code = path.read_bytes()[64:]
@@ -174,8 +177,8 @@ def foreign(cache_folder: Path) -> tuple[Path, bytes, bytes]:
     return path, key, code
 
 
-def test_forged_entry_would_be_run_if_it_were_private(foreign: tuple[Path, bytes, bytes]) -> None:
-    """The tests below mean something: only the check that each is about stands between this code and the processor."""
+def test_valid_entry_with_foreign_code_is_run(foreign: tuple[Path, bytes, bytes]) -> None:
+    """This code would run without the checks that the tests below cover."""
     path, key, code = foreign
     path.write_bytes(with_header(key, code))
     assert result() == 999 * 6
@@ -201,22 +204,22 @@ def test_foreign_file_is_ignored_and_rewritten(
     assert result() == 12
 
 
-def test_entry_under_another_keys_name_is_ignored(cache_folder: Path, loaded: list[bytes]) -> None:
+def test_entry_under_the_name_of_another_key_is_ignored(cache_folder: Path, loaded: list[bytes]) -> None:
     result()
-    (mine,) = cache_folder.iterdir()
-    good = mine.read_bytes()
+    (path,) = cache_folder.iterdir()
+    good = path.read_bytes()
     result(3.0)
-    (other,) = set(cache_folder.iterdir()) - {mine}
-    shutil.copy(other, mine)
+    (other,) = set(cache_folder.iterdir()) - {path}
+    shutil.copy(other, path)
     loaded.clear()
     assert result() == 12
     assert loaded == [good[64:]]
-    assert mine.read_bytes() == good
+    assert path.read_bytes() == good
 
 
 @posix
 @pytest.mark.parametrize("mode", [0o620, 0o602, 0o666, 0o777])
-def test_entry_that_others_may_write_is_not_run(
+def test_entry_that_others_can_write_is_not_run(
     foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
 ) -> None:
     path, key, code = foreign
@@ -225,13 +228,13 @@ def test_entry_that_others_may_write_is_not_run(
     assert cache.read(key) is None
     assert result() == 12
     assert code not in loaded
-    assert path.stat().st_mode & 0o777 == 0o600  # written anew, not into the old file
+    assert path.stat().st_mode & 0o777 == 0o600  # a new file
     assert cache.read(key) == loaded[0]
 
 
 @posix
 @pytest.mark.parametrize("mode", [0o720, 0o702, 0o777, 0o1777])
-def test_folder_that_others_may_write_is_not_used(
+def test_folder_that_others_can_write_is_not_used(
     foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
 ) -> None:
     path, key, code = foreign
@@ -248,7 +251,7 @@ def test_folder_that_others_may_write_is_not_used(
 
 @posix
 @pytest.mark.parametrize("mode", [0o755, 0o750, 0o700])
-def test_folder_that_others_may_only_read_is_used(cache_folder: Path, mode: int) -> None:
+def test_folder_that_others_can_only_read_is_used(cache_folder: Path, mode: int) -> None:
     cache_folder.mkdir()
     cache_folder.chmod(mode)
     cache.write(KEY, CODE)
@@ -285,8 +288,8 @@ def test_symlinked_entry_is_not_run_and_replaced(
 
 
 @posix
-def test_link_is_refused_where_links_have_modes_of_their_own() -> None:
-    """On Linux every link is 0o777 and so refused twice; elsewhere it looks private."""
+def test_link_with_private_mode_is_refused() -> None:
+    """On Linux every link has mode 0o777; on other systems a link has a mode of its own."""
 
     class Link:
         def lstat(self) -> SimpleNamespace:
@@ -315,7 +318,7 @@ def test_entry_of_another_user_is_not_run(
 
 
 @pytest.mark.parametrize("step", ["first", "second"])
-def test_empty_name_switches_the_cache_off(
+def test_empty_variable_switches_the_cache_off(
     cache_folder: Path, monkeypatch: pytest.MonkeyPatch, compiled: list[str], step: str
 ) -> None:
     if step == "second":
@@ -340,16 +343,18 @@ def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("obstacle", ["a file", "under a file", "nowhere"])
-def test_folder_that_cannot_be_made_is_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, obstacle: str) -> None:
+def test_folder_that_cannot_be_created_is_no_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, obstacle: str
+) -> None:
     file = tmp_path / "file"
-    file.write_text("in the way")
-    place = {"a file": file, "under a file": file / "cache", "nowhere": Path("/dev/null/cache")}[obstacle]
-    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(place))
+    file.write_text("content")
+    path = {"a file": file, "under a file": file / "cache", "nowhere": Path("/dev/null/cache")}[obstacle]
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(path))
     assert cache.folder() is None
     assert cache.read(KEY) is None
     cache.write(KEY, CODE)
     assert result() == 12
-    assert file.read_text() == "in the way"
+    assert file.read_text() == "content"
 
 
 @posix
@@ -358,20 +363,20 @@ def test_folder_without_permission_is_no_error(cache_folder: Path) -> None:
     try:
         assert result() == 12
         assert result() == 12
-        if os.getuid():  # root writes everywhere
+        if os.getuid():  # root can write everywhere
             assert not list(cache_folder.iterdir())
     finally:
         cache_folder.chmod(0o700)
 
 
-@pytest.mark.parametrize("call", ["mkstemp", "fdopen", "replace"])
+@pytest.mark.parametrize("call", ["touch", "write_bytes", "replace"])
 def test_full_disk_is_no_error(cache_folder: Path, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "no space left")
 
     assert cache.folder() == cache_folder
     with monkeypatch.context() as patch:
-        patch.setattr(cache.tempfile if call == "mkstemp" else cache.os, call, full)
+        patch.setattr(Path, call, full)
         assert result() == 12
     assert not list(cache_folder.iterdir())
     assert result() == 12

@@ -1,12 +1,11 @@
-"""Every operation with a line in the emitter's tables, compiled, against CasADi's interpreter."""
+"""Every operation in the emitter's tables against CasADi's interpreter."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from fifthwheel.native import Scan, llvm_ir
-
-from .conftest import Array, far, interpreted
+from tests.native.conftest import Array, interpreted, max_difference
 
 UNARY = {
     "neg": ca.OP_NEG,
@@ -40,9 +39,9 @@ BINARY = {
 SPECIAL = [0.0, 1.0, -1.0, 0.5, -3.25, 700.0, 1e-300, -1e300, np.inf, -np.inf, np.nan]
 
 
-def test_the_tables_hold_nothing_that_is_not_tried_here() -> None:
-    tried = {*UNARY.values(), *BINARY.values()}
-    assert {*llvm_ir._BINARY, *llvm_ir._COMPARE, *llvm_ir._INTRINSIC, *llvm_ir._LIBRARY} <= tried
+def test_every_operation_of_the_tables_is_tested() -> None:
+    tested = {*UNARY.values(), *BINARY.values()}
+    assert {*llvm_ir._BINARY, *llvm_ir._COMPARE, *llvm_ir._INTRINSIC, *llvm_ir._LIBRARY} <= tested
 
 
 def operations(step: ca.Function) -> set[int]:
@@ -52,14 +51,14 @@ def operations(step: ca.Function) -> set[int]:
 @pytest.mark.parametrize("lanes", [1, 4])
 @pytest.mark.parametrize("name", [*UNARY, *BINARY])
 def test_one_operation(name: str, lanes: int) -> None:
-    """Of samples and of constants (before the loop), over ordinary and special numbers."""
+    """On samples (in the loop) and on constants (before the loop), with ordinary and special numbers."""
     op = UNARY[name] if name in UNARY else BINARY[name]
     carry, sample, constant = ca.SX.sym("carry"), ca.SX.sym("sample", 2), ca.SX.sym("constant", 2)
 
-    def of(a: ca.SX) -> ca.SX:
+    def apply(a: ca.SX) -> ca.SX:
         return ca.SX.unary(op, a[0]) if name in UNARY else ca.SX.binary(op, a[0], a[1])
 
-    step = ca.Function(name, [carry, sample, constant], [carry, ca.vertcat(of(sample), of(constant))])
+    step = ca.Function(name, [carry, sample, constant], [carry, ca.vertcat(apply(sample), apply(constant))])
     assert op in operations(step)
     pairs = np.array([[a, b] for a in SPECIAL for b in SPECIAL] + [[2.0, 3.0], [0.1, 0.7], [-4.0, -4.0]])
     scan = Scan(step, lanes)
@@ -74,15 +73,15 @@ def test_one_operation(name: str, lanes: int) -> None:
         assert (np.isclose(out, out[:1], rtol=0, atol=0, equal_nan=True)).all()
         out = out[-1]
         constants = scan.batch(np.zeros((vehicles, 1)), pairs[:1], pairs)[1][:, 0, 1]
-    assert far(out, expected) <= 1e-13
-    assert far(constants, of_constant) <= 1e-13
+    assert max_difference(out, expected) <= 1e-13
+    assert max_difference(constants, of_constant) <= 1e-13
 
 
 def random_step(rng: np.random.Generator) -> ca.Function:
     """Sixty random operations on two carries, three samples and two constants, every value of order one."""
     carry, sample, constant = ca.SX.sym("carry", 2), ca.SX.sym("sample", 3), ca.SX.sym("constant", 2)
     pool = [*ca.vertsplit(carry), *ca.vertsplit(sample), *ca.vertsplit(constant), ca.SX(0.3), ca.SX(-1.7)]
-    tame = {
+    bounded = {
         ca.OP_INV: lambda a: 1.5 + ca.sin(a),
         ca.OP_SQRT: ca.fabs,
         ca.OP_EXP: ca.sin,
@@ -93,7 +92,7 @@ def random_step(rng: np.random.Generator) -> ca.Function:
         op = choices[rng.integers(len(choices))]
         a, b = (pool[i] for i in rng.integers(len(pool), size=2))
         if op in UNARY.values():
-            value = ca.SX.unary(op, tame.get(op, lambda a: a)(a))
+            value = ca.SX.unary(op, bounded.get(op, lambda a: a)(a))
         else:
             value = ca.SX.binary(op, a, 1.5 + ca.cos(b) if op == ca.OP_DIV else b)
         pool.append(value if op in llvm_ir._COMPARE else ca.fmax(ca.fmin(value, 9.0 + rng.random()), -9.0))
@@ -107,7 +106,7 @@ SEEDS = range(12)
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_steps(seed: int) -> None:
-    """One vehicle, and vehicles in 1, 4 and 8 lanes, a number that no lanes divide."""
+    """One vehicle, and several vehicles in 1, 4 and 8 lanes; the number of lanes does not divide that of vehicles."""
     rng = np.random.default_rng(seed)
     step = random_step(rng)
     vehicles, rows = 9, 25
@@ -121,19 +120,19 @@ def test_random_steps(seed: int) -> None:
         )
 
 
-def assert_same(found: tuple[Array, Array], expected: tuple[Array, Array]) -> None:
-    for a, b in zip(found, expected, strict=True):
+def assert_same(actual: tuple[Array, Array], expected: tuple[Array, Array]) -> None:
+    for a, b in zip(actual, expected, strict=True):
         assert a.shape == b.shape
-        assert far(a, b) <= 1e-13
+        assert max_difference(a, b) <= 1e-13
 
 
 def test_random_steps_use_every_operation() -> None:
-    seen = set().union(*[operations(random_step(np.random.default_rng(seed))) for seed in SEEDS])
-    assert {*UNARY.values(), *BINARY.values()} <= seen
+    recorded = set().union(*[operations(random_step(np.random.default_rng(seed))) for seed in SEEDS])
+    assert {*UNARY.values(), *BINARY.values()} <= recorded
 
 
 def test_branches() -> None:
-    """if_else and the logic words as people write them."""
+    """if_else and logical operations as in CasADi code."""
     carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
     inside = ca.logic_and(sample > -1, sample <= constant)
     value = ca.if_else(inside, sample, ca.if_else(ca.logic_or(sample == 3, ca.logic_not(sample != -3)), 30, -30))
@@ -145,12 +144,12 @@ def test_branches() -> None:
 
 
 @pytest.mark.parametrize("function", [ca.tan, ca.asin, ca.floor, ca.sign, lambda x: ca.atan2(x, 2)])
-def test_operation_without_a_line_is_refused(function: object) -> None:
+def test_unknown_operation_is_refused(function: object) -> None:
     carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
-    step = ca.Function("exotic", [carry, sample, constant], [carry, function(sample)])  # type: ignore[operator]
+    step = ca.Function("unknown", [carry, sample, constant], [carry, function(sample)])  # type: ignore[operator]
     for run in (
         lambda: Scan(step)(np.zeros(1), np.zeros((2, 1)), np.zeros(1)),
         lambda: Scan(step).batch(np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))),
     ):
-        with pytest.raises(NotImplementedError, match=r"exotic: CasADi operation [0-9]+"):
+        with pytest.raises(NotImplementedError, match=r"unknown: CasADi operation [0-9]+"):
             run()

@@ -1,4 +1,4 @@
-"""Scans over records and vehicles: shapes, order, constants, life and death of the compiled code."""
+"""Scans over records and vehicles: shapes, order, constants, threads, and the lifetime of compiled code."""
 
 import gc
 import threading
@@ -11,14 +11,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.native import Scan, compile_soon, llvm_ir
-
-from .conftest import Array, far, interpreted, oscillator, times
+from fifthwheel.native import Scan, compile_in_background, llvm_ir
+from tests.native.conftest import Array, interpreted, max_difference, oscillator, times
 
 STEP = oscillator()
 
 
-def drawn(vehicles: int, rows: int, seed: int = 0) -> tuple[Array, Array, Array]:
+def random_inputs(vehicles: int, rows: int, seed: int = 0) -> tuple[Array, Array, Array]:
     rng = np.random.default_rng(seed)
     sample = np.stack([rng.normal(size=(vehicles, rows)), rng.uniform(0.01, 0.1, size=(vehicles, rows))], axis=-1)
     return rng.normal(size=(vehicles, 2)), sample, rng.uniform(0.1, 2.0, size=(vehicles, 3))
@@ -30,25 +29,25 @@ def scan() -> Scan:
 
 
 def test_one_vehicle(scan: Scan) -> None:
-    carry, sample, constant = (array[0] for array in drawn(1, 200))
-    kept = [array.copy() for array in (carry, sample, constant)]
-    found, expected = scan(carry, sample, constant), interpreted(STEP, carry, sample, constant)
-    assert far(found[0], expected[0]) <= 1e-13
-    assert far(found[1], expected[1]) <= 1e-13
-    for array, before in zip((carry, sample, constant), kept, strict=True):
+    carry, sample, constant = (array[0] for array in random_inputs(1, 200))
+    copies = [array.copy() for array in (carry, sample, constant)]
+    actual, expected = scan(carry, sample, constant), interpreted(STEP, carry, sample, constant)
+    assert max_difference(actual[0], expected[0]) <= 1e-13
+    assert max_difference(actual[1], expected[1]) <= 1e-13
+    for array, before in zip((carry, sample, constant), copies, strict=True):
         assert np.array_equal(array, before)
 
 
-def test_record_in_two_parts(scan: Scan) -> None:
-    carry, sample, constant = (array[0] for array in drawn(1, 50))
-    whole = scan(carry, sample, constant)
+def test_record_in_two_segments(scan: Scan) -> None:
+    carry, sample, constant = (array[0] for array in random_inputs(1, 50))
+    once = scan(carry, sample, constant)
     half, first = scan(carry, sample[:17], constant)
     last, second = scan(half, sample[17:], constant)
-    assert np.array_equal(last, whole[0])
-    assert np.array_equal(np.vstack([first, second]), whole[1])
+    assert np.array_equal(last, once[0])
+    assert np.array_equal(np.vstack([first, second]), once[1])
 
 
-def test_carry_is_read_whole_before_it_is_written() -> None:
+def test_old_carry_is_read_before_the_new_one_is_written() -> None:
     x, none = ca.SX.sym("x", 3), ca.SX.sym("none", 0)
     step = ca.Function("turn", [x, none, none], [ca.vertcat(x[1], x[2], x[0]), x])
     carry, out = Scan(step)(np.array([1.0, 2, 3]), np.empty((4, 0)), np.empty(0))
@@ -65,14 +64,14 @@ def test_output_that_is_an_input_or_a_number() -> None:
 
 
 def test_arrays_of_any_order_and_type(scan: Scan) -> None:
-    carry, sample, constant = (array[0] for array in drawn(1, 20))
+    carry, sample, constant = (array[0] for array in random_inputs(1, 20))
     expected = scan(carry, sample, constant)
     wide = np.zeros((40, 5))
     wide[::2, 1:4:2] = sample
     for other in (np.asfortranarray(sample), wide[::2, 1:4:2], sample[::-1].copy()[::-1], sample.tolist()):
-        found = scan(carry[::-1].copy()[::-1], other, constant.tolist())
-        assert np.array_equal(found[0], expected[0])
-        assert np.array_equal(found[1], expected[1])
+        actual = scan(carry[::-1].copy()[::-1], other, constant.tolist())
+        assert np.array_equal(actual[0], expected[0])
+        assert np.array_equal(actual[1], expected[1])
     counted = scan(np.array([1, 2]), np.ones((3, 2), dtype=np.int64), np.array([1, 1, 1], dtype=np.float32))
     assert np.array_equal(counted[1], scan(np.array([1.0, 2.0]), np.ones((3, 2)), np.ones(3))[1])
 
@@ -80,27 +79,27 @@ def test_arrays_of_any_order_and_type(scan: Scan) -> None:
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 @pytest.mark.parametrize("vehicles", [1, 3, 4, 8, 11])
 def test_vehicles_and_lanes(vehicles: int, lanes: int) -> None:
-    carry, sample, constant = drawn(vehicles, 30)
-    found = Scan(STEP, lanes).batch(carry.copy(), sample, constant)
-    assert found[0].shape == (vehicles, 2)
-    assert found[1].shape == (vehicles, 30, 3)
+    carry, sample, constant = random_inputs(vehicles, 30)
+    actual = Scan(STEP, lanes).batch(carry.copy(), sample, constant)
+    assert actual[0].shape == (vehicles, 2)
+    assert actual[1].shape == (vehicles, 30, 3)
     for i in range(vehicles):
         expected = interpreted(STEP, carry[i], sample[i], constant[i])
-        assert far(found[0][i], expected[0]) <= 1e-13
-        assert far(found[1][i], expected[1]) <= 1e-13
+        assert max_difference(actual[0][i], expected[0]) <= 1e-13
+        assert max_difference(actual[1][i], expected[1]) <= 1e-13
 
 
 @pytest.mark.parametrize("lanes", [pytest.param(1), 4, 8])
-def test_arrays_of_many_are_left_alone(lanes: int) -> None:
-    arrays = drawn(8, 30)
-    kept = [array.copy() for array in arrays]
+def test_batch_does_not_change_its_arguments(lanes: int) -> None:
+    arrays = random_inputs(8, 30)
+    copies = [array.copy() for array in arrays]
     Scan(STEP, lanes).batch(*arrays)
-    for array, before in zip(arrays, kept, strict=True):
+    for array, before in zip(arrays, copies, strict=True):
         assert np.array_equal(array, before)
 
 
 @pytest.mark.parametrize("vehicles", [6, pytest.param(8)])
-def test_lone_carry_of_many_is_left_alone(vehicles: int) -> None:
+def test_batch_does_not_change_a_carry_of_one_element(vehicles: int) -> None:
     carry = np.zeros((vehicles, 1))
     after, _ = Scan(times(2.0), 4).batch(carry, np.ones((5, 1)), np.ones((vehicles, 1)))
     assert (after == 10).all()
@@ -108,7 +107,7 @@ def test_lone_carry_of_many_is_left_alone(vehicles: int) -> None:
 
 
 def test_one_record_for_all_vehicles(scan: Scan) -> None:
-    carry, sample, constant = drawn(6, 30)
+    carry, sample, constant = random_inputs(6, 30)
     each = scan.batch(carry, np.broadcast_to(sample[2], sample.shape), constant)
     one = scan.batch(carry, sample[2], constant)
     assert np.array_equal(one[0], each[0])
@@ -116,7 +115,7 @@ def test_one_record_for_all_vehicles(scan: Scan) -> None:
 
 
 def test_empty_record(scan: Scan) -> None:
-    carry, sample, constant = (array[0] for array in drawn(1, 5))
+    carry, sample, constant = (array[0] for array in random_inputs(1, 5))
     after, out = scan(carry, sample[:0], constant)
     assert np.array_equal(after, carry)
     assert out.shape == (0, 3)
@@ -130,7 +129,7 @@ def test_no_vehicles(scan: Scan) -> None:
 
 @pytest.mark.parametrize("one", [True, False], ids=["one record", "a record each"])
 def test_empty_record_for_many_vehicles(scan: Scan, one: bool) -> None:
-    carry, sample, constant = drawn(6, 5)
+    carry, sample, constant = random_inputs(6, 5)
     after, out = scan.batch(carry, sample[0, :0] if one else sample[:, :0], constant)
     assert np.array_equal(after, carry)
     assert out.shape == (6, 0, 3)
@@ -163,7 +162,7 @@ SHAPES = {
 
 @pytest.mark.parametrize("case", SHAPES)
 def test_wrong_shapes(scan: Scan, case: str) -> None:
-    with pytest.raises(TypeError, match=rf"oscillator: {case.split()[0]} has shape"):
+    with pytest.raises(TypeError, match=rf"oscillator: expected {case.split()[0]} of shape"):
         scan(*[np.zeros(shape) for shape in SHAPES[case]])
 
 
@@ -183,31 +182,31 @@ BATCH_SAMPLES = {
 
 @pytest.mark.parametrize("case", BATCH_SHAPES)
 def test_wrong_shapes_of_many(scan: Scan, case: str) -> None:
-    with pytest.raises(TypeError, match=rf"oscillator: {case.split()[0]} has shape"):
+    with pytest.raises(TypeError, match=rf"oscillator: expected {case.split()[0]} of shape"):
         scan.batch(*[np.zeros(shape) for shape in BATCH_SHAPES[case]])
 
 
 @pytest.mark.parametrize("case", BATCH_SAMPLES)
 def test_wrong_samples_of_many(scan: Scan, case: str) -> None:
-    with pytest.raises(TypeError, match="oscillator: sample has shape"):
+    with pytest.raises(TypeError, match="oscillator: expected sample of shape"):
         scan.batch(np.zeros((6, 2)), np.zeros(BATCH_SAMPLES[case]), np.zeros((6, 3)))
 
 
 def test_step_whose_carry_changes_length() -> None:
     carry, sample, constant = ca.SX.sym("carry", 2), ca.SX.sym("sample"), ca.SX.sym("constant")
-    with pytest.raises(TypeError, match="a step maps"):
+    with pytest.raises(TypeError, match="expected a step from"):
         Scan(ca.Function("step", [carry, sample, constant], [carry[0], carry]))
 
 
 @pytest.mark.parametrize("inputs", [pytest.param(2), 4])
 def test_step_with_other_inputs(inputs: int) -> None:
     symbols = [ca.SX.sym(f"a{i}") for i in range(inputs)]
-    with pytest.raises(TypeError, match="a step maps"):
+    with pytest.raises(TypeError, match="expected a step from"):
         Scan(ca.Function("step", symbols, [symbols[0], symbols[0]]))
 
 
 def test_step_with_a_sparse_output() -> None:
-    """Either refused or right: (0, sample, 0, carry)."""
+    """It is refused, or the result is correct: (0, sample, 0, carry)."""
     carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
     zero = ca.SX(1, 1)
     step = ca.Function("sparse", [carry, sample, constant], [carry, ca.vertcat(zero, sample, zero, carry)])
@@ -219,7 +218,7 @@ def test_step_with_a_sparse_output() -> None:
     assert out.tolist() == [[0, 1, 0, 3], [0, 2, 0, 3]]
 
 
-def test_what_depends_on_constants_alone_is_before_the_loop() -> None:
+def test_values_that_depend_only_on_constants_are_before_the_loop() -> None:
     text = llvm_ir.module(STEP)
     before, loop = text.split("\nrow:\n")
     assert "@llvm.exp" in before
@@ -228,14 +227,14 @@ def test_what_depends_on_constants_alone_is_before_the_loop() -> None:
 
 
 def test_constants_changed_between_calls_take_effect(scan: Scan) -> None:
-    carry, sample, constant = (array[0] for array in drawn(1, 40))
+    carry, sample, constant = (array[0] for array in random_inputs(1, 40))
     first = scan(carry, sample, constant)
     for factor in (0.5, 3.0):
-        found = scan(carry, sample, factor * constant)
-        assert far(found[1], interpreted(STEP, carry, sample, factor * constant)[1]) <= 1e-13
-        assert not np.array_equal(found[1], first[1])
+        actual = scan(carry, sample, factor * constant)
+        assert max_difference(actual[1], interpreted(STEP, carry, sample, factor * constant)[1]) <= 1e-13
+        assert not np.array_equal(actual[1], first[1])
     constant *= 2.0  # the same array, changed in place
-    assert far(scan(carry, sample, constant)[1], interpreted(STEP, carry, sample, constant)[1]) <= 1e-13
+    assert max_difference(scan(carry, sample, constant)[1], interpreted(STEP, carry, sample, constant)[1]) <= 1e-13
     constant /= 2.0
     assert np.array_equal(scan(carry, sample, constant)[1], first[1])
 
@@ -247,8 +246,8 @@ def test_every_group_of_lanes_has_its_own_constants(scan: Scan) -> None:
     assert np.array_equal(out[:, 0, 2], np.arange(12.0))  # fmax(0, k2)
 
 
-def test_compiled_code_dies_quietly() -> None:
-    """Engines made, dropped and collected in any order leave the others alone."""
+def test_compiled_code_is_freed() -> None:
+    """Scans that are deleted in any order have no effect on other scans."""
     sample = np.arange(5.0)[:, None]
     kept = Scan(times(0.25))
     expected = kept(np.zeros(1), sample, np.ones(1))[1]
@@ -274,8 +273,8 @@ def test_unused_scan_compiles_nothing(cache_folder: Path) -> None:
 
 
 def test_calls_from_several_threads() -> None:
-    """The first calls compile at the same time; all give what one thread gives."""
-    carry, sample, constant = drawn(8, 2000)
+    """Concurrent first calls compile once, and all threads get the result of one thread."""
+    carry, sample, constant = random_inputs(8, 2000)
     expected = [interpreted(STEP, carry[i], sample[i, :50], constant[i]) for i in range(8)]
     scan, start = Scan(STEP), threading.Barrier(8)
 
@@ -286,26 +285,26 @@ def test_calls_from_several_threads() -> None:
         return scan(carry[i], sample[i, :50], constant[i])
 
     with ThreadPoolExecutor(8) as pool:
-        for found, wanted in zip(pool.map(run, range(8)), expected, strict=True):
-            assert far(found[0], wanted[0]) <= 1e-13
-            assert far(found[1], wanted[1]) <= 1e-13
+        for actual, values in zip(pool.map(run, range(8)), expected, strict=True):
+            assert max_difference(actual[0], values[0]) <= 1e-13
+            assert max_difference(actual[1], values[1]) <= 1e-13
 
 
 def test_compiled_in_the_background(cache_folder: Path) -> None:
-    """Without being called; a step that cannot be compiled says so where it is called."""
+    """A background compilation fills the cache; a step that cannot be compiled raises its error when it is called."""
     scans = [Scan(times(factor)) for factor in (1.0, 2.0, 3.0)]
-    compile_soon(*scans)
+    compile_in_background(*scans)
     for i, scan in enumerate(scans):
         assert scan(np.zeros(1), np.ones((4, 1)), np.ones(1))[0].item() == 4.0 * (i + 1)
     another = Scan(times(4.0))
-    compile_soon(another)
+    compile_in_background(another)
     limit = time.monotonic() + 10
     while len(list(cache_folder.glob("*.o"))) < 4 and time.monotonic() < limit:
         time.sleep(0.01)
     assert len(list(cache_folder.glob("*.o"))) == 4
     carry = ca.SX.sym("carry")
     refused = Scan(ca.Function("refused", [carry, ca.SX.sym("a"), ca.SX.sym("b")], [ca.tan(carry), carry]))
-    compile_soon(refused)
+    compile_in_background(refused)
     for _ in range(2):
         with pytest.raises(NotImplementedError, match="refused"):
             refused(np.zeros(1), np.zeros((1, 1)), np.zeros(1))
@@ -313,7 +312,7 @@ def test_compiled_in_the_background(cache_folder: Path) -> None:
 
 @pytest.mark.parametrize("vehicles", [1, 4, 9, 37])
 def test_threads_give_the_same(scan: Scan, vehicles: int) -> None:
-    carry, sample, constant = drawn(vehicles, 60)
-    alone, shared = scan.batch(carry, sample, constant), scan.batch(carry, sample, constant, threads=3)
-    for one, other in zip(alone, shared, strict=True):
+    carry, sample, constant = random_inputs(vehicles, 60)
+    single, parallel = scan.batch(carry, sample, constant), scan.batch(carry, sample, constant, threads=3)
+    for one, other in zip(single, parallel, strict=True):
         assert np.array_equal(one, other)

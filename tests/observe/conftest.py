@@ -1,12 +1,12 @@
-"""A truck, drives of it, and ways to spoil them."""
+"""A vehicle, a record of it, and functions that damage a record."""
 
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from fifthwheel.logs import Record
 from fifthwheel.observe import Observer
+from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
 
@@ -21,20 +21,20 @@ def truck() -> Vehicle:
 
 
 @pytest.fixture(scope="session")
-def drive(truck) -> Record:
+def lane_changes(truck) -> Record:
     """Two lane changes, 16 s at 100 Hz."""
     return simulate(truck, count=2, seed=7)
 
 
 def put(record: Record, name: str, start: float, stop: float, value: float) -> Record:
-    """The record with a signal at `value` where start <= time < stop, s."""
+    """The record with a signal set to `value` where start <= time < stop, s."""
     values = record.signals[name].copy()
     values[(record.time >= start) & (record.time < stop)] = value
     return record.with_signals({name: values})
 
 
 def rows(record: Record, keep: np.ndarray) -> Record:
-    """Only some rows of a record."""
+    """Some samples of a record."""
     return Record(
         time=record.time[keep],
         signals={n: v[keep] for n, v in record.signals.items()},
@@ -43,28 +43,28 @@ def rows(record: Record, keep: np.ndarray) -> Record:
     )
 
 
-def samples(record: Record, *, leave_out: bool = False) -> Iterator[dict[str, float]]:
-    """The record sample by sample, missing values as NaN or left out."""
+def samples(record: Record, *, omit_missing: bool = False) -> Iterator[dict[str, float]]:
+    """The samples of a record; missing values are NaN or omitted."""
     for k, time in enumerate(record.time.tolist()):
         sample = {name: float(values[k]) for name, values in record.signals.items()}
-        yield {"time": time} | {n: v for n, v in sample.items() if not (leave_out and np.isnan(v))}
+        yield {"time": time} | {n: v for n, v in sample.items() if not (omit_missing and np.isnan(v))}
 
 
-def pushed(observer: Observer, record: Record, *, leave_out: bool = False) -> dict[str, np.ndarray]:
-    """Every column of the answers to a record pushed sample by sample."""
-    answers = [observer.push(sample) for sample in samples(record, leave_out=leave_out)]
+def pushed(observer: Observer, record: Record, *, omit_missing: bool = False) -> dict[str, np.ndarray]:
+    """Every column of the answers to the pushed samples of a record."""
+    answers = [observer.push(sample) for sample in samples(record, omit_missing=omit_missing)]
     return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
 
 
 def batched(observer: Observer, record: Record) -> dict[str, np.ndarray]:
-    """The same columns from the record as a whole."""
+    """The same columns from `Observer.batch`."""
     states = observer.batch(record)
     sigma = {f"{name}.sigma": values for name, values in states.sigma.items()}
     return {"time": states.time, "status": states.status, **states.values, **sigma}
 
 
-def assert_same(one: dict[str, np.ndarray], other: dict[str, np.ndarray], part: slice = slice(None)) -> None:
-    """Bit for bit."""
-    assert one.keys() == other.keys()
-    for name in one:
-        np.testing.assert_array_equal(one[name][part], other[name][part], err_msg=name)
+def assert_same(actual: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
+    """All columns are equal, bit for bit."""
+    assert actual.keys() == expected.keys()
+    for name in actual:
+        np.testing.assert_array_equal(actual[name], expected[name], err_msg=name)

@@ -1,4 +1,4 @@
-"""The road's bank as a state of the observer."""
+"""The bank of the road as a state of the observer."""
 
 import json
 
@@ -6,34 +6,35 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.errors import SignalError
-from fifthwheel.logs import Record
-from fifthwheel.logs.noise import GYROS
+from fifthwheel.manoeuvres import acceleration_course, inverse_steer
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
-from fifthwheel.simulate import response, steer_of
-
-from .conftest import STEER, assert_same, batched, pushed
-from .exact import OUTPUTS, SPEED, TRUCK
+from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import GYRO_VARIANCE
+from tests.observe.conftest import STEER, assert_same, batched, pushed
+from tests.observe.exact import OUTPUTS, SPEED, TRUCK
 
 BANK = 0.035
-TOLD = ("sideslip.tractor", "sideslip.semitrailer", "roll.tractor", "roll.semitrailer", "bank.road")
+REPORTED = ("sideslip.tractor", "sideslip.semitrailer", "roll.tractor", "roll.semitrailer", "bank.road")
 
 
 def banked(bank: float, *, roll: bool = True, manoeuvre: str = "lane_changes", seed: int = 4) -> Record:
-    """30 s of the linear truck on a road that leans from the first sample on."""
+    """30 s of the linear vehicle on a banked road."""
     outputs = [name for name in OUTPUTS if roll or not name.startswith("roll")]
-    told = [name for name in TOLD if roll or not name.startswith("roll")]
-    model = dynamics.model(TRUCK, (*outputs, *told), roll=roll, bank=True)
+    reported = [name for name in REPORTED if roll or not name.startswith("roll")]
+    model = dynamics.model(TRUCK, (*outputs, *reported), roll=roll, bank=True)
     time = np.arange(3000) / 100
-    steer = steer_of(manoeuvre, TRUCK, SPEED, time, count=3, seed=seed, roll=roll)
+    acceleration = acceleration_course(manoeuvre, time, speed=SPEED, count=3, seed=seed)
+    steer = inverse_steer(TRUCK, SPEED, time, acceleration, roll=roll)
     inputs = {"speed": np.full_like(time, SPEED), STEER: steer}
     start = np.eye(len(model.states))[model.states.index("bank.road")] * bank
-    _, y = response(model, dynamics.all_parameters(TRUCK, model.outputs), time, inputs, start)
+    _, y = linear_response(model, dynamics.all_parameters(TRUCK, model.outputs), time, inputs, start)
     signals, random = dict(inputs), np.random.default_rng(seed)
     for i, name in enumerate(outputs):
-        variance = GYROS[name.split(".")[0]][0 if name.endswith(".tractor") else 1]
+        variance = GYRO_VARIANCE[name.split(".")[0]][0 if name.endswith(".tractor") else 1]
         signals[name] = y[:, i] + random.normal(size=len(time)) * np.sqrt(variance)
-    reference = {name: y[:, len(outputs) + i] for i, name in enumerate(told)}
+    reference = {name: y[:, len(outputs) + i] for i, name in enumerate(reported)}
     return Record(time=time, signals=signals, reference=reference, name="banked")
 
 
@@ -41,89 +42,91 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-@pytest.mark.parametrize("how", ["batch", "smooth"])
+@pytest.mark.parametrize("method", ["batch", "smooth"])
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "random", "straight"])
-def test_sideslip_on_a_bank(manoeuvre, how):
+def test_sideslip_on_a_banked_road(manoeuvre, method):
     record = banked(BANK, manoeuvre=manoeuvre)
-    level, leaning = (
-        getattr(Observer(TRUCK, record.signals, ObserverSettings(bank=bank)), how)(record) for bank in (None, 0.03)
+    level, banked_road = (
+        getattr(Observer(TRUCK, record.signals, ObserverSettings(bank=bank)), method)(record) for bank in (None, 0.03)
     )
     assert "bank.road" not in level.values
     settled = record.time > 5
-    for name in TOLD[:4]:
-        before, after = ((s.values[name] - record.reference[name])[settled] for s in (level, leaning))
-        assert rms(after) < 0.25 * rms(before), name
-        assert rms(after / leaning.sigma[name][settled]) < 1.2, name
-        assert rms(before / level.sigma[name][settled]) > 4, name
-    found, sigma = leaning.values["bank.road"][settled], leaning.sigma["bank.road"][settled]
-    assert np.abs((found - BANK) / sigma).max() < 4
-    assert rms((found - BANK) / sigma) < 1.2
-    assert found.mean() == pytest.approx(BANK, abs=0.1 * BANK)
+    for name in REPORTED[:4]:
+        without_bank, with_bank = ((s.values[name] - record.reference[name])[settled] for s in (level, banked_road))
+        assert rms(with_bank) < 0.25 * rms(without_bank), name
+        assert rms(with_bank / banked_road.sigma[name][settled]) < 1.2, name
+        assert rms(without_bank / level.sigma[name][settled]) > 4, name
+    actual, sigma = banked_road.values["bank.road"][settled], banked_road.sigma["bank.road"][settled]
+    assert np.abs((actual - BANK) / sigma).max() < 4
+    assert rms((actual - BANK) / sigma) < 1.2
+    assert actual.mean() == pytest.approx(BANK, abs=0.1 * BANK)
     assert (sigma < 0.01).all()
 
 
-def test_sigma_begins_as_given():
+def test_first_sigma_is_the_prior():
     record = banked(BANK)
     sigma = Observer(TRUCK, record.signals, ObserverSettings(bank=0.05)).batch(record).sigma["bank.road"]
     assert sigma[0] == pytest.approx(0.05)
     assert sigma[500] < 0.01
 
 
-def test_the_yaw_model_knows_a_bank_too():
+def test_yaw_model_with_a_bank():
     record = banked(BANK, roll=False)
     o = Observer(TRUCK, record.signals, ObserverSettings(bank=0.03))
     assert o.reported[-1] == "bank.road"
-    found = o.batch(record)
-    late = record.time > 5
-    assert rms((found.values["bank.road"] - BANK)[late]) < 0.01
+    actual = o.batch(record)
+    settled = record.time > 5
+    assert rms((actual.values["bank.road"] - BANK)[settled]) < 0.01
 
 
-def test_a_level_road_stays_level(drive):
-    """A state more makes sigma larger, and errors too; none is beyond what sigma says."""
-    level, leaning = (Observer(TRUCK, drive.signals, ObserverSettings(bank=bank)).batch(drive) for bank in (None, 0.03))
-    assert np.abs(leaning.values["bank.road"] / leaning.sigma["bank.road"]).max() < 4
-    for name, truth in drive.reference.items():
-        assert np.median(leaning.sigma[name]) > np.median(level.sigma[name]), name
-        assert rms((leaning.values[name] - truth) / leaning.sigma[name]) < 1.2, name
+def test_bank_of_a_level_road_is_zero(lane_changes):
+    """An additional state increases sigmas and errors; the errors agree with the sigmas."""
+    level, banked_road = (
+        Observer(TRUCK, lane_changes.signals, ObserverSettings(bank=bank)).batch(lane_changes) for bank in (None, 0.03)
+    )
+    assert np.abs(banked_road.values["bank.road"] / banked_road.sigma["bank.road"]).max() < 4
+    for name, truth in lane_changes.reference.items():
+        assert np.median(banked_road.sigma[name]) > np.median(level.sigma[name]), name
+        assert rms((banked_road.values[name] - truth) / banked_road.sigma[name]) < 1.2, name
 
 
-def test_push_gives_what_batch_gives_and_goes_on():
+def test_push_equals_batch_and_resumes():
     record = banked(BANK).cut(0, 6)
     settings = ObserverSettings(bank=0.03)
     o = Observer(TRUCK, record.signals, settings)
-    whole = batched(o, record)
-    assert {"bank.road", "bank.road.sigma"} <= whole.keys()
-    assert_same(pushed(o, record), whole)
+    batch_result = batched(o, record)
+    assert {"bank.road", "bank.road.sigma"} <= batch_result.keys()
+    assert_same(pushed(o, record), batch_result)
     saved = json.loads(json.dumps(o.save()))
     Observer(TRUCK, record.signals, settings).resume(saved)
     for other in (None, 0.06):
-        with pytest.raises(SignalError, match="other signals or settings"):
+        with pytest.raises(SignalError, match="expected one of the same vehicle"):
             Observer(TRUCK, record.signals, ObserverSettings(bank=other)).resume(saved)
 
 
-def test_a_steer_zero_that_is_not_known_makes_the_bank_unknown():
-    """Steer angle over bank is all that the yaw rates tell: half a milliradian of the one is degrees of the other."""
+def test_an_uncertain_steer_offset_makes_the_bank_uncertain():
+    """Yaw rates identify only a combination of steer offset and bank: 0.5 mrad of offset equals degrees of bank."""
     record = banked(BANK)
     o = Observer(TRUCK, record.signals, ObserverSettings(bank=0.03))
-    unsure = Uncertainty(names=(f"{STEER}.offset",), covariance=np.array([[0.0005**2]]))
-    plain, found = o.batch(record), o.batch(record, unsure)
-    assert (found.status == Status.OK).all()
-    late = record.time > 10
-    assert (found.sigma["bank.road"][late] > 5 * plain.sigma["bank.road"][late]).all()
-    assert (found.sigma["sideslip.semitrailer"][late] > 5 * plain.sigma["sideslip.semitrailer"][late]).all()
+    uncertainty = Uncertainty(names=(f"{STEER}.offset",), covariance=np.array([[0.0005**2]]))
+    plain, actual = o.batch(record), o.batch(record, uncertainty)
+    assert (actual.status == Status.OK).all()
+    settled = record.time > 10
+    assert (actual.sigma["bank.road"][settled] > 5 * plain.sigma["bank.road"][settled]).all()
+    assert (actual.sigma["sideslip.semitrailer"][settled] > 5 * plain.sigma["sideslip.semitrailer"][settled]).all()
     wrong = o.batch(record.with_signals({STEER: record.signals[STEER] + 0.0005}))
     for name in ("bank.road", "sideslip.semitrailer"):
-        error = (wrong.values[name] - record.reference[name])[late]
-        assert rms(error / found.sigma[name][late]) == pytest.approx(1, abs=0.1), name
+        error = (wrong.values[name] - record.reference[name])[settled]
+        assert rms(error / actual.sigma[name][settled]) == pytest.approx(1, abs=0.1), name
 
 
 @pytest.mark.parametrize("bank", [0.0, -0.1, 2.0, float("nan")])
-def test_a_bank_that_no_road_has(bank):
+def test_implausible_bank_is_refused(bank):
     with pytest.raises(SignalError, match=r"^bank: expected between 0 and 1 rad"):
         ObserverSettings(bank=bank)
 
 
-def test_only_a_model_with_the_state_shows_it():
+def test_only_a_model_with_the_state_has_the_output():
     with pytest.raises(SignalError, match=r"^bank\.road: "):
         dynamics.model(TRUCK, ("bank.road",), roll=True)
     assert dynamics.model(TRUCK, ("bank.road",), roll=True, bank=True).outputs == ("bank.road",)

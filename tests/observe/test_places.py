@@ -1,4 +1,4 @@
-"""Sideslip told elsewhere than under the CoG, as an optical sensor at the landing leg sees it."""
+"""Sideslip at another position than under the CoG, such as that of an optical sensor at the landing legs."""
 
 import numpy as np
 import pytest
@@ -9,22 +9,22 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 
 
-def test_sideslip_at_the_landing_leg():
+def test_sideslip_at_the_landing_legs():
     truck = get("cheng_cebon_2011")
     record = simulate(truck, count=1)
-    here, there = (
-        Observer(truck, record.signals, ObserverSettings(places=places)).batch(record)
-        for places in ({}, {"sideslip.semitrailer": -2.34})
+    at_cog, at_legs = (
+        Observer(truck, record.signals, ObserverSettings(positions=positions)).batch(record)
+        for positions in ({}, {"sideslip.semitrailer": -2.34})
     )
     arm = -2.34 - truck.unit("semitrailer").cog
-    turning = arm * here.values["yaw_rate.semitrailer"] / record.signals["speed"]
-    expected = here.values["sideslip.semitrailer"] + turning
-    np.testing.assert_allclose(there.values["sideslip.semitrailer"], expected, atol=1e-14)
-    assert np.abs(turning).max() > 0.01
-    np.testing.assert_array_equal(there.values["sideslip.tractor"], here.values["sideslip.tractor"])
+    difference = arm * at_cog.values["yaw_rate.semitrailer"] / record.signals["speed"]
+    expected = at_cog.values["sideslip.semitrailer"] + difference
+    np.testing.assert_allclose(at_legs.values["sideslip.semitrailer"], expected, atol=1e-14)
+    assert np.abs(difference).max() > 0.01
+    np.testing.assert_array_equal(at_legs.values["sideslip.tractor"], at_cog.values["sideslip.tractor"])
 
 
-def test_what_has_no_place():
+def test_position_of_a_signal_without_position_is_refused():
     truck = get("cheng_cebon_2011")
-    with pytest.raises(SignalError, match=r"roll\.tractor: has no place"):
-        Observer(truck, simulate(truck, count=1).signals, ObserverSettings(places={"roll.tractor": 0.0}))
+    with pytest.raises(SignalError, match=r"roll\.tractor: has no position"):
+        Observer(truck, simulate(truck, count=1).signals, ObserverSettings(positions={"roll.tractor": 0.0}))

@@ -1,4 +1,4 @@
-"""One short identification, and its variants, for all tests of this room."""
+"""One short identification and its variants, for the tests of diagnosis and report."""
 
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 from fifthwheel import vehicle
-from fifthwheel.identify import Identification, Verdict, identify
-from fifthwheel.logs import Record
+from fifthwheel.identify import Identification, identify
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, States
+from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 
 NASTY = 'bend <b> & "quoted" </script><!--'
 
 
 @dataclass(frozen=True)
-class Found:
-    """An identification with its logs: one identified on, one only predicted."""
+class Result:
+    """An identification with its logs, one identified on and one only predicted, and their states."""
 
     identification: Identification
     records: list[Record]
@@ -25,8 +26,8 @@ class Found:
 
 
 @pytest.fixture(scope="session")
-def found() -> Found:
-    """Two lane changes, and another two of a log with a nasty name and faults, only predicted."""
+def result() -> Result:
+    """Two lane changes, and two more with faults in a log with special characters in its name, only predicted."""
     truck = vehicle.get("cheng_cebon_2011")
     first = simulate(truck, count=2, seed=1, name="lane changes")
     records = [first, faulty(simulate(truck, count=2, seed=2, name=NASTY))]
@@ -35,11 +36,11 @@ def found() -> Found:
     states = [
         Observer(identification.vehicle, r.signals, identification.observer_settings(r.name)).batch(r) for r in records
     ]
-    return Found(identification, records, states)
+    return Result(identification, records, states)
 
 
 def faulty(record: Record) -> Record:
-    """Three seconds too slow, a stretch without gyros, spikes, and a channel at half the rate."""
+    """Three seconds too slow, a segment without gyros, spikes, and a channel at half the rate."""
     signals = {name: values.copy() for name, values in record.signals.items()}
     signals["speed"][300:600] = 3.0
     for name in signals:
@@ -51,21 +52,21 @@ def faulty(record: Record) -> Record:
 
 
 @pytest.fixture(scope="session")
-def every_verdict(found) -> Identification:
+def every_verdict(result) -> Identification:
     """The same with a verdict of each kind."""
-    old = found.identification.parameters
-    verdicts = [verdict for verdict in Verdict if verdict is not Verdict.HELD]
+    old = result.identification.parameters
+    verdicts = [verdict for verdict in Verdict if verdict is not Verdict.FIXED]
     changed = [replace(e, verdict=verdict) for e, verdict in zip(old, verdicts, strict=True)]
-    held = replace(old[0], name="tractor.yaw_inertia", unit="kg m^2", verdict=Verdict.HELD, sigma=None)
-    changed.append(held)
-    return replace(found.identification, parameters=tuple(changed))
+    fixed = replace(old[0], name="tractor.yaw_inertia", unit="kg m^2", verdict=Verdict.FIXED, sigma=None)
+    changed.append(fixed)
+    return replace(result.identification, parameters=tuple(changed))
 
 
 VOID = {"meta", "wbr", "br", "hr", "img", "input", "link"}
 
 
 class Page(HTMLParser):
-    """A page taken apart: its text, its attributes and its scripts; an error when a tag is not closed."""
+    """A parsed page: its text, links and scripts; an error if a tag is not closed."""
 
     def __init__(self, text: str) -> None:
         super().__init__(convert_charrefs=True)

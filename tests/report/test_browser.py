@@ -1,4 +1,4 @@
-"""The page in a real browser without a head: it draws everything, asks no network, fits a telephone, and prints."""
+"""The page in headless Chromium: it draws every plot, uses no network, fits a narrow screen, and prints."""
 
 import json
 import re
@@ -32,43 +32,43 @@ FLAGS = [
 PROBE = """
 <script>
 addEventListener("load", async () => {
-  const rest = (ms) => new Promise((done) => setTimeout(done, ms));
-  const told = {};
-  for (let k = 0; k < 600 && !document.body.dataset.drawn; k++) await rest(50);
-  const places = () => [...document.querySelectorAll(".plot")];
-  const open = places().filter((p) => !p.closest("details"));
-  told.drawn = open.every((p) => p.querySelector("svg.main-svg"));
-  told.waiting = places().some((p) => p.closest("details") && !p.dataset.drawn);
-  told.width = document.documentElement.scrollWidth;
-  told.window = innerWidth;
-  told.wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  const state = {};
+  for (let k = 0; k < 600 && !document.body.dataset.drawn; k++) await wait(50);
+  const plots = () => [...document.querySelectorAll(".plot")];
+  const open = plots().filter((p) => !p.closest("details"));
+  state.drawn = open.every((p) => p.querySelector("svg.main-svg"));
+  state.waiting = plots().some((p) => p.closest("details") && !p.dataset.drawn);
+  state.width = document.documentElement.scrollWidth;
+  state.window = innerWidth;
+  state.wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
   document.querySelectorAll("details").forEach((d) => { d.open = true; });
-  await rest(1500);
-  told.folded = places().every((p) => p.querySelector("svg.main-svg"));
-  told.open = document.documentElement.scrollWidth;
-  const tall = places().filter((p) => p.classList.contains("tall"));
+  await wait(1500);
+  state.folded = plots().every((p) => p.querySelector("svg.main-svg"));
+  state.open = document.documentElement.scrollWidth;
+  const tall = plots().filter((p) => p.classList.contains("tall"));
   const range = (p) => p._fullLayout.xaxis.range.map((v) => Math.round(100 * v) / 100);
   const before = range(tall[1]);
   await Plotly.relayout(tall[0], { "xaxis.range[0]": 3, "xaxis.range[1]": 5 });
-  await rest(300);
-  told.zoomed = range(tall[1]);
+  await wait(300);
+  state.zoomed = range(tall[1]);
   tall[0].emit("plotly_doubleclick");
-  await rest(500);
-  told.whole = JSON.stringify(range(tall[1])) === JSON.stringify(before);
+  await wait(500);
+  state.reset = JSON.stringify(range(tall[1])) === JSON.stringify(before);
   const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
-  told.network = loaded.filter((name) => !/^(data|blob):/.test(name));
-  parent.document.title = JSON.stringify(told);
-  document.title = JSON.stringify(told);
+  state.network = loaded.filter((name) => !/^(data|blob):/.test(name));
+  parent.document.title = JSON.stringify(state);
+  document.title = JSON.stringify(state);
 });
 </script>
 """
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What a browser said of a page."""
+class Observation:
+    """What the probe measured, and the errors on the console."""
 
-    told: dict
+    state: dict
     errors: list[str]
 
 
@@ -78,14 +78,14 @@ def browse(profile: Path, *arguments: str) -> subprocess.CompletedProcess:
 
 
 @pytest.fixture(scope="module")
-def report(found, tmp_path_factory) -> Path:
+def report(result, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("browser") / "report.html"
-    write_report(path, found.identification, found.records, found.states, title="my <truck> & co")
+    write_report(path, result.identification, result.records, result.states, title="my <truck> & co")
     return path
 
 
-def look(report: Path, width: int) -> Seen:
-    """Open a copy that tells about itself, in a frame: a window without a head is never narrower than 500."""
+def open_page(report: Path, width: int) -> Observation:
+    """Open a copy with a probe in a frame, because a headless window is at least 500 px wide."""
     folder = report.parent
     text = report.read_text(encoding="utf-8")
     (folder / "probe.html").write_text(text.replace("</head>", PROBE + "</head>"), encoding="utf-8")
@@ -101,24 +101,24 @@ def look(report: Path, width: int) -> Seen:
     title = re.search("<title>(.*?)</title>", ran.stdout)
     assert title, ran.stdout[:500]
     errors = [line for line in ran.stderr.splitlines() if "CONSOLE" in line]
-    return Seen(told=json.loads(title[1].replace("&quot;", '"').replace("&amp;", "&")), errors=errors)
+    return Observation(state=json.loads(title[1].replace("&quot;", '"').replace("&amp;", "&")), errors=errors)
 
 
 @pytest.mark.parametrize("width", [390, 1400])
 def test_the_page_in_a_browser(report, width):
-    seen = look(report, width)
-    told = seen.told
-    assert seen.errors == []
-    assert told["drawn"], "a plot that is not folded away was not drawn"
-    assert told["waiting"], "folded plots are drawn when they are opened, not before"
-    assert told["folded"], "a plot that was opened was not drawn"
-    assert told["network"] == []
-    assert told["window"] == width
-    assert told["width"] <= width
-    assert told["open"] <= width
-    assert told["wide"] == 0, "a table has to be scrolled sideways"
-    assert told["zoomed"] == [3, 5], "the plots of a log zoom together"
-    assert told["whole"], "a double click shows all again"
+    observation = open_page(report, width)
+    state = observation.state
+    assert observation.errors == []
+    assert state["drawn"], "a plot that is not folded away was not drawn"
+    assert state["waiting"], "folded plots are drawn when they are opened, not before"
+    assert state["folded"], "a plot that was opened was not drawn"
+    assert state["network"] == []
+    assert state["window"] == width
+    assert state["width"] <= width
+    assert state["open"] <= width
+    assert state["wide"] == 0, "a table has to be scrolled sideways"
+    assert state["zoomed"] == [3, 5], "the plots of a log zoom together"
+    assert state["reset"], "a double click shows all again"
 
 
 def test_it_prints(report):

@@ -1,4 +1,4 @@
-"""The page: whole, on its own, and with everything on it."""
+"""The page: complete and self-contained."""
 
 import json
 import re
@@ -9,19 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import Verdict
+from fifthwheel.formatting import with_sigma
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Status
-from fifthwheel.report import figures, lines, page, write_report
-from fifthwheel.report.numbers import with_sigma
-from fifthwheel.report.words import MARKS
-
-from .conftest import NASTY, Page
+from fifthwheel.report import write_report
+from fifthwheel.report.figures import downsample, time_series
+from fifthwheel.report.html import page
+from fifthwheel.report.text.words import MARKS, verdict
+from tests.report.conftest import NASTY, Page
 
 
 @pytest.fixture(scope="module")
-def text(found, tmp_path_factory) -> str:
+def text(result, tmp_path_factory) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(path, found.identification, found.records, found.states, title="my <truck> & co")
+    write_report(path, result.identification, result.records, result.states, title="my <truck> & co")
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
     return path.read_text(encoding="utf-8")
 
@@ -37,23 +38,23 @@ def plots(parsed) -> list:
 
 
 def drawn(parsed: Page) -> list:
-    """What the page draws, unpacked."""
-    return json.loads(page.unpacked(parsed.scripts["figures"].encode()), parse_constant=pytest.fail)
+    """The plots of the page."""
+    return json.loads(page.decompressed(parsed.scripts["figures"].encode()), parse_constant=pytest.fail)
 
 
 def over_time(plots: list) -> list:
-    """Without the small figures that are folded away."""
+    """The plots that are not folded away."""
     return [plot for plot in plots if plot["name"][1] != "consistency"]
 
 
-def test_every_value_is_there(found, parsed):
+def test_every_value_is_there(result, parsed):
     text = parsed.text.replace("\u00a0", " ")
-    for estimate in (*found.identification.parameters, *found.identification.derived):
+    for estimate in (*result.identification.parameters, *result.identification.derived):
         assert estimate.name in parsed.text
         assert with_sigma(estimate.value, estimate.sigma, estimate.unit) in text
-    for error in found.identification.sensors:
+    for error in result.identification.sensors:
         assert with_sigma(error.value, error.sigma, error.unit) in parsed.text
-    assert found.identification.version in parsed.text
+    assert result.identification.version in parsed.text
     assert "correlation_time" in parsed.text
 
 
@@ -72,7 +73,7 @@ def test_opens_without_a_network(text, parsed):
     assert not re.search(r"https?://|url\(|@import", own)
     assert "default-src &#x27;none&#x27;" in text
     assert any("Plotly.newPlot" in script for script in parsed.scripts.values())
-    assert b"plotly.js v" in page.unpacked(parsed.scripts["library"].encode())[:200]
+    assert b"plotly.js v" in page.decompressed(parsed.scripts["library"].encode())[:200]
 
 
 def test_links_lead_somewhere(parsed):
@@ -84,37 +85,37 @@ def test_every_plot_has_its_place(parsed, plots):
     assert [f"plot{k}" for k in range(len(plots))] == [i for i in parsed.ids if i.startswith("plot")]
 
 
-def test_all_that_was_asked_for_is_plotted(found, plots):
-    identification, groups = found.identification, [plot["group"] for plot in over_time(plots)]
-    histories = sum(len(trace.names) for trace in identification.traces.values())
+def test_every_history_channel_and_state_has_a_plot(result, plots):
+    identification, groups = result.identification, [plot["group"] for plot in over_time(plots)]
+    histories = sum(len(h.names) for h in identification.histories.values())
     assert sum(group.startswith("history") for group in groups) == histories == 5
-    per_log = {f"log {r.name}": 0 for r in found.records}
+    per_log = {f"log {r.name}": 0 for r in result.records}
     for fit in identification.fits:
         per_log[f"log {fit.log}"] += 1
-    for states in found.states:
+    for states in result.states:
         per_log[f"log {states.name}"] += len(states.values) + len(states.innovation)
     assert {group: groups.count(group) for group in per_log} == per_log
 
 
 def test_lines_are_short_and_as_long_as_their_time(plots):
     for plot in plots:
-        for trace in plot["data"]:
-            assert len(trace["x"]) == len(trace["y"]) <= lines.thin.LIMIT + lines.thin.MOST_GAPS + 2
+        for line in plot["data"]:
+            assert len(line["x"]) == len(line["y"]) <= downsample.MAX_POINTS + downsample.MAX_GAPS + 2
 
 
-def test_histories_have_band_levels_and_passes(found, plots):
-    trace = found.identification.traces["one stage"]
+def test_histories_have_band_levels_and_passes(result, plots):
+    history = result.identification.histories["one stage"]
     names = [line["name"] for line in plots[0]["data"]]
-    assert names == ["± 1 sigma by then", "initial", "final", "estimate", figures.AGREED]
-    assert len(plots[0]["layout"]["shapes"]) == trace.passes - 1
-    estimate = found.identification[trace.names[0]]
+    assert names == [time_series.FILTER_BAND, "initial", "final", "estimate", time_series.FINAL_SIGMA]
+    assert len(plots[0]["layout"]["shapes"]) == history.passes - 1
+    estimate = result.identification[history.names[0]]
     assert plots[0]["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)
     assert plots[0]["layout"]["yaxis"]["title"]["text"] == "kN/rad"
 
 
-def test_angles_are_in_degrees(found):
-    states, record = found.states[0], found.records[0]
-    plot = figures.state(states, record, "sideslip.tractor", "log", "rad")
+def test_angles_are_in_degrees(result):
+    states, record = result.states[0], result.records[0]
+    plot = time_series.state(states, record, "sideslip.tractor", "log")
     lines = {line["name"]: line for line in plot.figure["data"]}
     assert set(lines) == {"± 2 sigma", "estimate", "reference"}
     assert max(lines["reference"]["y"]) == pytest.approx(
@@ -123,20 +124,20 @@ def test_angles_are_in_degrees(found):
     assert plot.figure["layout"]["yaxis"]["title"]["text"] == "deg"
 
 
-def test_status_is_shaded_and_rejected_samples_are_marked(found):
-    states = found.states[1]
+def test_status_is_shaded_and_rejected_samples_are_marked(result):
+    states = result.states[1]
     assert (states.status == Status.TOO_SLOW).any()
-    plot = figures.innovation(states, "yaw_rate.tractor", "log")
+    plot = time_series.innovation(states, "yaw_rate.tractor", "log")
     colours = [shape.get("fillcolor") for shape in plot.figure["layout"]["shapes"]]
-    assert figures.STATUS_COLOURS["TOO_SLOW"] in colours
-    assert figures.STATUS_COLOURS["COASTING"] in colours
+    assert time_series.STATUS_COLOURS["TOO_SLOW"] in colours
+    assert time_series.STATUS_COLOURS["COASTING"] in colours
     marks = plot.figure["data"][1]
-    assert marks["name"] == "not used"
+    assert marks["name"] == "rejected"
     assert 8.0 in marks["x"]
 
 
-def test_gaps_are_null(found):
-    plot = figures.state(found.states[1], found.records[1], "yaw_rate.tractor", "log", "rad/s")
+def test_gaps_are_null(result):
+    plot = time_series.state(result.states[1], result.records[1], "yaw_rate.tractor", "log")
     estimate = next(line for line in plot.figure["data"] if line["name"] == "estimate")
     assert None in estimate["y"]
     assert not any(line["y"].count(None) > 5 for line in plot.figure["data"])
@@ -148,19 +149,19 @@ def test_predicted_logs_are_marked(text):
     assert section.index("lane changes") < section.index("predicted only</span>")
 
 
-def test_states_alone(found, tmp_path):
+def test_states_alone(result, tmp_path):
     path = tmp_path / "report.html"
-    write_report(path, None, found.records, found.states, title="truck")
+    write_report(path, None, result.records, result.states, title="truck")
     parsed = Page(path.read_text(encoding="utf-8"))
-    assert "States are reliable in" in parsed.text
+    assert "The states are reliable in" in parsed.text
     assert "too slow for the model" in parsed.text
     assert "rms difference from the reference" in parsed.text
     assert "parameters" not in parsed.ids
-    assert len(over_time(drawn(parsed))) == sum(len(s.values) + len(s.innovation) for s in found.states)
+    assert len(over_time(drawn(parsed))) == sum(len(s.values) + len(s.innovation) for s in result.states)
 
 
-def test_a_channel_that_was_never_seen(found, tmp_path):
-    states, nothing = found.states[0], np.full(len(found.states[0].time), np.nan)
+def test_a_channel_without_samples(result, tmp_path):
+    states, nothing = result.states[0], np.full(len(result.states[0].time), np.nan)
     silent = replace(
         states,
         values=dict.fromkeys(states.values, nothing),
@@ -170,28 +171,28 @@ def test_a_channel_that_was_never_seen(found, tmp_path):
         accepted={name: np.zeros(len(nothing), dtype=bool) for name in states.innovation},
         status=np.full(len(nothing), Status.INPUT_MISSING, dtype=np.int8),
     )
-    write_report(tmp_path / "report.html", None, found.records, [silent], title="truck")
+    write_report(tmp_path / "report.html", None, result.records, [silent], title="truck")
     parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert "never known" in parsed.text
+    assert "never estimated" in parsed.text
     assert "never used" in parsed.text
     drawn(parsed)
 
 
-def test_every_verdict_has_its_mark(every_verdict, found, tmp_path):
+def test_every_verdict_has_its_mark(every_verdict, result, tmp_path):
     path = tmp_path / "report.html"
-    write_report(path, every_verdict, found.records, [], title="truck")
+    write_report(path, every_verdict, result.records, [], title="truck")
     text = path.read_text(encoding="utf-8")
     assert set(MARKS) == set(Verdict)
-    for verdict, (mark, word) in MARKS.items():
-        assert f'<span class="{verdict}"><span class="mark">{mark}</span>{word}</span>' in text
+    for name, mark in MARKS.items():
+        assert f'<span class="{name}"><span class="mark">{mark}</span>{verdict(name)}</span>' in text
 
 
-def test_a_page_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
+def test_an_error_leaves_the_old_page(tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     path.write_text("old")
     monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
     with pytest.raises(OSError, match="full"):
-        page.write(path, title="t", body="", plots=[])
+        page.write_page(path, title="t", body="", plots=[])
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -211,14 +212,14 @@ def test_import_is_cheap():
     assert ran.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("wild", [np.inf, np.nan, 1e200])
-def test_a_prediction_that_runs_away(found, tmp_path, wild):
-    fit = found.identification.fits[0]
+@pytest.mark.parametrize("value", [np.inf, np.nan, 1e200])
+def test_a_prediction_that_diverges(result, tmp_path, value):
+    fit = result.identification.fits[0]
     predicted = fit.predicted.copy()
-    predicted[100:] = wild
-    lost = replace(fit, predicted=predicted, explained=-np.inf if wild == np.inf else np.nan, rms=wild)
-    identification = replace(found.identification, fits=(lost, *found.identification.fits[1:]))
-    write_report(tmp_path / "report.html", identification, found.records, found.states, title="truck")
+    predicted[100:] = value
+    lost = replace(fit, predicted=predicted, explained=-np.inf if value == np.inf else np.nan, rms=value)
+    identification = replace(result.identification, fits=(lost, *result.identification.fits[1:]))
+    write_report(tmp_path / "report.html", identification, result.records, result.states, title="truck")
     parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     drawn(parsed)
     assert "explained" in parsed.text

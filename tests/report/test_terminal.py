@@ -6,12 +6,11 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
+from fifthwheel.formatting import plain_ascii, with_sigma
 from fifthwheel.report import show_identification, show_states
-from fifthwheel.report.numbers import plain_ascii, with_sigma
-from fifthwheel.report.terminal import COLOURS
-from fifthwheel.report.words import MARKS
-
-from .conftest import NASTY
+from fifthwheel.report.terminal.page import COLOURS
+from fifthwheel.report.text.words import MARKS, verdict
+from tests.report.conftest import NASTY
 
 
 def printed(show, *args, terminal: bool = False) -> str:
@@ -28,8 +27,8 @@ def text(every_verdict) -> str:
 
 def test_every_verdict_is_there(text):
     assert set(COLOURS) == set(MARKS)
-    for _, word in MARKS.values():
-        assert word in text
+    for name in MARKS:
+        assert verdict(name) in text
 
 
 def test_80_columns_of_ascii(text):
@@ -48,7 +47,7 @@ def test_each_parameter_is_one_line(text, every_verdict):
 def test_fit_and_next_steps(text, every_verdict):
     assert "(predicted only)" in " ".join(text.split())
     assert "yaw_rate.semitrailer" in text
-    assert "Next" in text
+    assert "Next steps" in text
     assert "NaN" not in text
     assert "nan" not in text
 
@@ -66,19 +65,19 @@ def test_long_names_fold_within_80_columns(every_verdict):
     assert "converged" in text
 
 
-def test_markup_in_names_is_text(found):
-    states = replace(found.states[0], name="[red]log[/]")
-    assert "[red]log[/]" in printed(show_states, [states], found.records)
+def test_markup_in_names_is_text(result):
+    states = replace(result.states[0], name="[red]log[/]")
+    assert "[red]log[/]" in printed(show_states, [states], result.records)
 
 
-def test_states(found):
-    text = printed(show_states, found.states, found.records)
+def test_states(result):
+    text = printed(show_states, result.states, result.records)
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "sideslip.semitrailer" in text
     assert "too slow for the model" in " ".join(text.split())
     assert "yaw_rate.tractor" in text
 
 
-def test_without_a_console(found, capsys):
-    show_identification(found.identification)
-    assert "All 5 parameters are known" in capsys.readouterr().out
+def test_without_a_console(result, capsys):
+    show_identification(result.identification)
+    assert "All 5 parameters are identified" in capsys.readouterr().out

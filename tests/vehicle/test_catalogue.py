@@ -1,4 +1,4 @@
-"""The catalogue against what is published, each number to half a unit of its last digit."""
+"""The catalogue against the published numbers, each within half a unit of its last digit."""
 
 import pytest
 
@@ -58,7 +58,7 @@ def test_article_published_values() -> None:
 
 @pytest.mark.parametrize(("name", "payload"), [("auburn_6x4", 17000.0), ("auburn_6x4_unladen", 0.0)])
 def test_auburn_sums(name: str, payload: float) -> None:
-    """Whole mass, CoG and yaw inertia again from the bodies of the published set."""
+    """Mass, CoG and yaw inertia of each unit, computed again from the bodies of the published set."""
     tractor = [(6493.0, -1.384, 19658.0), (570.0, 0.0, 0.0), (785.0, -5.0, 0.0), (785.0, -6.27, 0.0)]
     trailer = [
         (3196.0, -7.303, 180015.0),
@@ -74,12 +74,12 @@ def test_auburn_sums(name: str, payload: float) -> None:
         assert unit.cog == pytest.approx(cog, abs=5e-4)
         assert unit.yaw_inertia == pytest.approx(sum(i + m * (x - cog) ** 2 for m, x, i in bodies), abs=0.5)
         sprung_cog, height = bodies[0][1], vehicle.derived()[f"{unit.name}.cog_height"]
-        own = 130.0 if unit.name == "tractor" else 0.0
-        product = own + unit.laden_sprung_mass * (sprung_cog - cog) * (height - unit.roll_axis_height)
+        published = 130.0 if unit.name == "tractor" else 0.0
+        product = published + unit.laden_sprung_mass * (sprung_cog - cog) * (height - unit.roll_axis_height)
         assert unit.sprung.roll_yaw_product == pytest.approx(product, abs=0.5)
 
 
-def test_laden_and_unladen_auburn_share_what_the_payload_leaves_alone() -> None:
+def test_laden_and_unladen_auburn_differ_only_in_what_depends_on_the_payload() -> None:
     laden, unladen = (catalogue.get(name).parameters() for name in ("auburn_6x4", "auburn_6x4_unladen"))
     different = {path for path in unladen if unladen[path] != laden[path]}
     assert different == {f"semitrailer.{word}" for word in ("mass", "cog", "yaw_inertia", "sprung.roll_yaw_product")}
@@ -93,10 +93,12 @@ def test_every_entry_is_complete(name: str) -> None:
     assert all(load > 0 for load in vehicle.axle_loads().values())
     assert all(unit_of(path) for path in vehicle.parameters())
     values = [line for line in catalogue.text(name).splitlines() if " = " in line and not line.startswith(("#", "  "))]
-    untold = [line for line in values if "#" not in line and not line.startswith(("name", "source", "steerable"))]
-    assert untold == []
+    without_origin = [
+        line for line in values if "#" not in line and not line.startswith(("name", "source", "steerable"))
+    ]
+    assert without_origin == []
 
 
-def test_unknown_name_is_answered() -> None:
-    with pytest.raises(VehicleError, match="did you mean cheng_cebon_2011"):
+def test_unknown_name_is_answered_with_a_similar_one() -> None:
+    with pytest.raises(VehicleError, match="did you mean 'cheng_cebon_2011'"):
         catalogue.get("cheng_cebon")

@@ -1,4 +1,4 @@
-"""Equations (8) and (9) against integrals, and over floats, arrays and symbols alike."""
+"""Equations (8) and (9) against integrals, for floats, arrays and symbols."""
 
 from typing import Any
 
@@ -15,14 +15,14 @@ LENGTH = st.floats(0.1, 3.0)
 
 
 @given(mass=st.floats(1e2, 1e5), height=LENGTH, width=LENGTH, floor=LENGTH, axis=LENGTH)
-def test_uniform_block_is_the_sum_of_its_parts(
+def test_inertia_of_a_uniform_block_is_the_sum_over_its_elements(
     mass: float, height: float, width: float, floor: float, axis: float
 ) -> None:
     n = 200
     y = (np.arange(n) + 0.5) / n * width - width / 2
     z = (np.arange(n) + 0.5) / n * height + floor
-    parts = mass / n**2 * (y[:, None] ** 2 + (z[None, :] - axis) ** 2)
-    whole = laden_roll_inertia(
+    elements = mass / n**2 * (y[:, None] ** 2 + (z[None, :] - axis) ** 2)
+    block = laden_roll_inertia(
         roll_inertia=0.0,
         payload_mass=mass,
         payload_height=height,
@@ -30,22 +30,22 @@ def test_uniform_block_is_the_sum_of_its_parts(
         floor_height=floor,
         roll_axis_height=axis,
     )
-    assert whole == pytest.approx(parts.sum(), rel=1e-4)
+    assert block == pytest.approx(elements.sum(), rel=1e-4)
 
 
 def test_point_payload_has_no_inertia_of_its_own() -> None:
-    same: dict[str, Any] = {
+    values: dict[str, Any] = {
         "roll_inertia": 0.0,
         "payload_mass": 2.0,
         "payload_height": 2.0,
         "payload_width": 3.0,
         "floor_height": 1.0,
     }
-    assert laden_roll_inertia(**same, roll_axis_height=2.0, uniform=False) == 0.0
-    assert laden_roll_inertia(**same, roll_axis_height=2.0) == pytest.approx(2 * (9 + 4) / 12, rel=1e-15)
+    assert laden_roll_inertia(**values, roll_axis_height=2.0, uniform=False) == 0.0
+    assert laden_roll_inertia(**values, roll_axis_height=2.0) == pytest.approx(2 * (9 + 4) / 12, rel=1e-15)
 
 
-def test_cog_height_is_a_mean() -> None:
+def test_cog_height_is_the_mass_weighted_mean() -> None:
     assert laden_cog_height(mass=1.0, cog_height=1.0, payload_mass=3.0, payload_height=2.0, floor_height=1.0) == 1.75
 
 

@@ -1,4 +1,4 @@
-"""Paths, validation and the chain of units."""
+"""Paths of parameters, validation, and chains of units."""
 
 import subprocess
 import sys
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.errors import VehicleError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, catalogue, unit_of
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
@@ -64,7 +64,7 @@ def test_units_of_paths() -> None:
     assert unit_of("tractor.front.cornering_stiffness") == "N/rad"
     assert unit_of("semitrailer.roll_stiffness") == "N m/rad"
     assert unit_of("semitrailer.payload.mass") == "kg"
-    with pytest.raises(VehicleError, match="did you mean cornering_stiffness"):
+    with pytest.raises(VehicleError, match="did you mean 'cornering_stiffness'"):
         unit_of("tractor.front.cornering_stifness")
 
 
@@ -75,7 +75,7 @@ def test_replace_changes_one_value(path: str) -> None:
     assert ARTICLE.replace({path: value}).parameters() == before | {path: value}
 
 
-def test_replace_leaves_the_original() -> None:
+def test_replace_does_not_change_the_original() -> None:
     heavier = ARTICLE.replace({"tractor.mass": 7300, "tractor.front.position": 0.1})
     assert heavier.units[0].mass == 7300
     assert heavier.units[0].axles[0].position == 0.1
@@ -83,7 +83,7 @@ def test_replace_leaves_the_original() -> None:
     assert heavier.replace({"tractor.mass": 7200, "tractor.front.position": 0}) == ARTICLE
 
 
-def test_unknown_path_is_answered() -> None:
+def test_unknown_path_is_answered_with_a_similar_one() -> None:
     with pytest.raises(
         VehicleError, match=r"tractor\.front\.cornering_stifness: .*tractor\.front\.cornering_stiffness"
     ):
@@ -97,7 +97,7 @@ def test_unknown_path_is_answered() -> None:
         ("tractor.mass", float("nan"), r"tractor\.mass: expected a"),
         ("tractor.mass", float("inf"), r"tractor\.mass: expected a finite number"),
         ("tractor.sprung.mass", 0.0, r"tractor\.sprung\.mass: expected a number > 0"),
-        ("tractor.sprung.mass", 7200.0, r"tractor\.sprung\.mass: expected less than the mass of the whole unit"),
+        ("tractor.sprung.mass", 7200.0, r"tractor\.sprung\.mass: expected less than the mass of the unit"),
         ("semitrailer.payload.mass", 3e4, r"semitrailer\.sprung\.mass \+ payload\.mass: expected less"),
         ("tractor.drive.cornering_stiffness", -7e5, r"tractor\.drive\.cornering_stiffness: expected a number >"),
         ("tractor.cog", 1.03, r"tractor\.cog: expected between -3\.7 and 0 m"),
@@ -127,13 +127,13 @@ def test_names() -> None:
 def test_missing_and_unknown_keys() -> None:
     with pytest.raises(VehicleError, match=r"cog_height: expected a value, got none"):
         SprungMass(mass=1, roll_inertia=1)  # type: ignore[call-arg]
-    with pytest.raises(VehicleError, match=r"cog_hight: no such key; did you mean cog_height"):
+    with pytest.raises(VehicleError, match=r"cog_hight: no such key; did you mean 'cog_height'"):
         SprungMass(mass=1, cog_hight=1, cog_height=1, roll_inertia=1)  # type: ignore[call-arg]
 
 
-def test_couplings_are_counted() -> None:
+def test_number_of_couplings_is_checked() -> None:
     with pytest.raises(VehicleError, match="couplings: expected 1 between 2 units, got 0"):
-        Vehicle(name="loose", units=ARTICLE.units)
+        Vehicle(name="uncoupled", units=ARTICLE.units)
 
 
 def test_single_axle_takes_the_name_of_its_group() -> None:
@@ -155,13 +155,26 @@ def test_steer_signals() -> None:
     )
 
 
+def test_axles_without_a_logged_steer_angle_are_locked() -> None:
+    front = "steer.tractor.front"
+    locked = ARTICLE.with_logged_steering({front, "speed"}, "the log")
+    assert locked.steer_signals() == (front,)
+    assert locked.parameters() == ARTICLE.parameters()
+    two = {front, "steer.semitrailer.rear"}
+    assert set(ARTICLE.with_logged_steering(two, "the log").steer_signals()) == two
+    with pytest.raises(SignalError, match=r"^steer\.tractor\.front: not in the log; map"):
+        ARTICLE.with_logged_steering({"speed"}, "the log")
+    with pytest.raises(VehicleError, match="set steerable = true"):
+        Vehicle(name="unsteered", units=(unit(),)).with_logged_steering({front}, "the log")
+
+
 def test_unit_by_name() -> None:
     assert ARTICLE.unit("semitrailer") is ARTICLE.units[1]
-    with pytest.raises(VehicleError, match="did you mean semitrailer"):
+    with pytest.raises(VehicleError, match="did you mean 'semitrailer'"):
         ARTICLE.unit("trailer")
 
 
-def test_axle_loads_of_a_chain_carry_the_whole_weight_and_its_moment() -> None:
+def test_axle_loads_of_a_chain_balance_weight_and_moment() -> None:
     vehicle = b_double()
     loads = vehicle.axle_loads()
     assert list(loads) == ["tractor.front", "tractor.drive", "middle", "last"]
@@ -179,10 +192,15 @@ def test_axle_loads_need_two_supports() -> None:
 
 
 def test_import_is_light() -> None:
-    """pint waits until an unusual unit is read, and the room knows no other room."""
+    """A vehicle needs neither NumPy nor CasADi, and imports only the modules at the root."""
     program = (
         "import sys, fifthwheel.vehicle as v; v.get('cheng_cebon_2011');"
-        "print(*[m for m in sys.modules if m in ('pint', 'numpy', 'casadi') or m.startswith('fifthwheel.')])"
+        "print(*[m for m in sys.modules if m in ('numpy', 'casadi') or m.startswith('fifthwheel.')])"
     )
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
-    assert {m for m in loaded if not m.startswith("fifthwheel.vehicle")} == {"fifthwheel.errors", "fifthwheel.whole"}
+    assert {m for m in loaded if not m.startswith("fifthwheel.vehicle")} == {
+        "fifthwheel.errors",
+        "fifthwheel.names",
+        "fifthwheel.units",
+        "fifthwheel._atomic",
+    }

@@ -1,4 +1,4 @@
-"""The command line, a module a command. Heavy imports wait until a command needs them."""
+"""The command line, one module for each command. Slow imports wait until a command needs them."""
 
 import os
 import signal
@@ -8,12 +8,12 @@ from typing import Annotated, Any
 import typer
 
 from fifthwheel import __version__
-from fifthwheel.cli import check, design, identify, reproduce, signals, simulate, states, vehicle, weigh  # noqa: F401 - they join the application
+from fifthwheel.cli import check, design, identify, reproduce, signals, simulate, states, vehicle, weigh  # noqa: F401 - importing a command registers it
 from fifthwheel.cli.app import app
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _print_version(requested: bool) -> None:
+    if requested:
         typer.echo(f"fifthwheel {__version__}")
         raise typer.Exit
 
@@ -21,32 +21,32 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Options that come before a command."""
+    """Options before the command."""
 
 
-_REFUSED: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 
 def main() -> None:
-    """Entry point: exit code 0 when it ran, 2 for bad input or usage, 130 when interrupted."""
+    """Entry point. Exit code 0: the command ran; 2: wrong input or usage; 130: interrupted."""
     from fifthwheel.errors import FifthwheelError
 
-    before = signal.signal(signal.SIGINT, _interrupted)
+    previous = signal.signal(signal.SIGINT, _exit_on_interrupt)
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:
         sys.exit(app(standalone_mode=False))
-    except _REFUSED as error:
+    except _UsageError as error:
         _refuse(f"{error.format_message()} See fifthwheel --help")
     except FifthwheelError as error:
         _refuse(str(error))
     except OSError as error:
-        _refuse(f"{error.filename or ''}: {error.strerror or error}")
+        _refuse(f"{error.filename or 'file'}: {error.strerror or error}; check path, permissions and free space")
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, previous)
 
 
 def _refuse(message: str) -> None:
@@ -54,11 +54,11 @@ def _refuse(message: str) -> None:
     sys.exit(2)
 
 
-def _interrupted(*_: object) -> None:
-    """Leave at once, wherever the libraries are: whatever is written appears whole or not at all."""
+def _exit_on_interrupt(*_: object) -> None:
+    """Exit at once, also from native code; files are written atomically, so none is incomplete."""
     if "multiprocessing" in sys.modules:
         for child in sys.modules["multiprocessing"].active_children():
             child.kill()
     show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""
-    os.write(2, f"{show_cursor}interrupted; files that were already written are whole\n".encode())
+    os.write(2, f"{show_cursor}interrupted; files written before the interrupt are complete\n".encode())
     os._exit(130)

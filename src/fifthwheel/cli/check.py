@@ -1,40 +1,33 @@
 """fifthwheel check"""
 
-from fifthwheel.cli.app import (
-    JsonOption,
-    Logs,
-    SignalsOption,
-    VehicleOption,
-    app,
-    example,
-    read_records,
-    read_vehicle,
-    say_loads,
-)
-from fifthwheel.cli.one_stage import (
+from fifthwheel.cli.app import command
+from fifthwheel.cli.options import (
     AnyLoadOption,
     ConsiderOption,
+    FixOption,
     FreeOption,
-    HoldOption,
+    JsonOption,
+    Logs,
     PriorOption,
     SensorOption,
+    SignalsOption,
+    VehicleOption,
     one_stage,
 )
+from fifthwheel.cli.terminal import load_records, warn_of_axle_loads
 
 
-@app.command(
-    epilog=example(
-        "fifthwheel check drive.csv --vehicle truck.toml",
-        "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
-        "fifthwheel check drive.csv -v truck.toml --hold semitrailer.roll_stiffness",
-        "fifthwheel check drive.csv -v truck.toml --free tractor.yaw_inertia --json",
-    )
+@command(
+    "fifthwheel check run.csv --vehicle truck.toml",
+    "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
+    "fifthwheel check run.csv -v truck.toml --fix semitrailer.roll_stiffness",
+    "fifthwheel check run.csv -v truck.toml --free tractor.yaw_inertia --json",
 )
 def check(
     logs: Logs,
     vehicle: VehicleOption,
     signals: SignalsOption = None,
-    hold: HoldOption = None,
+    fix: FixOption = None,
     free: FreeOption = None,
     prior: PriorOption = None,
     consider: ConsiderOption = None,
@@ -42,21 +35,23 @@ def check(
     sensor: SensorOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Before `identify`: what these logs can tell of the truck, what they cannot, and what would help.
+    """Predict how well `identify` can estimate each parameter from these logs, and what would help.
 
-    Reckons, at the values of the vehicle file and without a fit, how well the logs together would tell each parameter,
-    and how much better if something were known, driven or logged besides. Lists all that looks wrong with the logs.
+    Predicts the sigma of each parameter from all logs together, without a fit, at the values of the vehicle file. For
+    each uncertain parameter it predicts the improvement by a known parameter, another manoeuvre or another sensor. It
+    also lists implausible signals.
     """
-    from fifthwheel.identify.outlook import outlook
+    from fifthwheel.identify.design.assess import assess_information
+    from fifthwheel.workflow import read_vehicle
 
     truck = read_vehicle(vehicle)
-    settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load, sensor=sensor)
-    records = read_records(logs, signals)
-    say_loads(truck, records)
-    found = outlook(records, truck, settings)
+    settings = one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor)
+    records = load_records(logs, signals)
+    warn_of_axle_loads(truck, records)
+    assessment = assess_information(records, truck, settings)
     if as_json:
-        print(found.to_json())
+        print(assessment.to_json())
     else:
-        from fifthwheel.report.outlook import show_outlook
+        from fifthwheel.report.terminal.assessment import show_assessment
 
-        show_outlook(found)
+        show_assessment(assessment)

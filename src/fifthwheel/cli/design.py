@@ -5,42 +5,43 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel.cli.app import JsonOption, VehicleOption, app, example, progress_bar, read_vehicle, say_files
-from fifthwheel.cli.one_stage import (
+from fifthwheel.cli.app import command
+from fifthwheel.cli.options import (
     AnyLoadOption,
     ConsiderOption,
+    FixOption,
     FreeOption,
-    HoldOption,
+    JsonOption,
     PriorOption,
+    VehicleOption,
+    fractions,
     one_stage,
-    parts,
 )
+from fifthwheel.cli.terminal import print_files, progress_bar
 
 
-@app.command(
-    epilog=example(
-        "fifthwheel design --vehicle truck.toml",
-        "fifthwheel design -v truck.toml --want semitrailer.yaw_inertia=2% --speed 80km/h",
-        "fifthwheel design -v truck.toml --want semitrailer.payload.height=10% --hold semitrailer.roll_axis_height",
-        "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out drive.csv",
-    )
+@command(
+    "fifthwheel design --vehicle truck.toml",
+    "fifthwheel design -v truck.toml --target semitrailer.yaw_inertia=2% --speed 80km/h",
+    "fifthwheel design -v truck.toml --target semitrailer.payload.height=10% --fix semitrailer.roll_axis_height",
+    "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
 )
 def design(
     vehicle: VehicleOption,
-    want: Annotated[
+    target: Annotated[
         list[str] | None,
         typer.Option(
-            "--want",
-            help="NAME=PART: a parameter and the sigma that is wanted of it, as a part of its value, such as "
-            "semitrailer.yaw_inertia=2%; may be repeated. By default 5% of every cornering stiffness and of the yaw "
+            "--target",
+            help="NAME=FRACTION: required sigma of a parameter as a fraction of its value, such as "
+            "semitrailer.yaw_inertia=2%; may be repeated. Default: 5% of every cornering stiffness and of the yaw "
             "inertia of every unit behind the first.",
         ),
     ] = None,
     speed: Annotated[
         str | None,
-        typer.Option(help="To be driven at, such as 80km/h or 22m/s; 50, 65, 80 and 88 km/h are tried by default."),
+        typer.Option(help="Speed of the run, such as 80km/h or 22m/s. Default: the best of 50, 65, 80 and 88 km/h."),
     ] = None,
-    max_speed: Annotated[str, typer.Option(help="The fastest that is tried.")] = "88km/h",
+    max_speed: Annotated[str, typer.Option(help="Highest speed to try.")] = "88km/h",
     max_acceleration: Annotated[
         float, typer.Option(min=0.1, max=4, help="Largest lateral acceleration of any unit, m/s^2.")
     ] = 1.5,
@@ -48,78 +49,77 @@ def design(
         list[str] | None,
         typer.Option(
             "--channels",
-            help="A signal that will be logged beside speed and steer angle, or several with commas between; may be "
-            "repeated. By default the yaw and the roll rate of every unit.",
+            help="Signals to be logged in addition to speed and steer angle, separated by commas; may be repeated. "
+            "Default: yaw rate and roll rate of every unit.",
         ),
     ] = None,
-    hold: HoldOption = None,
+    fix: FixOption = None,
     free: FreeOption = None,
     prior: PriorOption = None,
     consider: ConsiderOption = None,
     any_load: AnyLoadOption = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="A file for time, speed and steer angle of the drive: .csv or .parquet."),
+        typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The shortest drive that tells what is wanted of a truck, as well as it is wanted.
+    """Design the shortest test run that reaches the required accuracy.
 
-    Tries lane changes, sweeps, random steer and bends, once to twelve times, at several speeds and accelerations, and
-    reckons for each, at the values of the vehicle file, how well `identify` would know every parameter afterwards.
-    Where no drive tells enough, says which comes nearest and what stands in the way.
+    Tries lane changes, sweeps, random steering and bends, repeated one to twelve times, at several speeds and lateral
+    accelerations. For each it predicts the sigma of every parameter after `identify`, at the values of the vehicle
+    file. If no run reaches the targets, it gives the closest one and what limits the accuracy.
     """
     from dataclasses import replace
 
-    from fifthwheel.identify.plan import plan
-    from fifthwheel.identify.search import Planning
-    from fifthwheel.logs import write
-    from fifthwheel.logs.files import writer
+    from fifthwheel.identify.design import DesignSettings, design_experiment
+    from fifthwheel.logs import write_record
+    from fifthwheel.logs.files import record_writer
+    from fifthwheel.workflow import read_vehicle
 
     if out:
-        writer(out)  # before the search
+        record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    settings = one_stage(truck, free=free, hold=hold, prior=prior, consider=consider, any_load=any_load)
-    truck = truck.lumped() if any_load else truck
-    usual, fastest = Planning(), _speed("--max-speed", max_speed)
-    speeds = (_speed("--speed", speed),) if speed else tuple(u for u in usual.speeds if u < fastest + 0.01)
+    settings = one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
+    defaults, fastest = DesignSettings(), _speed("--max-speed", max_speed)
+    speeds = (_speed("--speed", speed),) if speed else tuple(v for v in defaults.speeds if v < fastest + 0.01)
     with progress_bar(quiet=as_json) as progress:
-        found = plan(
-            truck,
-            parts("--want", want or []),
+        result = design_experiment(
+            truck.lumped() if any_load else truck,
+            fractions("--target", target),
             settings,
             channels=[name.strip() for text in channels or [] for name in text.split(",")],
-            planning=replace(usual, speeds=speeds or (fastest,), max_acceleration=max_acceleration),
+            planning=replace(defaults, speeds=speeds or (fastest,), max_acceleration=max_acceleration),
             progress=progress,
         )
     if out:
-        write(found.record(), out)
+        write_record(result.record(), out)
     if as_json:
-        print(found.to_json(**({"files": {out.name: str(out)}} if out else {})))
+        print(result.to_json(**({"files": {out.name: str(out)}} if out else {})))
     else:
-        from fifthwheel.report.plan import show_plan
+        from fifthwheel.report.terminal.design import show_design
 
-        show_plan(found)
+        show_design(result)
         if out:
-            say_files({out.name: str(out)})
+            print_files({out.name: out})
 
 
 def _speed(option: str, text: str) -> float:
     """A speed in m/s; without a unit it is in km/h.
 
     Raises:
-        SignalError: it is no speed.
+        SignalError: the text is not a speed.
     """
     from fifthwheel.errors import SignalError
-    from fifthwheel.logs.units import quantity
+    from fifthwheel.units import quantity
 
     try:
-        return quantity(f"{float(text)} km/h" if _bare(text) else text, "m/s")
+        return quantity(f"{float(text)} km/h" if _is_number(text) else text, "m/s")
     except SignalError as error:
         raise SignalError(f"{option}: {error}") from error
 
 
-def _bare(text: str) -> bool:
+def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:

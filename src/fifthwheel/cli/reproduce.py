@@ -1,35 +1,37 @@
 """fifthwheel reproduce"""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fifthwheel.cli.app import JsonOption, OutOption, app, example, progress_bar, say_files
+from fifthwheel.cli.app import command
+from fifthwheel.cli.options import JsonOption, OutOption
+from fifthwheel.cli.terminal import as_text, print_files, print_json, progress_bar
 
 
-@app.command(epilog=example("fifthwheel reproduce", "fifthwheel reproduce --quick --out look"))
+@command("fifthwheel reproduce", "fifthwheel reproduce --quick --out quick")
 def reproduce(
     out: OutOption = Path("fifthwheel-reproduction"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer seeds and lane changes, without the study of settings.")
+        bool, typer.Option("--quick", help="Fewer seeds and lane changes, and no study of settings.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """The article's sections 3 and 4 on the nonlinear truck: Figures 4 to 9, and every published number beside ours.
+    """Reproduce the article's sections 3 and 4 with the nonlinear vehicle.
 
-    Needs 'fifthwheel[paper]'. Some minutes on two cores; --quick well under one.
+    Writes Figures 4 to 9, and a table of every published number with the reproduced one. Needs
+    `pip install '.[paper]'`. Takes a few minutes on two cores, with --quick less than one.
     """
-    from fifthwheel.paper import reproduce as run
-    from fifthwheel.paper import table
+    from fifthwheel.studies.cheng_cebon_2011 import table
+    from fifthwheel.studies.cheng_cebon_2011.reproduce import reproduce as run
 
     with progress_bar(quiet=as_json) as progress:
-        found = run(out, quick=quick, progress=progress)
-    files = {path.name: str(path) for path in found.files}
+        result = run(out, quick=quick, progress=progress)
+    files = {path.name: path for path in result.files}
     if as_json:
-        print(json.dumps({"rows": [asdict(row) for row in found.rows], "files": files}, indent=2))
+        print_json({"rows": [asdict(row) for row in result.rows], "files": as_text(files)})
     else:
-        table.show(found.rows)
-        say_files(files)
+        table.show(result.rows)
+        print_files(files)

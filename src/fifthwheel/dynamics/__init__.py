@@ -1,4 +1,4 @@
-"""The linear equations of motion of any chain of units, as symbols for the filters and as numbers for people."""
+"""The linear equations of motion of a chain of units: symbolic models for filters, and numerical analysis."""
 
 from fifthwheel.dynamics.analysis import (
     Matrices,

@@ -1,22 +1,22 @@
-"""The linear equations of motion of any chain of units: E x' = A x + B d, forward speed u an input.
+"""The linear equations of motion of a chain of units, E x' = A x + B d, with the forward speed u as an input.
 
-Every unit's velocity is a linear function of the chain's generalised velocities w = (lateral velocity of the first
-unit, all yaw rates, all roll rates), v_i = J_i w - u (psi_i - psi_1). The couplings write J (the article's A7, before
-it is differentiated); d'Alembert's principle, sum J_i' (M_i a_i - f_i) = 0, then removes every coupling force, and the
-chain's mass matrix sum J_i' M_i J_i is symmetric and positive definite.
+The velocity of each unit is a linear function of the chain's generalised velocities w = (lateral velocity of the first
+unit, all yaw rates, all roll rates): v_i = J_i w - u (psi_i - psi_1). The couplings determine J; they are equation (A7)
+of Cheng and Cebon (2011) before it is differentiated. D'Alembert's principle, sum J_i' (M_i a_i - f_i) = 0, eliminates
+all coupling forces, and the mass matrix of the chain, sum J_i' M_i J_i, is symmetric and positive definite.
 
-The state is x = (w without roll, articulation angles, roll angles, roll rates). The article's sideslip angles are
-outputs, v_i / u: as states they would need the derivative of the speed.
+The state is x = (lateral velocity, yaw rates, articulation angles, roll angles, roll rates, lagged slip angles, bank).
+The article's sideslip angles are outputs, v_i / u; as states they would need the derivative of the speed.
 
-Where an axle group has a relaxation length sigma, its side force follows the mean slip angle alpha of its axles late,
-sigma s' = u (alpha - s), and s is one more state (first-order lag: H. B. Pacejka, Tyre and Vehicle Dynamics, 2006,
-7.1); what the axles' slip angles differ by acts at once.
+An axle group with a relaxation length sigma has its lagged slip angle s as a state: its side force follows the mean
+slip angle alpha of its axles with a first-order lag, sigma s' = u (alpha - s) (H. B. Pacejka, Tyre and Vehicle
+Dynamics, 2006, 7.1). Differences of the slip angles within a group act without lag.
 
-A road that leans sideways by an angle, its left edge higher, pulls every mass to the right with g times that angle, as
-a lateral acceleration would. Unknown, it is a state more: one that nothing moves but process noise.
+A bank of the road, positive with the left edge higher, acts on every mass like a lateral acceleration of g times the
+bank angle. As a state, the bank is constant except for process noise.
 
-Range: small angles, linear tyres, speed that changes slowly, each unit braked or driven in proportion to its own mass
-(no longitudinal force through the couplings).
+Range: small angles, linear tyres, slowly varying speed, and longitudinal forces on each unit in proportion to its mass
+(no longitudinal force in the couplings).
 """
 
 from collections.abc import Mapping
@@ -24,16 +24,27 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from fifthwheel.dynamics import unit as one
+from fifthwheel.dynamics import unit as unit_equations
+from fifthwheel.names import SignalName
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
 BANK = "bank.road"
-"""Name of the state that is the road's lean, rad, left edge higher."""
+"""Name of the state that is the bank of the road, rad, positive with the left edge higher."""
+
+
+GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"})
+"""Quantities of the states that are generalised velocities."""
 
 
 def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
-    """The state's signals in order: 2 n of them for n units, 4 n with roll, one for each group with a lag, the bank."""
+    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, and the bank.
+
+    Args:
+        vehicle: units and axle groups; its numbers are not used.
+        roll: yaw and roll, or yaw only.
+        bank: whether the bank of the road is a state.
+    """
     units = [unit.name for unit in vehicle.units]
     names = [
         f"lateral_velocity.{units[0]}",
@@ -42,49 +53,49 @@ def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[st
     ]
     if roll:
         names += [f"roll.{u}" for u in units] + [f"roll_rate.{u}" for u in units]
-    names += [f"slip_angle.{path}" for path in lagging_groups(vehicle)]
+    names += [f"slip_angle.{path}" for path in relaxation_groups(vehicle)]
     return (*names, BANK) if bank else tuple(names)
 
 
-def lagging_groups(vehicle: Vehicle) -> tuple[str, ...]:
-    """Paths of the axle groups whose side force builds up on the way, front to rear."""
-    return tuple(unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups if group.lagging)
+def relaxation_groups(vehicle: Vehicle) -> tuple[str, ...]:
+    """Paths of the axle groups with a relaxation length, front to rear."""
+    return tuple(unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups if group.has_relaxation)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """What every unit is doing, as expressions of the state: one entry a unit."""
+    """Motion of every unit as expressions of the state; tuples have one entry for each unit."""
 
     v: tuple[ca.SX, ...]  # m/s, lateral velocity on the roll axis under the CoG
-    across: tuple[ca.SX, ...]  # m/s, the same in the axes of the first unit: v + u heading
-    r: tuple[ca.SX, ...]  # rad/s
+    across: tuple[ca.SX, ...]  # m/s, lateral velocity across the heading of the first unit, v + u heading
+    r: tuple[ca.SX, ...]  # rad/s, yaw rate
     heading: tuple[ca.SX, ...]  # rad, psi_i - psi_1
     roll: tuple[ca.SX, ...]  # rad, zeros without roll
-    roll_rate: tuple[ca.SX, ...]  # rad/s
-    jacobian: tuple[ca.SX, ...]  # J_i: (v, r[, p]) of unit i per generalised velocity
-    slip: Mapping[str, ca.SX]  # rad, that the side forces have reached, by group; none where they have no lag
-    bank: ca.SX  # rad, of the road; zero where it is no state
+    roll_rate: tuple[ca.SX, ...]  # rad/s, zeros without roll
+    jacobian: tuple[ca.SX, ...]  # J_i, (2 or 3, m): (v, r[, p]) of unit i by the m generalised velocities
+    lagged_slip: Mapping[str, ca.SX]  # rad, by the path of each group with a relaxation length
+    bank: ca.SX  # rad, of the road; zero if it is not a state
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """E x' = A x + B d with A = A0 + A1/u + A2 u, B = B0 + B2 u; everything symbolic in the parameters."""
+    """E x' = A x + B d with A = A0 + A1/u + A2 u and B = B0 + B2 u, symbolic in the parameters."""
 
-    mass: ca.SX  # (m, m) of the generalised velocities, symmetric positive definite
-    A0: ca.SX  # (n, n), rows in the order of E x'
+    mass: ca.SX  # (m, m), of the m generalised velocities, symmetric positive definite
+    A0: ca.SX  # (n, n)
     A1: ca.SX
     A2: ca.SX
-    B0: ca.SX  # (n, steered axles)
+    B0: ca.SX  # (n, k), k steered axles
     B2: ca.SX
-    velocities: tuple[int, ...]  # places of the generalised velocities in the state
+    velocities: tuple[int, ...]  # (m,) indices of the generalised velocities in the state
 
     def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """x' = A x + B d: A (n, n) and B (n, steered axles), at `speed` m/s."""
+        """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s."""
         A0, A1, A2, B0, B2 = (self._solved(matrix) for matrix in (self.A0, self.A1, self.A2, self.B0, self.B2))
         return A0 + A1 / speed + A2 * speed, B0 + B2 * speed
 
     def E(self) -> ca.SX:
-        """The left-hand side, (n, n): the mass matrix at the velocities, ones elsewhere."""
+        """E (n, n): the mass matrix in the rows of the generalised velocities, the identity elsewhere."""
         n = self.A0.shape[0]
         E = ca.SX.eye(n)
         for i, row in enumerate(self.velocities):
@@ -93,15 +104,16 @@ class Equations:
         return E
 
     def _solved(self, right: ca.SX) -> ca.SX:
+        """E^-1 right."""
         solved = ca.SX(right)
-        solution = solve_positive(self.mass, right[list(self.velocities), :])
+        solution = solve_positive_definite(self.mass, right[list(self.velocities), :])
         for i, row in enumerate(self.velocities):
             solved[row, :] = solution[i, :]
         return ca.sparsify(solved)
 
 
-def solve_positive(M: ca.SX, right: ca.SX) -> ca.SX:
-    """M^-1 right by L D L' without pivoting; M symmetric positive definite."""
+def solve_positive_definite(M: ca.SX, right: ca.SX) -> ca.SX:
+    """M^-1 right by the factorisation L D L' without pivoting, for a symmetric positive definite M."""
     n = M.shape[0]
     L, D = ca.SX.eye(n), [ca.SX(0)] * n
     for j in range(n):
@@ -122,14 +134,21 @@ def solve_positive(M: ca.SX, right: ca.SX) -> ca.SX:
 def motion(
     p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool = False
 ) -> Motion:
-    """Kinematics of every unit from the chain's state, coupling by coupling from the front.
+    """Kinematics of every unit, coupling by coupling from the front.
 
-    A coupling's point has one lateral velocity whichever of its two units it is reckoned from:
-    v + (x_c - x_cog) r - (h_c - h_r) p on the unit in front, less u times the articulation, equals the same behind.
+    The lateral velocity of a coupling point is the same on both units: v + (x_c - x_cog) r - (h_c - h_r) p of the unit
+    in front, less u times the articulation angle, equals v + (x_c - x_cog) r - (h_c - h_r) p of the unit behind.
+
+    Args:
+        p: parameters by path.
+        vehicle: units, axles and couplings; its numbers are not used.
+        x: state (n,).
+        speed: m/s.
+        roll, bank: as in `state_names`.
     """
     units = vehicle.units
     n = len(units)
-    places = {name: i for i, name in enumerate(state_names(vehicle, roll=roll, bank=bank))}
+    index = {name: i for i, name in enumerate(state_names(vehicle, roll=roll, bank=bank))}
     m = 1 + (2 if roll else 1) * n
     basis = ca.SX.eye(m)
     yaw, rolling = [basis[1 + i, :] for i in range(n)], [basis[1 + n + i, :] if roll else ca.SX(1, m) for i in range(n)]
@@ -143,84 +162,86 @@ def motion(
         lateral.append(
             lateral[i] + ahead * yaw[i] - above_front * rolling[i] - behind * yaw[i + 1] + above_rear * rolling[i + 1]
         )
-        heading.append(heading[i] + x[places[f"articulation.{rear}"]])
-    w = x[velocity_places(vehicle, roll=roll)]
+        heading.append(heading[i] + x[index[f"articulation.{rear}"]])
+    w = x[velocity_indices(vehicle, roll=roll)]
     return Motion(
         v=tuple(lateral[i] @ w - speed * heading[i] for i in range(n)),
         across=tuple(lateral[i] @ w for i in range(n)),
-        r=tuple(x[places[f"yaw_rate.{u.name}"]] for u in units),
+        r=tuple(x[index[f"yaw_rate.{u.name}"]] for u in units),
         heading=tuple(heading),
-        roll=tuple(x[places[f"roll.{u.name}"]] if roll else ca.SX(0) for u in units),
-        roll_rate=tuple(x[places[f"roll_rate.{u.name}"]] if roll else ca.SX(0) for u in units),
+        roll=tuple(x[index[f"roll.{u.name}"]] if roll else ca.SX(0) for u in units),
+        roll_rate=tuple(x[index[f"roll_rate.{u.name}"]] if roll else ca.SX(0) for u in units),
         jacobian=tuple(ca.vertcat(lateral[i], yaw[i], *([rolling[i]] if roll else [])) for i in range(n)),
-        slip={path: x[places[f"slip_angle.{path}"]] for path in lagging_groups(vehicle)},
-        bank=x[places[BANK]] if bank else ca.SX(0),
+        lagged_slip={path: x[index[f"slip_angle.{path}"]] for path in relaxation_groups(vehicle)},
+        bank=x[index[BANK]] if bank else ca.SX(0),
     )
 
 
-def velocity_places(vehicle: Vehicle, *, roll: bool) -> list[int]:
-    """Where the generalised velocities stand in the state."""
+def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
+    """Indices of the generalised velocities in the state."""
     names = state_names(vehicle, roll=roll)
-    return [i for i, name in enumerate(names) if name.split(".")[0] in ("lateral_velocity", "yaw_rate", "roll_rate")]
+    return [i for i, name in enumerate(names) if SignalName.of(name).quantity in GENERALISED_VELOCITIES]
 
 
 def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: bool = False) -> Equations:
-    """The chain's equations of motion.
+    """The equations of motion of the chain.
 
     Args:
         p: every path of `vehicle.parameters()`, each a number or a symbol.
         vehicle: units, axles and couplings; its numbers are not used.
-        roll: yaw and roll (the article's 5 degrees of freedom for two units) or yaw only (3).
-        bank: the road's lean is a state.
+        roll: yaw and roll (the article's 5 degrees of freedom for two units), or yaw only (3).
+        bank: whether the bank of the road is a state.
     """
     names = state_names(vehicle, roll=roll, bank=bank)
-    x, u, slowness = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("slowness")
+    x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
     steer = {name: ca.SX.sym(name) for name in vehicle.steer_signals()}
-    moving = motion(p, vehicle, x, u, roll=roll, bank=bank)
+    motions = motion(p, vehicle, x, u, roll=roll, bank=bank)
     size = 3 if roll else 2
     m = 1 + (2 if roll else 1) * len(vehicle.units)
     M, force = ca.SX(m, m), ca.SX(m, 1)
-    slipping: dict[str, ca.SX] = {}  # u times the slip angle that a group's forces tend to
+    speed_times_slip: dict[str, ca.SX] = {}  # u times the mean slip angle of each axle group
     for i, unit in enumerate(vehicle.units):
-        J, inertia = moving.jacobian[i], one.mass_matrix(p, unit, roll=roll)
+        J, inertia = motions.jacobian[i], unit_equations.mass_matrix(p, unit, roll=roll)
         M += ca.mtimes([J.T, inertia, J])
-        going = (moving.across[i], moving.heading[i], moving.r[i], steer)
-        applied = one.tyre_forces(p, unit, *going, slowness, moving.slip)
+        kinematics = (motions.across[i], motions.heading[i], motions.r[i], steer)
+        applied = unit_equations.tyre_forces(p, unit, *kinematics, inverse_speed, motions.lagged_slip)
         if roll:
-            own = one.roll_moment(one.roll_body(p, unit), moving.roll[i], moving.roll_rate[i])
-            applied = ca.vertcat(applied, own)
+            body = unit_equations.roll_body(p, unit)
+            applied = ca.vertcat(applied, unit_equations.roll_moment(body, motions.roll[i], motions.roll_rate[i]))
         for group in unit.axle_groups:
-            towards = one.mean_slip(p, unit, group, *going)
-            slipping[unit.group_path(group)] = u * towards.turned - towards.drift
-        # a_i = J_i w' + u r_1 for every unit: v_i' holds -u (r_i - r_1), the turning axes add u r_i
-        carried = inertia[:, 0] * (u * moving.r[0] + GRAVITY * moving.bank)
-        force += J.T @ (applied - carried[:size])
+            slip = unit_equations.mean_slip(p, unit, group, *kinematics)
+            speed_times_slip[unit.group_path(group)] = u * slip.direction - slip.drift
+        # a_i = J_i w' + u r_1 for every unit: v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
+        convective = inertia[:, 0] * (u * motions.r[0] + GRAVITY * motions.bank)
+        force += J.T @ (applied - convective[:size])
     if roll:
         for i, coupling in enumerate(vehicle.couplings):
-            twist, rate = moving.roll[i + 1] - moving.roll[i], moving.roll_rate[i + 1] - moving.roll_rate[i]
+            twist, rate = motions.roll[i + 1] - motions.roll[i], motions.roll_rate[i + 1] - motions.roll_rate[i]
             moment = p[f"{coupling.name}.roll_stiffness"] * twist + p[f"{coupling.name}.roll_damping"] * rate
             front = 1 + len(vehicle.units) + i
             force[front] += moment
             force[front + 1] -= moment
-    places = velocity_places(vehicle, roll=roll)
+    velocities = velocity_indices(vehicle, roll=roll)
     right = [ca.SX(0)] * len(names)
-    for row, place in enumerate(places):
-        right[place] = force[row]
+    for row, index in enumerate(velocities):
+        right[index] = force[row]
+    unit_names = [unit.name for unit in vehicle.units]
     for k, name in enumerate(names):
-        quantity, unit_name = name.split(".")[:2]
-        if quantity == "articulation":
-            i = [unit.name for unit in vehicle.units].index(unit_name)
-            right[k] = moving.r[i] - moving.r[i - 1]
-        elif quantity == "roll":
-            right[k] = moving.roll_rate[[unit.name for unit in vehicle.units].index(unit_name)]
-    for path, reached in moving.slip.items():
-        right[names.index(f"slip_angle.{path}")] = (slipping[path] - u * reached) / p[f"{path}.relaxation_length"]
-    whole = ca.vertcat(*right)
-    none = ca.vertcat(u, slowness), ca.DM([0, 0])
-    by_state = ca.jacobian(whole, x)
-    by_steer = ca.jacobian(whole, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
-    A1, A2 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in (slowness, u))
+        signal = SignalName.of(name)
+        if signal.quantity == "articulation":
+            i = unit_names.index(signal.unit)
+            right[k] = motions.r[i] - motions.r[i - 1]
+        elif signal.quantity == "roll":
+            right[k] = motions.roll_rate[unit_names.index(signal.unit)]
+    for path, lagged in motions.lagged_slip.items():
+        rate = (speed_times_slip[path] - u * lagged) / p[f"{path}.relaxation_length"]
+        right[names.index(f"slip_angle.{path}")] = rate
+    right_side = ca.vertcat(*right)
+    by_state = ca.jacobian(right_side, x)
+    by_steer = ca.jacobian(right_side, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
+    A1, A2 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in (inverse_speed, u))
     B2 = ca.reshape(ca.jacobian(by_steer, u), by_steer.shape)
-    A0, B0 = (ca.substitute(matrix, *none) for matrix in (by_state, by_steer))
+    zero = ca.vertcat(u, inverse_speed), ca.DM([0, 0])
+    A0, B0 = (ca.substitute(matrix, *zero) for matrix in (by_state, by_steer))
     A0, A1, A2, B0, B2 = (ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, B0, B2))
-    return Equations(mass=M, A0=A0, A1=A1, A2=A2, B0=B0, B2=B2, velocities=tuple(places))
+    return Equations(mass=M, A0=A0, A1=A1, A2=A2, B0=B0, B2=B2, velocities=tuple(velocities))

@@ -1,7 +1,7 @@
 """The chain as a discrete-time model for filters: x+ = f(x, dt, d, p, c), y = h(x, d, p, c).
 
-Within a step the speed is its mean and the steer angles go linearly from the sample before to this one. The step is
-the Taylor series of the exact solution, with an error under 1e-6 as long as dt stays below `steps.longest`.
+Within a step the speed is constant at its mean, and the steer angles change linearly from the previous sample to this
+one. The step is the Taylor series of the exact solution; its error is below 1e-6 if dt is within `steps.StepLimit`.
 """
 
 import math
@@ -10,60 +10,61 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.errors import SignalError
+from fifthwheel.names import SENSOR_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
-"""Of the Taylor series, by (with roll, side forces with a lag): a step a sample of 100 Hz up to motorway speeds."""
+"""Order of the Taylor series, by (with roll, with relaxation lengths): one step per 10 ms up to motorway speeds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChainModel:
-    """A chain of units for the filters; built by `model`.
+    """The discrete-time model of a chain of units; built by `model`.
 
-    d = [speed and steer angles at the sample before, speed and steer angles at this one]; steer angles as measured.
+    x is the state (n,), d = [speed and steer angles at the previous sample, speed and steer angles at this sample]
+    (2 k,), p the free parameters and c all other parameters. Steer angles are as measured.
     """
 
-    vehicle: Vehicle  # its topology; the numbers come through p and c
-    roll: bool
-    bank: bool  # whether the road's lean is a state
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]  # speed and steer signals
-    outputs: tuple[str, ...]  # measured signals
+    vehicle: Vehicle  # gives the structure; its numbers are not used, p and c hold them
+    roll: bool  # yaw and roll, or yaw only
+    bank: bool  # whether the bank of the road is a state
+    states: tuple[str, ...]  # (n,) names of x
+    inputs: tuple[str, ...]  # (k,) speed and steer signals
+    outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
     known: tuple[str, ...]  # names of c
-    transition: ca.Function
-    observation: ca.Function
-    state_jacobian: ca.Function  # (x, dt, d, p, c) -> dx+/dx, the state transition matrix
-    rates: ca.Function  # (x, x+, dt, d, p, c) -> x' where a step begins and where it ends
+    transition: ca.Function  # (x, dt, d, p, c) -> x+, the state dt seconds later
+    observation: ca.Function  # (x, d, p, c) -> y
+    state_jacobian: ca.Function  # (x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix
+    rates: ca.Function  # (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step
 
     def known_values(self, values: Mapping[str, float]) -> Array:
-        """c from values by name."""
+        """c from values by name, SI."""
         return np.array([values[name] for name in self.known], dtype=np.float64)
 
     def free_values(self, values: Mapping[str, float]) -> Array:
-        """p from values by name."""
+        """p from values by name, SI."""
         return np.array([values[name] for name in self.free], dtype=np.float64)
 
 
 def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
-    """What a steer sensor may do wrong, with defaults: angle = gain (shown - offset), shown late by `delay` seconds.
+    """Errors of the steer sensors, with their defaults: angle(t) = gain (measured(t + delay) - offset).
 
-    The model takes a delay out to first order, which is meant for the small rest that rows already moved by most of it
-    leave; outputs that see the steer angle directly (an accelerometer, the coupling force) do not take it out at all.
+    The transition corrects a delay to first order, which suits the small remainder after the rows are shifted by most
+    of the delay. Outputs that depend directly on the steer angle (accelerometer, coupling force) do not correct it.
     """
-    own: dict[str, float] = {}
+    parameters: dict[str, float] = {}
     for name in vehicle.steer_signals():
-        own |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0, f"{name}.delay": 0.0}
-    return own
+        parameters |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0, f"{name}.delay": 0.0}
+    return parameters
 
 
 def all_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, float]:
-    """Every parameter that a model of these outputs has, vehicle and sensors, with its value."""
+    """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
     values = vehicle.parameters() | steer_parameters(vehicle)
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
@@ -71,9 +72,9 @@ def all_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, float]
 
 
 def topology(vehicle: Vehicle) -> tuple[object, ...]:
-    """What makes two vehicles share one model: all but the numbers."""
+    """Structure of a vehicle, without its numbers; vehicles of equal topology share one model."""
     payloads = tuple(unit.payload.shape if unit.payload else None for unit in vehicle.units)
-    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads, chain.lagging_groups(vehicle))
+    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads, chain.relaxation_groups(vehicle))
 
 
 _models: dict[tuple[object, ...], ChainModel] = {}
@@ -82,25 +83,25 @@ _models: dict[tuple[object, ...], ChainModel] = {}
 def model(
     vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, free: Sequence[str] = (), bank: bool = False
 ) -> ChainModel:
-    """The model of a vehicle whose sensors show `outputs`; the same one for every vehicle of the same make-up.
+    """The discrete-time model of a vehicle; vehicles of equal topology share one model.
 
     Args:
-        vehicle: units, axles, couplings.
-        outputs: signals such as "yaw_rate.tractor"; also "bank.road" where that is a state.
+        vehicle: units, axles and couplings.
+        outputs: signals such as "yaw_rate.tractor"; "bank.road" if the bank is a state.
         roll: yaw and roll, or yaw only.
         free: parameters for p, by the names in `all_parameters`; all others go to c.
-        bank: the road's lean is a state.
+        bank: whether the bank of the road is a state.
 
     Raises:
-        SignalError: an output that the vehicle or the yaw-only model does not have.
-        KeyError: a free parameter that does not exist.
+        SignalError: the vehicle or the yaw-only model does not have an output.
+        KeyError: a free parameter does not exist.
     """
     for name in outputs:
         if name == chain.BANK and bank:
             continue
         sensors.unit_index(vehicle, name)
-        if not roll and name.partition(".")[0] in sensors.NEEDS_ROLL:
-            raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or leave the signal out")
+        if not roll and SignalName.of(name).quantity in sensors.NEEDS_ROLL:
+            raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
     key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank)
     if key not in _models:
         _models[key] = _build(vehicle, tuple(outputs), roll, tuple(free), bank)
@@ -108,6 +109,7 @@ def model(
 
 
 def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[str, ...], bank: bool) -> ChainModel:
+    """Build the symbolic functions; arguments as in `model`."""
     names = tuple(all_parameters(vehicle, outputs))
     unknown = set(free) - set(names)
     if unknown:
@@ -119,35 +121,35 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     states, steers = chain.state_names(vehicle, roll=roll, bank=bank), vehicle.steer_signals()
     n, k = len(states), 1 + len(steers)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
-    shown, shown_after = d[1:k], d[k + 1 :]
-    sensor = {word: ca.vertcat(*[value[f"{name}.{word}"] for name in steers]) for word in ("gain", "offset", "delay")}
-    late = sensor["delay"] * (shown_after - shown) / ca.fmax(dt, 1e-3)
-    before, after = (sensor["gain"] * (angle - sensor["offset"]) for angle in (shown, shown_after))
+    measured_before, measured_after = d[1:k], d[k + 1 :]
+    error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in SENSOR_ERROR_KINDS}
+    shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
+    before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
     equations = chain.equations(value, vehicle, roll=roll, bank=bank)
     A, B = equations.state_space((d[0] + d[k]) / 2)
-    advance = sensor["gain"] * late
-    order = ORDER[roll, bool(chain.lagging_groups(vehicle))]
-    transition = taylor(A, B, x, before + advance, after + advance, dt, order)
+    correction = error["gain"] * shift
+    order = ORDER[roll, bool(chain.relaxation_groups(vehicle))]
+    transition = taylor(A, B, x, before + correction, after + correction, dt, order)
     later = ca.SX.sym("later", n)
-    ends = (A @ x + B @ (before + advance), A @ later + B @ (after + advance))
+    rates = (A @ x + B @ (before + correction), A @ later + B @ (after + correction))
     matrix = transition_matrix(A, dt, order)
 
     speed = d[k]
     A, B = equations.state_space(speed)
-    rates = A @ x + B @ after
-    moving = chain.motion(value, vehicle, x, speed, roll=roll, bank=bank)
-    w_rates = rates[list(equations.velocities)]
-    turning = ca.vertcat(speed * moving.r[0], *([0] * (2 if roll else 1)))
-    view = sensors.View(
+    rate = A @ x + B @ after
+    motion = chain.motion(value, vehicle, x, speed, roll=roll, bank=bank)
+    velocity_rates = rate[list(equations.velocities)]
+    centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
+    inputs = sensors.SensorInputs(
         p=value,
         vehicle=vehicle,
-        motion=moving,
-        acceleration=tuple(J @ w_rates + turning for J in moving.jacobian),
+        motion=motion,
+        acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
         speed=speed,
         steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
         roll=roll,
     )
-    y = ca.vertcat(*[sensors.reading(view, name) for name in outputs]) if outputs else ca.SX(0, 1)
+    y = ca.vertcat(*[sensors.sensor_output(inputs, name) for name in outputs]) if outputs else ca.SX(0, 1)
     return ChainModel(
         vehicle=vehicle,
         roll=roll,
@@ -160,14 +162,22 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
         transition=ca.Function("transition", [x, dt, d, p, c], [transition]),
         observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
         state_jacobian=ca.Function("state_jacobian", [x, dt, d, p, c], [matrix]),
-        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(rate) for rate in ends]),
+        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(end) for end in rates]),
     )
 
 
 def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """x after dt seconds of x' = A x + B d, d going linearly from `before` to `after`; its Taylor series."""
-    drive, change = B @ before, B @ (after - before)
-    term = dt * (A @ x + drive)
+    """Taylor series of x(dt) of x' = A x + B d, where d changes linearly from `before` to `after`.
+
+    Args:
+        A, B: (n, n) and (n, k).
+        x: state at the beginning of the step (n,).
+        before, after: inputs (k,).
+        dt: s.
+        order: of the series.
+    """
+    constant, change = B @ before, B @ (after - before)
+    term = dt * (A @ x + constant)
     total = x + term
     for k in range(2, order + 1):
         term = dt * (A @ term + (change if k == 2 else 0)) / k
@@ -176,9 +186,10 @@ def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX,
 
 
 def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """The Taylor series of exp(A dt), of which `taylor` is the product with x, with far fewer products of matrices.
+    """Taylor series of exp(A dt) (n, n), the derivative of `taylor` with respect to x.
 
-    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + M^3 (I/6! + ...)).
+    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + M^3 (I/6! + ...)), which needs few
+    products of matrices.
     """
     n = A.shape[0]
     M = A * dt
@@ -187,6 +198,6 @@ def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
     total = ca.SX(n, n)
     for first in reversed(range(0, order + 1, 3)):
         last = min(first + 2, order)
-        part = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
-        total = part + (cube @ total if last < order else 0)
+        terms = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
+        total = terms + (cube @ total if last < order else 0)
     return ca.densify(total)

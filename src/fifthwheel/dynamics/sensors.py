@@ -1,8 +1,8 @@
-"""What sensors on a unit see of the chain's motion, as expressions of the state.
+"""Outputs of sensors as expressions of the chain's state.
 
-A sensor is named quantity.unit. Its own errors are parameters too: it shows <sensor>.gain times the quantity, plus
-<sensor>.offset. Where a quantity depends on the place, <sensor>.position (x on the unit, m) and <sensor>.height (above
-the ground, m) say where.
+A sensor is named quantity.unit. Its errors are parameters: its output is <sensor>.gain times the quantity plus
+<sensor>.offset. A quantity that depends on the sensor's position has two more parameters: <sensor>.position, x on the
+unit in m, and <sensor>.height above the ground in m.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,110 +12,126 @@ import casadi as ca
 
 from fifthwheel.dynamics.chain import BANK, Motion
 from fifthwheel.dynamics.unit import mass_matrix, tyre_forces
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.names import SignalName
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
 
-class View(NamedTuple):
-    """All that a sensor may look at."""
+class SensorInputs(NamedTuple):
+    """The quantities from which sensor outputs are computed."""
 
-    p: Mapping[str, ca.SX]
+    p: Mapping[str, ca.SX]  # parameters of the vehicle and of the sensors, by name
     vehicle: Vehicle
     motion: Motion
-    acceleration: tuple[ca.SX, ...]  # of each unit: (a, r', p'), a = v' + u r
-    speed: ca.SX
-    steer: Mapping[str, ca.SX]
-    roll: bool
+    acceleration: tuple[ca.SX, ...]  # of each unit: (a, r'[, p']), a = v' + u r, m/s^2 and rad/s^2
+    speed: ca.SX  # m/s
+    steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
+    roll: bool  # whether the model has roll
 
 
-def _lateral_velocity(view: View, i: int, name: str) -> ca.SX:
-    unit = view.vehicle.units[i].name
-    arm = view.p[f"{name}.position"] - view.p[f"{unit}.cog"]
-    above = view.p[f"{name}.height"] - view.p[f"{unit}.roll_axis_height"]
-    return view.motion.v[i] + arm * view.motion.r[i] - above * view.motion.roll_rate[i]
+def _lateral_velocity(inputs: SensorInputs, i: int, name: str) -> ca.SX:
+    """v + (x - x_cog) r - (h - h_r) p at the sensor's position."""
+    unit = inputs.vehicle.units[i].name
+    arm = inputs.p[f"{name}.position"] - inputs.p[f"{unit}.cog"]
+    above = inputs.p[f"{name}.height"] - inputs.p[f"{unit}.roll_axis_height"]
+    return inputs.motion.v[i] + arm * inputs.motion.r[i] - above * inputs.motion.roll_rate[i]
 
 
-def _sideslip(view: View, i: int, name: str) -> ca.SX:
-    return _lateral_velocity(view, i, name) / view.speed
+def _sideslip(inputs: SensorInputs, i: int, name: str) -> ca.SX:
+    return _lateral_velocity(inputs, i, name) / inputs.speed
 
 
-def _lateral_acceleration(view: View, i: int, name: str) -> ca.SX:
-    """As an accelerometer fixed to the sprung body shows it: it leans, and so sees g times the roll angle and bank."""
-    unit = view.vehicle.units[i].name
-    arm = view.p[f"{name}.position"] - view.p[f"{unit}.cog"]
-    above = view.p[f"{name}.height"] - view.p[f"{unit}.roll_axis_height"]
-    a = view.acceleration[i]
-    seen = a[0] + arm * a[1] + GRAVITY * view.motion.bank
-    return seen - above * a[2] + GRAVITY * view.motion.roll[i] if view.roll else seen
+def _lateral_acceleration(inputs: SensorInputs, i: int, name: str) -> ca.SX:
+    """Output of an accelerometer on the sprung body, which contains g times the roll angle and the bank."""
+    unit = inputs.vehicle.units[i].name
+    arm = inputs.p[f"{name}.position"] - inputs.p[f"{unit}.cog"]
+    above = inputs.p[f"{name}.height"] - inputs.p[f"{unit}.roll_axis_height"]
+    a = inputs.acceleration[i]
+    planar = a[0] + arm * a[1] + GRAVITY * inputs.motion.bank
+    return planar - above * a[2] + GRAVITY * inputs.motion.roll[i] if inputs.roll else planar
 
 
-def _articulation(view: View, i: int, name: str) -> ca.SX:
+def _articulation(inputs: SensorInputs, i: int, name: str) -> ca.SX:
     if i == 0:
         raise SignalError(f"{name}: the first unit has no articulation angle; name a unit behind a coupling")
-    return view.motion.heading[i] - view.motion.heading[i - 1]
+    return inputs.motion.heading[i] - inputs.motion.heading[i - 1]
 
 
-def _coupling_force(view: View, i: int, name: str) -> ca.SX:
-    """Side force of the coupling on the unit behind it, N: what the units from there on need besides their tyres."""
+def _coupling_force(inputs: SensorInputs, i: int, name: str) -> ca.SX:
+    """Side force of the coupling on the unit behind it, N: inertia forces less tyre forces of all units behind it."""
     if i == 0:
-        raise SignalError(f"{name}: nothing is coupled in front of the first unit; name a unit behind a coupling")
+        raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     total = ca.SX(0)
-    for k in range(i, len(view.vehicle.units)):
-        unit, motion = view.vehicle.units[k], view.motion
-        row = mass_matrix(view.p, unit, roll=view.roll)[0, :]
-        inertia = row @ view.acceleration[k] + row[0] * GRAVITY * motion.bank
-        going = (motion.across[k], motion.heading[k], motion.r[k], view.steer)
-        tyres = tyre_forces(view.p, unit, *going, 1 / view.speed, motion.slip)[0]
+    for k in range(i, len(inputs.vehicle.units)):
+        unit, motion = inputs.vehicle.units[k], inputs.motion
+        row = mass_matrix(inputs.p, unit, roll=inputs.roll)[0, :]
+        inertia = row @ inputs.acceleration[k] + row[0] * GRAVITY * motion.bank
+        kinematics = (motion.across[k], motion.heading[k], motion.r[k], inputs.steer)
+        tyres = tyre_forces(inputs.p, unit, *kinematics, 1 / inputs.speed, motion.lagged_slip)[0]
         total += inertia - tyres
     return total
 
 
-QUANTITIES: dict[str, tuple[str, bool, Callable[[View, int, str], ca.SX]]] = {
-    "yaw_rate": ("rad/s", False, lambda view, i, _: view.motion.r[i]),
-    "roll_rate": ("rad/s", False, lambda view, i, _: view.motion.roll_rate[i]),
-    "roll": ("rad", False, lambda view, i, _: view.motion.roll[i]),
-    "articulation": ("rad", False, _articulation),
-    "sideslip": ("rad", True, _sideslip),
-    "lateral_velocity": ("m/s", True, _lateral_velocity),
-    "lateral_acceleration": ("m/s^2", True, _lateral_acceleration),
-    "coupling_force": ("N", False, _coupling_force),
+class Quantity(NamedTuple):
+    """A quantity that a sensor on a unit can measure."""
+
+    unit: str
+    """SI unit."""
+    has_position: bool
+    """Whether it depends on the sensor's position on the unit."""
+    expression: Callable[[SensorInputs, int, str], ca.SX]
+    """Its value from the inputs, the index of the unit and the sensor's name."""
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "yaw_rate": Quantity("rad/s", False, lambda inputs, i, _: inputs.motion.r[i]),
+    "roll_rate": Quantity("rad/s", False, lambda inputs, i, _: inputs.motion.roll_rate[i]),
+    "roll": Quantity("rad", False, lambda inputs, i, _: inputs.motion.roll[i]),
+    "articulation": Quantity("rad", False, _articulation),
+    "sideslip": Quantity("rad", True, _sideslip),
+    "lateral_velocity": Quantity("m/s", True, _lateral_velocity),
+    "lateral_acceleration": Quantity("m/s^2", True, _lateral_acceleration),
+    "coupling_force": Quantity("N", False, _coupling_force),
 }
-"""Quantity: its SI unit, whether it depends on the place, and its expression."""
+"""Quantities of a unit, by the first word of a signal's name."""
 
 NEEDS_ROLL = frozenset({"roll_rate", "roll"})
+"""Quantities that only the yaw-roll model has."""
 
 
 def unit_index(vehicle: Vehicle, name: str) -> int:
-    """Which unit a signal belongs to.
+    """Index of the unit of a signal, front to rear.
 
     Raises:
-        SignalError: the quantity or the unit is not one of the vehicle's.
+        SignalError: the vehicle has no such unit, or the model has no such quantity.
     """
-    quantity, _, rest = name.partition(".")
-    unit = rest.partition(".")[0]
-    names = [u.name for u in vehicle.units]
-    if quantity not in QUANTITIES:
-        raise SignalError(f"{name}: no such quantity; known are {', '.join(QUANTITIES)}")
-    if unit not in names:
-        raise SignalError(f"{name}: {vehicle.name} has no unit {unit!r}; it has {', '.join(names)}")
-    return names.index(unit)
+    signal, units = SignalName.of(name), [u.name for u in vehicle.units]
+    if signal.quantity not in QUANTITIES:
+        raise SignalError(f"{name}: no such quantity in the model; {suggestion(signal.quantity, QUANTITIES)}")
+    if signal.unit not in units:
+        raise SignalError(f"{name}: {vehicle.name} has no unit {signal.unit!r}; {suggestion(signal.unit, units)}")
+    return units.index(signal.unit)
 
 
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
-    """The sensor's own parameters and their defaults: no error, on the roll axis under the CoG."""
+    """Parameters of a sensor with their defaults: gain 1, offset 0, position under the CoG on the roll axis.
+
+    Raises:
+        SignalError: as in `unit_index`.
+    """
     if name == BANK:
         return {}
     unit = vehicle.units[unit_index(vehicle, name)]
-    own = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
-    if QUANTITIES[name.partition(".")[0]][1]:
-        own |= {f"{name}.position": unit.cog, f"{name}.height": unit.roll_axis_height}
-    return own
+    parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
+    if QUANTITIES[SignalName.of(name).quantity].has_position:
+        parameters |= {f"{name}.position": unit.cog, f"{name}.height": unit.roll_axis_height}
+    return parameters
 
 
-def reading(view: View, name: str) -> ca.SX:
-    """What the sensor shows, its errors included; of the road's bank, which no sensor shows, the state itself."""
+def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
+    """Output of a sensor with its errors; for the bank of the road, which has no sensor, the state."""
     if name == BANK:
-        return view.motion.bank
-    i = unit_index(view.vehicle, name)
-    return QUANTITIES[name.partition(".")[0]][2](view, i, name) * view.p[f"{name}.gain"] + view.p[f"{name}.offset"]
+        return inputs.motion.bank
+    i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
+    return quantity.expression(inputs, i, name) * inputs.p[f"{name}.gain"] + inputs.p[f"{name}.offset"]

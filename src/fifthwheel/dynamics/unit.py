@@ -1,8 +1,9 @@
-"""One unit of the chain: its inertia, and the forces on it, in its own axes (x forward, y left, z up; ISO 8855).
+"""Inertia of one unit, and tyre forces and roll moment on it, in its own axes (x forward, y left, z up; ISO 8855).
 
-The article's (A1)-(A6) without the coupling force, which the chain eliminates. A unit's velocity is (v, r, p): lateral
-velocity on the roll axis under the CoG of the whole unit, yaw rate, roll rate. The article's two misprints that matter
-here are mended: (A3) and (A6) count m_s h^2 phi'' twice, and (A2) writes I_1szz for I_1sxz (see the errata page).
+Equations (A1)-(A6) of Cheng and Cebon (2011) without the coupling force, which the chain eliminates. The velocity of a
+unit is (v, r, p): lateral velocity on the roll axis under the CoG of the unit, yaw rate, roll rate. Two misprints of
+the article are corrected: (A3) and (A6) count m_s h^2 phi'' twice, and (A2) has I_1szz in place of I_1sxz (see
+docs/errata.md).
 """
 
 from collections.abc import Mapping
@@ -10,10 +11,10 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Axle, AxleGroup, Unit, laden
-from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
-Steer = Mapping[str, ca.SX]
+SteerAngles = Mapping[str, ca.SX]
 
 
 class RollBody(NamedTuple):
@@ -23,27 +24,31 @@ class RollBody(NamedTuple):
     inertia: ca.SX  # I_sx'x', kg m^2, about the roll axis
     product: ca.SX  # I_sxz, kg m^2
     stiffness: ca.SX  # K*, N m/rad, suspensions and tyres in series
-    damping: ca.SX  # C*, N m s/rad, the same
+    damping: ca.SX  # C*, N m s/rad, dampers and tyres in series
 
 
 def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
-    """m_s h, I_sx'x', I_sxz, K*, C* of a unit; the laden ones by the article's (8) and (9).
+    """m_s h, I_sx'x', I_sxz, K* and C* of a unit, laden by equations (8) and (9) of the article.
 
-    The body rolls on suspension and tyres in a row, and the damper sees only the suspension's part of the roll angle,
-    K_t / (K + K_t). Work and force leave C* = C (K_t / (K + K_t))^2 for the whole angle, to first order in frequency;
-    the article reduces the stiffness so, but not the damping.
+    Suspension and tyres are in series. The damper therefore sees the fraction K_t / (K + K_t) of the roll angle, and
+    its moment acts on the body with the same fraction: C* = C (K_t / (K + K_t))^2, to first order in frequency. The
+    article reduces the stiffness accordingly, but not the damping (see docs/errata.md).
+
+    Args:
+        p: parameters by path.
+        unit: gives names and structure; its numbers are not used.
     """
-    load = laden(p, unit)
+    body = laden(p, unit)
     stiffness, damping = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
         path = unit.group_path(group)
         suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
         stiffness += suspension * tyres / (suspension + tyres)
-        part = tyres / (suspension + tyres)
-        damping += p[f"{path}.roll_damping"] * part * part
+        fraction = tyres / (suspension + tyres)
+        damping += p[f"{path}.roll_damping"] * fraction * fraction
     return RollBody(
-        moment=load.mass * (load.cog_height - p[f"{unit.name}.roll_axis_height"]),
-        inertia=load.roll_inertia,
+        moment=body.mass * (body.cog_height - p[f"{unit.name}.roll_axis_height"]),
+        inertia=body.roll_inertia,
         product=p[f"{unit.name}.sprung.roll_yaw_product"],
         stiffness=stiffness,
         damping=damping,
@@ -51,7 +56,7 @@ def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
 
 
 def mass_matrix(p: Mapping[str, ca.SX], unit: Unit, *, roll: bool) -> ca.SX:
-    """M with M (a, r', p') = forces, a = v' + u r: (3, 3), or (2, 2) without roll."""
+    """M in M (a, r', p') = forces, with a = v' + u r: (3, 3), or (2, 2) without roll."""
     m, I_zz = p[f"{unit.name}.mass"], p[f"{unit.name}.yaw_inertia"]
     if not roll:
         return ca.diag(ca.vertcat(m, I_zz))
@@ -63,25 +68,27 @@ def mass_matrix(p: Mapping[str, ca.SX], unit: Unit, *, roll: bool) -> ca.SX:
     )
 
 
-class Slip(NamedTuple):
-    """Slip angle of an axle: `turned` - `drift` / u."""
+class SlipAngle(NamedTuple):
+    """The two terms of a slip angle alpha = direction - drift / u, rad."""
 
-    turned: ca.SX  # steer angle and heading, rad
-    drift: ca.SX  # m/s, to the left of the first unit's heading
+    direction: ca.SX  # of the wheel from the heading of the first unit, rad
+    drift: ca.SX  # lateral velocity across the heading of the first unit, m/s
 
 
-def slip(p: Mapping[str, ca.SX], unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: Steer) -> Slip:
-    """Of one axle; arguments as in `tyre_forces`."""
+def axle_slip(
+    p: Mapping[str, ca.SX], unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: SteerAngles
+) -> SlipAngle:
+    """Slip angle of one axle; arguments as in `tyre_forces`."""
     arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
     delta = steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else 0
-    return Slip(delta + heading, across + arm * r)
+    return SlipAngle(delta + heading, across + arm * r)
 
 
-def mean_slip(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motion: Any) -> Slip:
-    """Of a group's axles."""
-    slips = [slip(p, unit, axle, *motion) for axle in group.axles]
+def mean_slip(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
+    """Mean slip angle of the axles of a group; `motion` as in `axle_slip` from `across` on."""
+    slips = [axle_slip(p, unit, axle, *motion) for axle in group.axles]
     n = len(slips)
-    return Slip(sum((s.turned for s in slips), ca.SX(0)) / n, sum((s.drift for s in slips), ca.SX(0)) / n)
+    return SlipAngle(sum((s.direction for s in slips), ca.SX(0)) / n, sum((s.drift for s in slips), ca.SX(0)) / n)
 
 
 def tyre_forces(
@@ -90,34 +97,41 @@ def tyre_forces(
     across: ca.SX,
     heading: ca.SX,
     r: ca.SX,
-    steer: Steer,
-    slowness: ca.SX,
-    lagging: Mapping[str, ca.SX],
+    steer: SteerAngles,
+    inverse_speed: ca.SX,
+    lagged_slip: Mapping[str, ca.SX],
 ) -> ca.SX:
-    """Side force (N) and yaw moment about the CoG (N m) of all tyres, linear in the slip angle.
+    """Side force (N) and yaw moment about the CoG (N m) of all tyres: (2, 1), linear in the slip angles.
+
+    An axle has the side force C_alpha / n times its slip angle (equation (7), positive C_alpha). In a group with a
+    relaxation length, the lagged slip angle replaces the mean slip angle of the group; the difference of an axle's slip
+    angle from the mean acts without lag.
 
     Args:
-        across, heading: v + u heading and the heading, both from the first unit's.
-        r: yaw rate of the unit.
-        steer: steer angle of each steered axle by its signal's name, rad, positive left.
-        slowness: 1/u, s/m.
-        lagging: slip angle that the forces of a group have reached, by its path; groups without it have no lag.
+        p: parameters by path.
+        unit: gives names and structure; its numbers are not used.
+        across: lateral velocity of the CoG across the heading of the first unit, v + u heading, m/s.
+        heading: yaw angle of the unit from that of the first unit, rad.
+        r: yaw rate of the unit, rad/s.
+        steer: steer angle of each steered axle by its signal's name, rad, positive to the left.
+        inverse_speed: 1/u, s/m.
+        lagged_slip: lagged slip angle of each group with a relaxation length, by the group's path, rad.
     """
     force, moment = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
         path = unit.group_path(group)
         stiffness = p[f"{path}.cornering_stiffness"] / len(group.axles)
         mean = mean_slip(p, unit, group, across, heading, r, steer)
-        late = lagging[path] - (mean.turned - mean.drift * slowness) if path in lagging else 0
+        lag = lagged_slip[path] - (mean.direction - mean.drift * inverse_speed) if path in lagged_slip else 0
         for axle in group.axles:
             arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-            own = slip(p, unit, axle, across, heading, r, steer)
-            side = stiffness * (own.turned - own.drift * slowness + late)
-            force += side
-            moment += arm * side
+            slip = axle_slip(p, unit, axle, across, heading, r, steer)
+            side_force = stiffness * (slip.direction - slip.drift * inverse_speed + lag)
+            force += side_force
+            moment += arm * side_force
     return ca.vertcat(force, moment)
 
 
 def roll_moment(body: RollBody, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
-    """Moment about the roll axis by gravity, suspensions and dampers, N m."""
+    """Moment of gravity, suspensions and dampers about the roll axis, N m; (A3) and (A6)."""
     return (body.moment * GRAVITY - body.stiffness) * roll - body.damping * roll_rate

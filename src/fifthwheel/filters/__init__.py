@@ -1,4 +1,8 @@
-"""Kalman, dual extended Kalman and smoother over any symbolic model; no vehicle in here."""
+"""Kalman filter, dual and joint filters and smoother for symbolic models, and the inputs that they need for a vehicle.
+
+kalman, dual, joint, relinearised, smoother, tangent, update, consistency and model accept any symbolic model.
+noise, initial_state and rows provide the noise variances, initial states and sample rows of a vehicle model.
+"""
 
 from fifthwheel.filters import consistency, dual, kalman, smoother
 from fifthwheel.filters.kalman import Filtered, Noise

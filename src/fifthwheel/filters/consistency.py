@@ -1,28 +1,40 @@
-"""Whether a filter's covariance is what its errors are: NIS and NEES (Bar-Shalom, Li and Kirubarajan 2001, 5.4)."""
+"""Consistency of a filter's covariance with its errors: NIS and NEES (Bar-Shalom, Li and Kirubarajan 2001, 5.4)."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fifthwheel._types import Array
 
 
 def nis(innovation: Array, variance: Array, accepted: Array) -> tuple[Array, Array]:
-    """Normalised innovation squared of every sample, and its degrees of freedom: (N,) and (N,).
+    """Normalised innovation squared (NIS) of each sample and its degrees of freedom: (N,) and (N,).
 
     Args:
-        innovation, variance, accepted: (N, m) of a sequential update, whose channels are uncorrelated.
+        innovation, variance: (N, m), of a sequential update, in which channels are uncorrelated.
+        accepted: (N, m), above 0 where the measurement was used.
     """
     used = accepted > 0
     return np.where(used, innovation**2 / variance, 0.0).sum(axis=1), used.sum(axis=1).astype(float)
 
 
 def nees(error: Array, covariance: Array) -> Array:
-    """Normalised estimation error squared e' P^-1 e: (..., n) and (..., n, n) to (...,)."""
+    """Normalised estimation error squared (NEES), e' P^-1 e, (...,).
+
+    Args:
+        error: e (..., n).
+        covariance: P (..., n, n).
+    """
     return np.asarray(np.einsum("...i,...i", error, np.linalg.solve(covariance, error[..., None])[..., 0]))
 
 
 def chi_square_band(degrees: ArrayLike, count: int = 1, probability: float = 0.95) -> tuple[Array, Array]:
-    """Between what the mean of `count` independent chi-squares of `degrees` lies with this probability."""
+    """Limits between which the mean of independent chi-squares lies with a probability; shapes as `degrees`.
+
+    Args:
+        degrees: degrees of freedom of each chi-square.
+        count: number of chi-squares in the mean.
+        probability: of the interval, two-sided.
+    """
     from scipy.special import chdtri
 
     total = np.asarray(degrees, dtype=float) * count

@@ -1,14 +1,14 @@
-"""The dual extended Kalman filter: a filter for the state and one for the parameters, side by side.
+"""The dual extended Kalman filter: one filter for the state and one for the parameters.
 
-Wan and Nelson (2001), with the recurrent derivative dx/dp; the article's section 2.2.3. Two switches of `Coupling`
-lead from that filter to Friedland's (1969) separate form of the joint filter, which is what keeps it from diverging:
+Wan and Nelson (2001), with the recurrent derivative dx/dp; section 2.2.3 of Cheng and Cebon (2011). Two switches of
+`DualCoupling` change it into Friedland's (1969) separate form of the joint filter, which does not diverge:
 
-* consistent: the parameter filter's innovation variance holds the state's own uncertainty H P H' as well as R.
-  Without it the parameters believe every innovation that is only the state's.
-* coupled: a correction of the parameters moves the state along dx/dp, as it would in one joint filter.
+* consistent: the innovation variance of the parameter filter contains the uncertainty of the state, H P H', in addition
+  to R. Without it, the parameter filter attributes innovations that are caused by the state to the parameters.
+* coupled: a correction of the parameters also corrects the state along dx/dp, as in a joint filter.
 
-Parameters live as z of order one with prior N(0, 1): p = centre * exp(scale * z) or p = centre + scale * z, inside
-bounds that hold.
+The filter estimates scaled parameters z of order one with the prior N(0, 1): p = centre * exp(scale * z) for a
+logarithmic parameter, p = centre + scale * z otherwise. z stays within bounds.
 """
 
 import functools
@@ -17,72 +17,76 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.filters.kalman import Noise, channel_columns, observe, predict
-from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
-from fifthwheel.filters.update import Channel, gate, joseph, positive
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.update import ChannelUpdate, gate, joseph, positive_semidefinite
 from fifthwheel.native import Scan
 
 PRECISION = 1e-11
-"""Least noise of a channel, as a part of what the parameters' uncertainty makes of it."""
+"""Smallest noise variance of a channel, relative to the variance that is caused by the parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling:
-    """How z becomes p: one entry a parameter, in the model's order."""
+    """Relation of the scaled parameters z and the parameters p; one entry for each parameter in the model's order."""
 
-    logarithmic: tuple[bool, ...]
+    logarithmic: tuple[bool, ...]  # whether p is positive and scaled by its logarithm
     centre: Array  # p at z = 0
-    scale: Array  # prior standard deviation: of ln p if logarithmic, else of p
-    lower: Array  # bounds of p; finite, positive if logarithmic
-    upper: Array
+    scale: Array  # prior standard deviation of ln p if logarithmic, else of p
+    lower: Array  # lower bound of p; finite, positive if logarithmic
+    upper: Array  # upper bound of p
 
     def to_p(self, z: Array) -> Array:
-        """z (..., n_p) as parameters."""
+        """Parameters p of z (..., n_p)."""
         log = np.array(self.logarithmic)
         return np.where(log, self.centre * np.exp(np.where(log, self.scale * z, 0.0)), self.centre + self.scale * z)
 
     def to_z(self, p: Array) -> Array:
-        """Parameters (..., n_p) as z."""
+        """z of parameters p (..., n_p)."""
         log = np.array(self.logarithmic)
         ratio = np.where(log, p / np.where(log, self.centre, 1.0), 1.0)
         return np.where(log, np.log(ratio), p - self.centre) / self.scale
 
     def slope(self, p: Array) -> Array:
-        """dp/dz at p."""
+        """dp/dz at p (..., n_p)."""
         return np.where(np.array(self.logarithmic), p * self.scale, self.scale)
 
     def vector(self) -> Array:
+        """[centre, scale, lower z, upper z] for a compiled step."""
         return np.concatenate([self.centre, self.scale, self.to_z(self.lower), self.to_z(self.upper)])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coupling:
-    """How the two filters know of each other, and how the parameters wander."""
+class DualCoupling:
+    """How the two filters are coupled, and the random walk of the parameters."""
 
-    consistent: bool = True  # S of the parameter filter includes the state's covariance
-    coupled: bool = True  # a parameter's correction moves the state along dx/dp
-    random_walk: Array | float = 0.0  # variance of z gained per second
+    consistent: bool = True  # the parameter filter's innovation variance contains the state's covariance
+    coupled: bool = True  # a correction of the parameters corrects the state along dx/dp
+    random_walk: Array | float = 0.0  # increase of the variance of z per second
     forgetting: float = 0.0  # 1/s: the random walk decays as exp(-forgetting t)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DualState:
-    """The two filters between two samples."""
+    """State of the two filters between two samples."""
 
     x: Array  # (n,)
     P: Array  # (n, n)
     z: Array  # (n_p,)
     Pz: Array  # (n_p, n_p)
     sensitivity: Array  # dx/dz (n, n_p)
-    walk: float = 1.0  # what forgetting has left of the random walk
+    walk: float = 1.0  # factor of the random walk that is left after forgetting
 
     def vector(self) -> Array:
+        """The carry of a compiled step."""
         return np.concatenate(
             [self.x, pack_array(self.P), self.z, pack_array(self.Pz), self.sensitivity.ravel(order="F"), [self.walk]]
         )
 
     @classmethod
     def from_vector(cls, vector: Array, n_x: int, n_p: int) -> "DualState":
+        """Inverse of `vector` for n_x states and n_p parameters."""
         edges = np.cumsum([n_x, packed_size(n_x), n_p, packed_size(n_p), n_x * n_p])
         x, P, z, Pz, sensitivity, walk = np.split(vector, edges)
         return cls(
@@ -97,19 +101,19 @@ class DualState:
 
 @dataclass(frozen=True, kw_only=True)
 class DualFiltered:
-    """A record after the dual filter; N samples, n_p parameters, m channels."""
+    """Result of the dual filter for a record of N samples, n_p parameters and m channels."""
 
     z: Array  # (N, n_p)
     z_variance: Array  # (N, n_p)
-    innovation: Array  # (N, m) sequential, 0 where missing
+    innovation: Array  # (N, m) of the sequential update, 0 where missing
     innovation_variance: Array  # (N, m)
-    accepted: Array  # (N, m)
-    sensitivity: Array  # (N, m, n_p) of each channel's prediction to z
-    end: DualState
+    accepted: Array  # (N, m) 1 where the measurement was used, else 0
+    sensitivity: Array  # (N, m, n_p) of each channel's prediction with respect to z
+    end: DualState  # after the last row
 
 
 def scaled(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX) -> ca.SX:
-    """`Scaling.to_p`, symbolically."""
+    """Symbolic form of `Scaling.to_p`."""
     return ca.vertcat(
         *[
             centre[i] * ca.exp(scale[i] * z[i]) if log else centre[i] + scale[i] * z[i]
@@ -119,8 +123,8 @@ def scaled(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX)
 
 
 @functools.cache
-def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
-    """The compiled step.
+def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
+    """The compiled step of both filters.
 
     carry = `DualState.vector`; sample = [dt, d, y, weight];
     constant = [c, Q, R, gate^2, centre, scale, lower z, upper z, walk per second, forgetting, consistent, coupled];
@@ -148,7 +152,7 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     p = ca.substitute(p_of_z, symbol, z)
 
     def wrt_z(function: ca.Function, *arguments: ca.SX) -> ca.SX:
-        """d function / dz at z, the state held; `arguments` come before p and c."""
+        """Derivative of a function of (*arguments, p, c) with respect to z at a fixed state."""
         return ca.substitute(ca.jacobian(function(*arguments, p_of_z, c), symbol), symbol, z)
 
     before, P, F = predict(model, x, P, dt, d, p, c, unpack(q, n_x))
@@ -158,30 +162,30 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
 
     predicted, H = observe(model, before, d, p, c)
     direct = wrt_z(model.observation, before, d)
-    x, base, base_z, channels, seen = before, before, z, [], []
+    x, base, base_z, channels, sensitivities = before, before, z, [], []
     for i in range(n_y):
         row = H[i, :]
         psi = row @ V + direct[i, :]
         innovation = y[i] - predicted[i] - row @ (x - base) - coupled * (direct[i, :] @ (z - base_z))
         cross, cross_z = P @ row.T, Pz @ psi.T
-        own, spread = row @ cross + r[i], psi @ cross_z
-        variance = spread + own
+        of_state, of_parameters = row @ cross + r[i], psi @ cross_z
+        variance = of_parameters + of_state
         accepted = gate(innovation, variance, weight[i], limit)
-        # no sample may pin z closer than rounding lets it: where a vehicle runs away, so does its gradient
-        noise_z = ca.fmax(consistent * own + (1 - consistent) * r[i], PRECISION * spread)
-        gain_z = accepted * cross_z / (spread + noise_z)
-        gain = accepted * cross / own
-        moved = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
+        # rounding limits the information of a sample; the sensitivities of an unstable vehicle grow without bound
+        noise_z = ca.fmax(consistent * of_state + (1 - consistent) * r[i], PRECISION * of_parameters)
+        gain_z = accepted * cross_z / (of_parameters + noise_z)
+        gain = accepted * cross / of_state
+        z_after = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
         V = V - gain @ psi
-        x = x + gain * innovation + coupled * (V @ (moved - z))
-        z = moved
+        x = x + gain * innovation + coupled * (V @ (z_after - z))
+        z = z_after
         P = joseph(P, cross, gain, row, r[i])
         Pz = joseph(Pz, cross_z, gain_z, psi, noise_z)
-        channels.append(Channel(weight[i] * innovation, variance, accepted))
-        seen.append(psi.T)
-    Pz = positive(Pz)
+        channels.append(ChannelUpdate(weight[i] * innovation, variance, accepted))
+        sensitivities.append(psi.T)
+    Pz = positive_semidefinite(Pz)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V), walk)
-    output = [z, ca.diag(Pz), channel_columns(channels), *seen]
+    output = [z, ca.diag(Pz), channel_columns(channels), *sensitivities]
     return Scan(
         ca.Function(
             "dual", [carry, sample, constant], [ca.densify(carried), ca.densify(ca.vertcat(*output))], {"cse": True}
@@ -189,7 +193,7 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     )
 
 
-def run(
+def run_dual(
     model: Model,
     rows: Array,
     *,
@@ -197,24 +201,25 @@ def run(
     noise: Noise,
     scaling: Scaling,
     start: DualState,
-    coupling: Coupling | None = None,
+    coupling: DualCoupling | None = None,
 ) -> DualFiltered:
-    """Take both filters through one record.
+    """Run both filters over one record.
 
     Args:
-        rows: from `model.sample_rows`, (N, 1 + n_d + 2 n_y).
-        c: the model's other parameters (n_c,).
-        noise: Q per second, R and the gate.
-        scaling: how z becomes p.
+        model: of the record.
+        rows: (N, 1 + n_d + 2 n_y), from `model.sample_rows`.
+        c: parameters of the model that are not estimated, (n_c,).
+        noise: of process and measurements.
+        scaling: of the n_p estimated parameters.
         start: both filters before the first row.
-        coupling: how they know of each other; the joint filter's ways by default.
+        coupling: of the two filters; by default equivalent to the joint filter.
     """
-    coupling = coupling or Coupling()
+    coupling = coupling or DualCoupling()
     n_x, _, n_p, _, n_y = sizes(model)
     walk = np.broadcast_to(np.asarray(coupling.random_walk, dtype=np.float64), (n_p,))
     switches = [coupling.forgetting, float(coupling.consistent), float(coupling.coupled)]
     constant = np.concatenate([c, noise.vector(), scaling.vector(), walk, switches])
-    carry, out = step(model, scaling.logarithmic)(start.vector(), rows, constant)
+    carry, out = dual_step(model, scaling.logarithmic)(start.vector(), rows, constant)
     z, variance_z, innovation, variance, accepted, psi = np.split(out, np.cumsum([n_p, n_p, n_y, n_y, n_y]), axis=1)
     return DualFiltered(
         z=z,

@@ -1,13 +1,12 @@
-"""The joint filter of state and parameters for live use: it may stop learning, and it may linearise anywhere.
+"""The joint filter of state and parameters for on-line use, with optional learning and a choice of linearisation.
 
-The dual filter of `dual` with both its switches on is Friedland's (1969) separate form of the joint extended Kalman
-filter. Two things are added:
+The dual filter of `dual` with both switches on is Friedland's (1969) separate form of the joint extended Kalman filter.
+This filter adds two inputs:
 
-* learn: on a sample from which nothing is to be learned, and for a parameter that is only considered, z has no gain.
-  The state's covariance is P + V Pz V' for any gain of z (Schmidt 1966), so that every sigma goes on counting what is
-  not known.
-* zl: where the model is linearised. The filter does so at its own z. One that goes over the same samples a second time
-  does so at what has been learned since, which is an iteration of the filter (Bell and Cathey 1993).
+* learn: z has no gain on a sample with learn = 0, and never for a considered parameter. The covariance of the state is
+  P + V Pz V' for any gain of z (Schmidt 1966), so every sigma contains the uncertainty of the parameters.
+* zl: the point of linearisation of the second lane. The first lane linearises at its own z. The second lane repeats
+  samples with a better linearisation, which is an iteration of the filter (Bell and Cathey 1993).
 """
 
 import functools
@@ -17,21 +16,22 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.filters.dual import PRECISION, Scaling, scaled
 from fifthwheel.filters.kalman import Noise, observe, predict
-from fifthwheel.filters.model import Array, Model, pack, packed_size, sizes, split, unpack
+from fifthwheel.filters.model import Model, pack, packed_size, sizes, split, unpack
 from fifthwheel.filters.update import gate, joseph
 from fifthwheel.native import Scan
 
 LANES = 2
-"""The filter, and the one that goes over its samples again: in one vector register they cost little more than one."""
+"""The filter and the filter that repeats its samples; in one vector register they cost little more than one filter."""
 
-RUNAWAY = 1e3
-"""States, standard deviations or sensitivities beyond this, in SI, are none of a vehicle."""
+MAX_STATE = 1e3
+"""Limit of the norm of state, standard deviations and sensitivities, SI; beyond it the filter has diverged."""
 
 
 class Layout:
-    """Where things lie in the carry [x, P, z, Pz, V]; P and Pz are packed, V is by columns."""
+    """Slices of the carry [x, P, z, Pz, V]; P and Pz are packed, V (n_x, n_p) is stored by columns."""
 
     def __init__(self, n_x: int, n_p: int) -> None:
         self.n_x, self.n_p = n_x, n_p
@@ -42,11 +42,11 @@ class Layout:
 
 
 @functools.cache
-def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
-    """The compiled step.
+def joint_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
+    """The compiled step of the joint filter.
 
     carry = `Layout`; sample = [dt, d, y, weight, learn, zl]; constant = `constants`;
-    output = [accepted, innovation squared over its variance, lost]. From a state that is lost nothing is learned.
+    output = [accepted, squared innovation over its variance, diverged]. A filter that has diverged uses no measurement.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     lengths = Layout(n_x, n_p).lengths
@@ -59,54 +59,55 @@ def step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
         )
     )
     x, P, z, Pz, V = split(carry, lengths)
-    dt, d, y, weight, learn, given = split(sample, [1, n_d, n_y, n_y, 1, n_p])
-    c, q, r, limit, centre, scale, lower, upper, free, elsewhere = split(
+    dt, d, y, weight, learn, given_z = split(sample, [1, n_d, n_y, n_y, 1, n_p])
+    c, q, r, limit, centre, scale, lower, upper, estimated, use_given = split(
         constant, [n_c, lengths[1], n_y, 1, *[n_p] * 5, 1]
     )
     P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
-    lost = ca.logic_not(ca.sumsqr(x) + ca.trace(P) + ca.sumsqr(V) <= RUNAWAY**2)  # also where they are not numbers
-    x, P, V = (ca.if_else(lost, 0, part) for part in (x, P, V))  # no 0 times infinity below
-    weight = weight * (1 - lost)
+    diverged = ca.logic_not(ca.sumsqr(x) + ca.trace(P) + ca.sumsqr(V) <= MAX_STATE**2)  # also if not a number
+    x, P, V = (ca.if_else(diverged, 0, value) for value in (x, P, V))  # avoids 0 times infinity below
+    weight = weight * (1 - diverged)
 
-    base_z = z + elsewhere * (given - z)
+    base_z = z + use_given * (given_z - z)
     symbol = ca.SX.sym("z", n_p)
     p_of_z = scaled(logarithmic, symbol, centre, scale)
     p = ca.substitute(p_of_z, symbol, base_z)
 
     def wrt_z(function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
+        """Derivatives of the outputs of a function of (*arguments, p, c) with respect to z at a fixed state."""
         outputs = function.call([*arguments, p_of_z, c])
         return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [base_z])
 
-    # over to the state that goes with base_z, and back at the end
-    there = x + V @ (base_z - z)
-    before, P, F = predict(model, there, P, dt, d, p, c, unpack(q, n_x))
-    V = _sensitivity(model, wrt_z, F, V, there, before, dt, d)
+    # the state that belongs to base_z; the end of the step returns to that of z
+    x_base = x + V @ (base_z - z)
+    before, P, F = predict(model, x_base, P, dt, d, p, c, unpack(q, n_x))
+    V = _sensitivity(model, wrt_z, F, V, x_base, before, dt, d)
     predicted, H = observe(model, before, d, p, c)
     (direct,) = wrt_z(model.observation, before, d)
     x, used, squares = before, [], []
     for i in range(n_y):
         row = H[i, :]
         psi = row @ V + direct[i, :]
-        apart = y[i] - predicted[i] - row @ (x - before)  # the innovation if z were base_z
-        innovation = apart - psi @ (z - base_z)
+        innovation_at_base = y[i] - predicted[i] - row @ (x - before)  # with z = base_z
+        innovation = innovation_at_base - psi @ (z - base_z)
         cross, cross_z = P @ row.T, Pz @ psi.T
-        own, spread = row @ cross + r[i], psi @ cross_z
-        accepted = gate(innovation, own + spread, weight[i], limit)
-        noise_z = ca.fmax(own, PRECISION * spread)
-        gain_z = accepted * learn * free * cross_z / (spread + noise_z)
-        # what nothing is learned of, the state takes up by the best gain for that
-        idle = 1 - learn
-        gain = accepted * (cross + idle * (V @ cross_z)) / (own + idle * spread)
+        of_state, of_parameters = row @ cross + r[i], psi @ cross_z
+        accepted = gate(innovation, of_state + of_parameters, weight[i], limit)
+        noise_z = ca.fmax(of_state, PRECISION * of_parameters)
+        gain_z = accepted * learn * estimated * cross_z / (of_parameters + noise_z)
+        # without learning, the gain of the state is optimal for the total covariance P + V Pz V'
+        considered = 1 - learn
+        gain = accepted * (cross + considered * (V @ cross_z)) / (of_state + considered * of_parameters)
         z = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
         V = V - gain @ psi
-        x = x + gain * apart
+        x = x + gain * innovation_at_base
         P = joseph(P, cross, gain, row, r[i])
-        Pz = _corrected(Pz, cross_z, gain_z, spread + noise_z)
+        Pz = _corrected(Pz, cross_z, gain_z, of_parameters + noise_z)
         used.append(accepted)
-        squares.append(weight[i] * innovation**2 / (own + spread))
+        squares.append(weight[i] * innovation**2 / (of_state + of_parameters))
     x = x + V @ (z - base_z)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V))
-    output = ca.densify(ca.vertcat(*used, *squares, lost))
+    output = ca.densify(ca.vertcat(*used, *squares, diverged))
     return Scan(ca.Function("joint", [carry, sample, constant], [ca.densify(carried), output], {"cse": True}), LANES)
 
 
@@ -120,10 +121,10 @@ def _sensitivity(
     dt: ca.SX,
     d: ca.SX,
 ) -> ca.SX:
-    """dx/dz at the end of a step.
+    """dx/dz (n_x, n_p) at the end of a step.
 
-    A model that knows its rates is not differentiated through its whole series: what z changes of x' counts by the
-    trapezoidal rule.
+    If the model has `rates`, the derivative of x' with respect to z is integrated by the trapezoidal rule, which needs
+    fewer operations than the derivative of the transition.
     """
     rates: ca.Function | None = getattr(model, "rates", None)
     if rates is None:
@@ -133,43 +134,46 @@ def _sensitivity(
 
 
 def _corrected(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance: ca.SX) -> ca.SX:
-    """(I - K h) P (I - K h)' + K r K' for any gain K, of cross = P h' and the innovation's variance.
+    """(I - K h) P (I - K h)' + K r K' for any gain K, from cross = P h' and the variance of the innovation.
 
-    Its products worked out, of which only the lower triangle is made: a third of Joseph's operations.
+    The products are expanded and only the lower triangle is computed: a third of the operations of Joseph's form.
     """
     n = covariance.shape[0]
-    rest = cross - variance * gain
+    difference = cross - variance * gain
     corrected = ca.SX(n, n)
     for j in range(n):
         for i in range(j, n):
-            corrected[i, j] = corrected[j, i] = covariance[i, j] - gain[i] * cross[j] - rest[i] * gain[j]
+            corrected[i, j] = corrected[j, i] = covariance[i, j] - gain[i] * cross[j] - difference[i] * gain[j]
     return corrected
 
 
 def constants(c: Array, noise: Noise, scaling: Scaling, free: Array) -> Array:
-    """What the step is told once (n_constant, LANES): the first lane linearises at its own z, the second at zl.
+    """Constant of the step, (n_constant, LANES). The first lane linearises at its own z, the second lane at zl.
 
     Args:
-        c: the model's other parameters.
-        noise: Q per second, R and the gate.
-        scaling: how z becomes p.
-        free: (n_p,) 1 for each z that may be learned, 0 for one that is only considered.
+        c: parameters of the model that are not in z, (n_c,).
+        noise: of process and measurements.
+        scaling: of the parameters z.
+        free: (n_p,) 1 for an estimated z, 0 for a considered z.
     """
-    own = np.concatenate([c, noise.vector(), scaling.vector(), free, [0.0]])
-    other = own.copy()
-    other[-1] = 1.0
-    return np.column_stack([own, other])
+    first = np.concatenate([c, noise.vector(), scaling.vector(), free, [0.0]])
+    second = first.copy()
+    second[-1] = 1.0
+    return np.column_stack([first, second])
 
 
 @functools.cache
-def view(model: Model, report: Model, logarithmic: tuple[bool, ...], places: tuple[int, ...]) -> Scan:
-    """What the filter of `model` says of the outputs of `report`: values, and variances with the parameters' part.
+def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], indices: tuple[int, ...]) -> Scan:
+    """The compiled outputs of `report` at the filter's state, with variances that contain those of the parameters.
 
-    carry = `Layout`, left as it is; sample = d; constant = [c of the report, centre, scale];
+    carry = `Layout`, unchanged; sample = d; constant = [c of the report, centre, scale];
     output = [reported, their variances].
 
     Args:
-        report: a model of the same state; its free parameters are those at `places` among the z, in that order.
+        model: of the filter.
+        report: a model of the same state; its free parameters are the z at `indices`, in this order.
+        logarithmic: as in `Scaling`.
+        indices: of the free parameters of the report among the z.
     """
     n_x, n_d, n_p, *_ = sizes(model)
     n_c = sizes(report)[3]
@@ -180,14 +184,14 @@ def view(model: Model, report: Model, logarithmic: tuple[bool, ...], places: tup
     x, P, z, Pz, V = split(carry, lengths)
     c, centre, scale = split(constant, [n_c, n_p, n_p])
     P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
-    both = ca.SX.sym("both", n_x + n_p)
-    p = scaled(logarithmic, both[n_x:], centre, scale)
-    shown = report.observation(both[:n_x], d, p[list(places)], c)
-    shown, slopes = ca.substitute([shown, ca.jacobian(shown, both)], [both], [ca.vertcat(x, z)])
-    spread = []
-    for i in range(shown.shape[0]):
+    x_and_z = ca.SX.sym("x_and_z", n_x + n_p)
+    p = scaled(logarithmic, x_and_z[n_x:], centre, scale)
+    reported = report.observation(x_and_z[:n_x], d, p[list(indices)], c)
+    reported, slopes = ca.substitute([reported, ca.jacobian(reported, x_and_z)], [x_and_z], [ca.vertcat(x, z)])
+    variances = []
+    for i in range(reported.shape[0]):
         row = slopes[i, :n_x]
         psi = row @ V + slopes[i, n_x:]
-        spread.append(row @ P @ row.T + psi @ Pz @ psi.T)
-    output = ca.densify(ca.vertcat(shown, *spread))
+        variances.append(row @ P @ row.T + psi @ Pz @ psi.T)
+    output = ca.densify(ca.vertcat(reported, *variances))
     return Scan(ca.Function("view", [carry, d, constant], [carry, output], {"cse": True}), LANES)

@@ -1,6 +1,6 @@
-"""The (extended) Kalman filter over any symbolic model, for records with irregular time and missing channels.
+"""The (extended) Kalman filter of a symbolic model, for irregular sampling and missing channels.
 
-Kalman (1960); the article's equations (3)-(6). On a linear model it is the Kalman filter exactly.
+Kalman (1960); equations (3)-(6) of Cheng and Cebon (2011). For a linear model it is the Kalman filter.
 """
 
 import functools
@@ -9,16 +9,19 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
-from fifthwheel.filters.update import Channel, gate, joseph
+from fifthwheel._types import Array
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.update import ChannelUpdate, gate, joseph
 from fifthwheel.native import Scan
 
 
 @dataclass(frozen=True, kw_only=True)
 class Filtered:
-    """A record after the filter; N samples, n states, m channels. Innovations are those of the sequential update:
-    each channel's is conditioned on the channels before it in the same sample, so that squares over variances add up
-    to the sample's NIS."""
+    """Result of the filter for a record of N samples, n states and m channels.
+
+    Innovations are those of the sequential update: the innovation of a channel is conditioned on the previous channels
+    of the same sample, so that the sum of squared innovations over their variances is the NIS of the sample.
+    """
 
     state: Array  # (N, n) after the update
     covariance: Array  # (N, n, n) after the update
@@ -31,13 +34,14 @@ class Filtered:
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Process noise per second Q (n, n), measurement variances R (m,), and the gate in standard deviations."""
+    """Noise of a filter."""
 
-    process: Array
-    measurement: Array
-    gate: float = np.inf
+    process: Array  # Q (n, n), variance per second
+    measurement: Array  # R (m,), variances
+    gate: float = np.inf  # largest innovation in standard deviations
 
     def vector(self) -> Array:
+        """[Q packed, R, gate^2] for a compiled step."""
         limit = min(self.gate, 1e100) ** 2
         return np.concatenate([pack_array(self.process), self.measurement, [limit]])
 
@@ -45,11 +49,18 @@ class Noise:
 def predict(
     model: Model, x: ca.SX, covariance: ca.SX, dt: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX, q: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Time update: the state dt later, its covariance F P F' + Q dt, and F."""
+    """Time update: the state after dt, its covariance F P F' + Q dt, and F.
+
+    Args:
+        x, covariance: state (n,) and P (n, n).
+        dt: s.
+        d, p, c: of the model.
+        q: Q per second (n, n).
+    """
     later = model.transition(x, dt, d, p, c)
-    own: ca.Function | None = getattr(model, "state_jacobian", None)
-    if own is not None:
-        F = own(x, dt, d, p, c)
+    state_jacobian: ca.Function | None = getattr(model, "state_jacobian", None)
+    if state_jacobian is not None:
+        F = state_jacobian(x, dt, d, p, c)
     else:
         symbol = ca.SX.sym("x", x.shape[0])
         F = ca.substitute(ca.jacobian(model.transition(symbol, dt, d, p, c), symbol), symbol, x)
@@ -57,23 +68,33 @@ def predict(
 
 
 def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Predicted measurements at x and their Jacobian H."""
+    """Predicted measurements (m,) at x, and their Jacobian H (m, n)."""
     symbol = ca.SX.sym("x", x.shape[0])
     predicted = model.observation(symbol, d, p, c)
     y, H = ca.substitute([predicted, ca.jacobian(predicted, symbol)], [symbol], [x])
     return y, H
 
 
-def tell(model: Model, x: ca.SX, covariance: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Outputs of a model of the same state at x, and their variances, which no sensor's noise is a part of."""
-    shown, S = observe(model, x, d, p, c)
-    return shown, ca.vertcat(*[S[i, :] @ covariance @ S[i, :].T for i in range(S.shape[0])])
+def report_outputs(model: Model, x: ca.SX, covariance: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Outputs of another model of the same state, and their variances without measurement noise."""
+    outputs, H = observe(model, x, d, p, c)
+    return outputs, ca.vertcat(*[H[i, :] @ covariance @ H[i, :].T for i in range(H.shape[0])])
 
 
 def correct(
     x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
-) -> tuple[ca.SX, ca.SX, list[Channel], list[tuple[ca.SX, ca.SX]]]:
-    """Measurement update, channel by channel: state, covariance, what each channel left, and each (gain, row)."""
+) -> tuple[ca.SX, ca.SX, list[ChannelUpdate], list[tuple[ca.SX, ca.SX]]]:
+    """Measurement update, channel by channel.
+
+    Args:
+        x, covariance: before the update, (n,) and (n, n).
+        predicted, H: of `observe`.
+        y, weight, r: measurements, their weights and variances, (m,) each.
+        limit: squared gate.
+
+    Returns:
+        State, covariance, the update of each channel, and (gain, row of H) of each channel.
+    """
     prior, channels, gains = x, [], []
     for i in range(y.shape[0]):
         row = H[i, :]
@@ -84,19 +105,19 @@ def correct(
         gain = accepted * cross / variance
         x = x + gain * innovation
         covariance = joseph(covariance, cross, gain, row, r[i])
-        channels.append(Channel(weight[i] * innovation, variance, accepted))
+        channels.append(ChannelUpdate(weight[i] * innovation, variance, accepted))
         gains.append((gain, row))
     return x, covariance, channels, gains
 
 
-def channel_columns(channels: list[Channel]) -> ca.SX:
-    """Innovations, their variances, accepted: 3 m rows."""
+def channel_columns(channels: list[ChannelUpdate]) -> ca.SX:
+    """[innovations, their variances, accepted], (3 m,)."""
     return ca.vertcat(*[channel[i] for i in range(3) for channel in channels])
 
 
 @functools.cache
-def step(model: Model) -> Scan:
-    """The compiled step.
+def kalman_step(model: Model) -> Scan:
+    """The compiled step of the filter.
 
     carry = [x, P]; sample = [dt, d, y, weight]; constant = [p, c, Q, R, gate^2];
     output = [x, P, innovation, variance, accepted, x-, P-]. Matrices are packed.
@@ -124,18 +145,19 @@ def step(model: Model) -> Scan:
     )
 
 
-def run(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:
+def run_kalman(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:
     """Filter one record.
 
     Args:
-        rows: from `model.sample_rows`, (N, 1 + n_d + 2 n_y).
-        p, c: the model's parameters, (n_p,) and (n_c,).
-        noise: Q per second, R and the gate.
+        model: of the record.
+        rows: (N, 1 + n_d + 2 n_y), from `model.sample_rows`.
+        p, c: parameters of the model, (n_p,) and (n_c,).
+        noise: of process and measurements.
         x0, P0: state (n,) and covariance (n, n) before the first row.
     """
     n_x, _, _, _, n_y = sizes(model)
     carry = np.concatenate([x0, pack_array(P0)])
-    _, out = step(model)(carry, rows, np.concatenate([p, c, noise.vector()]))
+    _, out = kalman_step(model)(carry, rows, np.concatenate([p, c, noise.vector()]))
     n_P = packed_size(n_x)
     edges = np.cumsum([n_x, n_P, n_y, n_y, n_y, n_x])
     x, P, innovation, variance, accepted, before, P_before = np.split(out, edges, axis=1)

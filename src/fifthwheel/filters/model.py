@@ -1,4 +1,4 @@
-"""What a filter needs to know of a system, and how its numbers lie in a carry, a sample and a constant vector."""
+"""The interface of a symbolic model, and the layout of carry, sample and constant vectors."""
 
 import itertools
 from collections.abc import Hashable, Sequence
@@ -6,20 +6,19 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fifthwheel._types import Array
 
 
 class Model(Hashable, Protocol):
-    """A discrete-time system, symbolically.
+    """A symbolic discrete-time model.
 
     transition: (x, dt, d, p, c) -> x+, the state dt seconds later; observation: (x, d, p, c) -> y.
-    x is the state, d what a sample brings besides measurements, p the parameters that may be estimated, c the others.
+    x is the state, d the inputs of a sample, p the parameters that can be estimated, c all other parameters.
 
-    A model that knows a cheaper way to dx+/dx than to differentiate its transition offers `state_jacobian`, a function
-    of the transition's arguments. One of a differential equation may offer `rates`, (x, x+, dt, d, p, c) -> x' at the
-    begin and at the end of a step, from which dx+/dp is had nearly for nothing.
+    Two attributes are optional. `state_jacobian`, with the arguments of the transition, gives dx+/dx with fewer
+    operations than automatic differentiation. `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a
+    step, gives dx+/dp by the trapezoidal rule with few operations.
     """
 
     @property
@@ -29,24 +28,24 @@ class Model(Hashable, Protocol):
 
 
 def sizes(model: Model) -> tuple[int, int, int, int, int]:
-    """Lengths of x, d, p, c and y."""
+    """Numbers of elements of x, d, p, c and y."""
     n_x, _, n_d, n_p, n_c = (model.transition.numel_in(i) for i in range(5))
     return n_x, n_d, n_p, n_c, model.observation.numel_out(0)
 
 
 def packed_size(n: int) -> int:
-    """Elements of the lower triangle of an n x n matrix."""
+    """Number of elements of the lower triangle of an n x n matrix."""
     return n * (n + 1) // 2
 
 
 def pack(matrix: ca.SX) -> ca.SX:
-    """The lower triangle by columns; a covariance kept so is symmetric whatever the rounding."""
+    """Lower triangle by columns, (n(n+1)/2,); a covariance stored in this form is exactly symmetric."""
     n = matrix.shape[0]
     return ca.vertcat(*[matrix[i, j] for j in range(n) for i in range(j, n)])
 
 
 def unpack(vector: ca.SX, n: int) -> ca.SX:
-    """The symmetric matrix whose lower triangle `pack` wrote."""
+    """The symmetric matrix (n, n) of a lower triangle from `pack`."""
     matrix = ca.SX(n, n)
     k = 0
     for j in range(n):
@@ -58,13 +57,13 @@ def unpack(vector: ca.SX, n: int) -> ca.SX:
 
 
 def pack_array(matrix: Array) -> Array:
-    """`pack` for numbers: (..., n, n) to (..., n(n+1)/2)."""
+    """`pack` for arrays: (..., n, n) to (..., n(n+1)/2)."""
     rows, columns = np.triu_indices(matrix.shape[-1])
     return np.asarray(matrix[..., columns, rows])
 
 
 def unpack_array(vector: Array, n: int) -> Array:
-    """`unpack` for numbers: (..., n(n+1)/2) to (..., n, n)."""
+    """`unpack` for arrays: (..., n(n+1)/2) to (..., n, n)."""
     rows, columns = np.triu_indices(n)
     matrix = np.empty((*vector.shape[:-1], n, n))
     matrix[..., rows, columns] = vector
@@ -73,21 +72,21 @@ def unpack_array(vector: Array, n: int) -> Array:
 
 
 def split(vector: ca.SX, lengths: Sequence[int]) -> list[ca.SX]:
-    """Cut a column vector into consecutive pieces."""
+    """Split a column vector into consecutive vectors of these lengths."""
     edges = np.concatenate([[0], np.cumsum(lengths)])
     return [vector[int(a) : int(b)] for a, b in itertools.pairwise(edges)]
 
 
 def sample_rows(dt: Array, inputs: Array, measured: Array) -> Array:
-    """The rows that a compiled step reads: dt, d, y, and a weight of 0 where y is missing.
+    """Samples of a compiled step: [dt, d, y, weight], with weight 0 and y = 0 where y is missing.
 
     Args:
-        dt: (N,) seconds since the row before.
-        inputs: (N, n_d), finite.
-        measured: (N, n_y), NaN where missing.
+        dt: (N,) time since the previous row, s.
+        inputs: d (N, n_d), finite.
+        measured: y (N, n_y), not finite where missing.
 
     Returns:
         (N, 1 + n_d + 2 n_y), finite.
     """
-    seen = np.isfinite(measured)
-    return np.column_stack([dt, inputs, np.where(seen, measured, 0.0), seen])
+    present = np.isfinite(measured)
+    return np.column_stack([dt, inputs, np.where(present, measured, 0.0), present])

@@ -1,8 +1,8 @@
-"""Fixed-interval smoothing: every state given the whole record.
+"""Fixed-interval smoothing: the state at each sample given all samples of the record.
 
-The modified Bryson-Frazier form (Bierman 1977, chapter X): backwards in time with the adjoint of the filter, so that no
-covariance is inverted and the process noise may be zero. Without process noise the smoothed states are one trajectory
-of the model, from the initial state that fits the record best.
+The modified Bryson-Frazier form (Bierman 1977, chapter X) runs backwards with the adjoint of the filter. It inverts no
+covariance, so the process noise may be zero. Without process noise the smoothed states are one trajectory of the model,
+which starts at the initial state with the best fit to the record.
 """
 
 import functools
@@ -11,28 +11,29 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
 from fifthwheel.native import Scan
 
 
 @dataclass(frozen=True, kw_only=True)
 class Smoothed:
-    """States (N, n) and covariances (N, n, n) given all samples."""
+    """Smoothed states of a record."""
 
-    state: Array
-    covariance: Array
+    state: Array  # (N, n)
+    covariance: Array  # (N, n, n)
 
 
 @functools.cache
-def step(model: Model, report: Model | None = None) -> Scan:
-    """The compiled backward step.
+def smoother_step(model: Model, report: Model | None = None) -> Scan:
+    """The compiled backward step of the smoother.
 
-    carry = [adjoint state, adjoint covariance, dt and d], of the row after this one;
-    sample = [dt, d, y, weight, accepted, x-, P-]; constant as the filter's; output = [x, P] smoothed.
+    carry = [adjoint state, adjoint covariance, dt, d] of the following row;
+    sample = [dt, d, y, weight, accepted, x-, P-]; constant = that of the filter; output = smoothed [x, P].
 
-    With `report`, a model of the same state without free parameters: constant = [the filter's, c of the report];
-    output = [its outputs at the smoothed states, their variances].
+    With `report`, a model of the same state without free parameters: constant = [that of the filter, c of the report];
+    output = [outputs of the report at the smoothed state, their variances].
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P, n_report = packed_size(n_x), 0 if report is None else sizes(report)[3]
@@ -50,34 +51,36 @@ def step(model: Model, report: Model | None = None) -> Scan:
     information, P_before = unpack(information, n_x), unpack(P_before, n_x)
 
     predicted, H = kalman.observe(model, before, d, p, c)
-    never = ca.SX(1e300)  # what the filter accepted is known; no gate here
-    x, P, channels, gains = kalman.correct(before, P_before, predicted, H, y, accepted, r, never)
+    open_gate = ca.SX(1e300)  # the filter has already gated the samples
+    x, P, channels, gains = kalman.correct(before, P_before, predicted, H, y, accepted, r, open_gate)
     _, _, F = kalman.predict(model, x, P, dt_next, d_next, p, c, ca.SX(n_x, n_x))
     adjoint, information = F.T @ adjoint, ca.mtimes([F.T, information, F])
     smoothed, P_smoothed = x - P @ adjoint, P - ca.mtimes([P, information, P])
-    told = smoothed, pack(P_smoothed)
+    results = smoothed, pack(P_smoothed)
     if report is not None:
-        told = kalman.tell(report, smoothed, P_smoothed, d, ca.SX(0, 1), c_report)
+        results = kalman.report_outputs(report, smoothed, P_smoothed, d, ca.SX(0, 1), c_report)
     for channel, (gain, row) in reversed(list(zip(channels, gains, strict=True))):
         used = channel.accepted
-        back = ca.SX.eye(n_x) - gain @ row
-        adjoint = back.T @ adjoint - used * row.T * channel.innovation / channel.variance
-        information = ca.mtimes([back.T, information, back]) + used * row.T @ row / channel.variance
+        correction = ca.SX.eye(n_x) - gain @ row
+        adjoint = correction.T @ adjoint - used * row.T * channel.innovation / channel.variance
+        information = ca.mtimes([correction.T, information, correction]) + used * row.T @ row / channel.variance
     carried = ca.vertcat(adjoint, pack(information), dt, d)
-    results = [ca.densify(carried), ca.densify(ca.vertcat(*told))]
-    return Scan(ca.Function("smoother", [carry, sample, constant], results, {"cse": True}))
+    outputs = [ca.densify(carried), ca.densify(ca.vertcat(*results))]
+    return Scan(ca.Function("smoother", [carry, sample, constant], outputs, {"cse": True}))
 
 
-def run(model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x0: Array, P0: Array) -> Smoothed:
-    """Filter one record forwards, then smooth it backwards; arguments as in `kalman.run`."""
+def run_smoother(
+    model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x0: Array, P0: Array
+) -> Smoothed:
+    """Filter a record forwards, then smooth it backwards; arguments as in `kalman.run_kalman`."""
     n_x, n_d, _, _, n_y = sizes(model)
     n_P = packed_size(n_x)
     constant = np.concatenate([p, c, noise.vector()])
     carry = np.concatenate([x0, pack_array(P0)])
-    _, out = kalman.step(model)(carry, rows, constant)
+    _, out = kalman.kalman_step(model)(carry, rows, constant)
     edges = np.cumsum([n_x, n_P, 2 * n_y, n_y])
     _, _, _, accepted, predicted = np.split(out, edges, axis=1)
     start = np.concatenate([np.zeros(n_x + n_P + 1), rows[-1, 1 : 1 + n_d]])
-    _, back = step(model)(start, np.hstack([rows, accepted, predicted])[::-1], constant)
-    back = back[::-1]
-    return Smoothed(state=back[:, :n_x], covariance=unpack_array(back[:, n_x:], n_x))
+    _, backward = smoother_step(model)(start, np.hstack([rows, accepted, predicted])[::-1], constant)
+    backward = backward[::-1]
+    return Smoothed(state=backward[:, :n_x], covariance=unpack_array(backward[:, n_x:], n_x))

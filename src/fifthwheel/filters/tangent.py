@@ -1,7 +1,7 @@
-"""A model or a filter together with its exact derivative along any direction of its parameters and its start.
+"""Exact derivatives of a model or a filter with respect to its parameters and its initial state.
 
-Forward differentiation, one direction a lane of the machine code: a batch of as many lanes as there are unknowns gives
-the whole Jacobian, and one compiled step serves every choice of unknowns.
+Forward differentiation with one direction in each lane of the compiled step. A batch with one lane for each unknown
+gives the Jacobian, and one compiled step serves every choice of unknowns.
 """
 
 import functools
@@ -12,15 +12,16 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Array, Model, pack, pack_array, packed_size, sizes, split, unpack
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack
 from fifthwheel.native import Scan
 
 LANES = 8
-"""Directions that share one pass of the loop."""
+"""Number of directions in one pass of the loop."""
 
 CHUNK = 4_000
-"""Rows at a time, so that a long record needs no more memory than a short one."""
+"""Number of rows in one pass; it bounds the memory for long records."""
 
 
 def _with_tangent(
@@ -32,19 +33,19 @@ def _with_tangent(
     later: ca.SX,
     output: ca.SX,
 ) -> Scan:
-    """The step (carry, sample, [p, others]) -> (later, output) and its derivative along (carry', p').
+    """The step (carry, sample, [p, others]) -> (later, output), and its derivative along (carry', p').
 
     carry = [carry, carry']; constant = [p, p', others]; output = [output, output'].
     """
     carry_dot, p_dot = ca.SX.sym("carry_dot", carry.shape[0]), ca.SX.sym("p_dot", p.shape[0])
-    both = ca.vertcat(later, output)
-    change = ca.jtimes(both, ca.vertcat(carry, p), ca.vertcat(carry_dot, p_dot))
+    results = ca.vertcat(later, output)
+    derivative = ca.jtimes(results, ca.vertcat(carry, p), ca.vertcat(carry_dot, p_dot))
     n = later.shape[0]
     return Scan(
         ca.Function(
             name,
             [ca.vertcat(carry, carry_dot), sample, ca.vertcat(p, p_dot, others)],
-            [ca.densify(ca.vertcat(later, change[:n])), ca.densify(ca.vertcat(output, change[n:]))],
+            [ca.densify(ca.vertcat(later, derivative[:n])), ca.densify(ca.vertcat(output, derivative[n:]))],
             {"cse": True},
         ),
         LANES,
@@ -53,18 +54,20 @@ def _with_tangent(
 
 @functools.cache
 def simulation(model: Model) -> Scan:
-    """The model running free: sample = [dt, d]; output = y; others = c."""
+    """The free-running model: sample = [dt, d]; output = y; others = c."""
     n_x, n_d, n_p, n_c, _ = sizes(model)
     x, row, p, c = (ca.SX.sym(name, size) for name, size in (("x", n_x), ("row", 1 + n_d), ("p", n_p), ("c", n_c)))
     later = model.transition(x, row[0], row[1:], p, c)
-    seen = model.observation(later, row[1:], p, c)
-    return _with_tangent("simulation", x, row, p, c, later, seen)
+    y = model.observation(later, row[1:], p, c)
+    return _with_tangent("simulation", x, row, p, c, later, y)
 
 
 @functools.cache
 def innovations(model: Model) -> Scan:
-    """The Kalman filter: sample = [dt, d, y, weight]; output = [innovation, variance, accepted];
-    others = [c, Q, R, gate^2], of which nothing is differentiated."""
+    """The Kalman filter: sample = [dt, d, y, weight]; output = [innovation, variance, accepted].
+
+    others = [c, Q, R, gate^2], which are not differentiated.
+    """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P = packed_size(n_x)
     carry, sample, p, others = (
@@ -87,11 +90,11 @@ def innovations(model: Model) -> Scan:
 
 
 class Chunk(NamedTuple):
-    """Some rows of a record after a step of this file."""
+    """Outputs and derivatives for consecutive rows of a record."""
 
-    rows: slice
-    values: Array  # (rows, n_y)
-    slopes: Array  # (k, rows, n_y), along each direction
+    rows: slice  # of the record
+    values: Array  # outputs (M, n_output / 2) of M rows
+    slopes: Array  # derivatives of the outputs along each of the k directions, (k, M, n_output / 2)
 
 
 def in_chunks(
@@ -104,28 +107,33 @@ def in_chunks(
     directions: Array,
     others: Array,
 ) -> Iterator[Chunk]:
-    """Run a step of this file over a record, a chunk of rows after another.
+    """Outputs of a step and their derivatives over a record, in chunks of rows.
 
     Args:
         scan: `simulation` or `innovations` of a model.
-        rows: (M, n_sample).
-        start: carry before the first row (n,).
-        start_directions: its derivative along each of the k directions, (k, n).
-        p: (n_p,).
+        rows: (N, n_sample).
+        start: carry before the first row, (n,).
+        start_directions: derivative of the start along each of the k directions, (k, n).
+        p: parameters (n_p,).
         directions: derivative of p along each direction, (k, n_p).
-        others: the rest of the step's constants.
+        others: remaining constants of the step.
     """
     k = len(directions)
     carry = np.hstack([np.tile(start, (k, 1)), start_directions])
     constant = np.hstack([np.tile(p, (k, 1)), directions, np.tile(others, (k, 1))])
     half = scan.n_output // 2
     for begin in range(0, len(rows), CHUNK):
-        here = slice(begin, min(begin + CHUNK, len(rows)))
-        carry, out = scan.batch(carry, rows[here], constant, threads=os.cpu_count() or 1)
-        yield Chunk(here, out[0, :, :half], out[:, :, half:])
+        chunk = slice(begin, min(begin + CHUNK, len(rows)))
+        carry, out = scan.batch(carry, rows[chunk], constant, threads=os.cpu_count() or 1)
+        yield Chunk(chunk, out[0, :, :half], out[:, :, half:])
 
 
 def start_of_filter(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `innovations` and its derivatives; the start's covariance is the same in every direction."""
+    """Carry of `innovations` before the first row, and its derivatives; the initial covariance is constant.
+
+    Args:
+        x0, P0: initial state (n,) and covariance (n, n).
+        x0_directions: derivative of x0 along each of the k directions, (k, n).
+    """
     packed = pack_array(P0)
     return np.concatenate([x0, packed]), np.pad(x0_directions, ((0, 0), (0, len(packed))))

@@ -1,20 +1,24 @@
-"""From logs to parameters: in one stage or the article's two, with sigma and verdict."""
+"""Identification of parameters from records, with sigma and verdict.
 
-from fifthwheel.identify.information import Verdict
-from fifthwheel.identify.methods import identify
+`map` estimates all unknowns in one stage, `dual` in the two stages of the article, `online` sample by sample; `design`
+predicts what an identification can achieve.
+"""
+
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.identify import identify
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
-from fifthwheel.identify.settings import Common, OneStage, TwoStage, article
-from fifthwheel.identify.stage import Trace
+from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage, article
+from fifthwheel.identify.verdict import Verdict
 
 __all__ = [
-    "Common",
+    "CommonSettings",
     "Estimate",
     "Fit",
     "Identification",
     "LogSummary",
     "OneStage",
+    "ParameterHistory",
     "SensorError",
-    "Trace",
     "TwoStage",
     "Verdict",
     "article",

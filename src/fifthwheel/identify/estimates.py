@@ -1,225 +1,199 @@
-"""From what the filter and the information say to estimates with a verdict."""
+"""Builders of the parts of a result: estimates of parameters and derived quantities, sensor errors, log summaries."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fifthwheel.identify.information import Verdict
-from fifthwheel.identify.parameters import Unknown, scaling, stage_1_names, stage_2_names
-from fifthwheel.identify.result import Estimate, Fit, LogSummary, SensorError
-from fifthwheel.identify.settings import Common, TwoStage
-from fifthwheel.identify.stage import Log, Trace
-from fifthwheel.logs import Record
-from fifthwheel.observe import noise as variances
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError
+from fifthwheel.identify.dataset import LogData, speed_range
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.result import Estimate, LogSummary, SensorError
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, unit_of
 
-Array = NDArray[np.float64]
-
-SETTLED_PART = 0.1
-"""How much of a trace must lie within the tolerance, at its end, to speak of an average."""
+DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}
+"""SI unit of each derived quantity of a laden body, equations (8) and (9) of the article."""
 
 
-def settled_since(values: Array, tolerance: float) -> int:
-    """First sample from which all values (N,) stay within `tolerance` of their own average (the article's 2.2.3)."""
-    backwards = values[::-1]
-    count = np.arange(1, len(values) + 1)
-    mean = np.cumsum(backwards) / count
-    spread = np.maximum(np.maximum.accumulate(backwards) - mean, mean - np.minimum.accumulate(backwards))
-    return len(values) - 1 - int(np.flatnonzero(spread <= tolerance * np.abs(mean)).max())
+def parameter_estimate(unknown: Unknown, value: float, sigma_z: float, verdict: Verdict, **others: Any) -> Estimate:
+    """The estimate of an unknown parameter.
 
-
-def of_parameters(
-    vehicle: Vehicle,
-    sought: Sequence[Unknown],
-    values: Mapping[str, float],
-    sigma_z: Mapping[str, float],
-    settled: Mapping[str, bool],
-    idle: Collection[str],
-    traces: Mapping[str, Trace],
-    settings: TwoStage,
-) -> list[Estimate]:
-    """An estimate for every parameter that the stages seek or that was held."""
-    unknowns = {u.name: u for u in sought}
-    first, given = stage_1_names(vehicle), vehicle.parameters()
-    found = []
-    for name in (*first, *stage_2_names(vehicle)):
-        stage = 1 if name in first else 2
-        common: Any = {"name": name, "unit": unit_of(name), "stage": stage}
-        if name not in unknowns:
-            held = name in settings.held
-            verdict = Verdict.HELD if held else Verdict.NOT_EXCITED
-            found.append(Estimate(value=given[name], sigma=None, initial=given[name], verdict=verdict, **common))
-            continue
-        unknown, value, spread = unknowns[name], values[name], sigma_z[name]
-        if name in idle:
-            value, spread = given[name], 1.0
-        sigma = spread * float(np.abs(scaling([unknown]).slope(np.array([value])))[0])
-        known = settled.get(name, False) and spread < 1  # a sigma wider than the prior's is no finding
-        verdict = Verdict.NOT_EXCITED if name in idle else _verdict(unknown, value, sigma, known)
-        found.append(
-            Estimate(
-                value=value,
-                sigma=sigma,
-                initial=given[name] if name in idle else unknown.centre,
-                verdict=verdict,
-                settled=_settled_at(traces, name, settings),
-                prior=unknown.scale * (unknown.centre if unknown.logarithmic else 1.0),
-                **common,
-            )
-        )
-    return found
-
-
-def unexplained(fit: Fit, vehicle: Vehicle, settings: Common) -> bool:
-    """Whether a channel that is well above its sensor's noise is explained by less than half.
-
-    A roll rate must be further above, as roads roll a truck that drives straight.
+    Args:
+        value: SI.
+        sigma_z: standard deviation in units of the prior; sigma = sigma_z dp/dz.
+        others: further fields of `Estimate`; by default the initial value is the prior mean and the stage is 1.
     """
-    noise = variances.sensor(vehicle, fit.signal, settings.noise)
-    above = float(np.nanvar(fit.measured)) / noise
-    if fit.signal.startswith("roll"):
-        return not fit.explained > 0.5 and above > 20
-    return above > 4 and not fit.explained > 0.5 * (1 - 1 / above)
+    return Estimate(
+        name=unknown.name,
+        value=value,
+        sigma=sigma_z * unknown.slope(value),
+        unit=unit_of(unknown.name),
+        verdict=verdict,
+        prior=unknown.prior_sigma,
+        **{"initial": unknown.centre, "stage": 1, **others},
+    )
 
 
-def _verdict(unknown: Unknown, value: float, sigma: float, settled: bool) -> Verdict:
-    """At a bound means closer to it than a tenth of sigma: the prior keeps an estimate from lying on it exactly."""
-    if min(value - unknown.lower, unknown.upper - value) < 0.1 * sigma:
-        return Verdict.AT_BOUND
-    return Verdict.CONVERGED if settled else Verdict.NOT_CONVERGED
+def fixed_estimate(name: str, value: float, verdict: Verdict = Verdict.FIXED, *, stage: int = 1) -> Estimate:
+    """The estimate of a parameter that keeps the value of the vehicle file and has no sigma."""
+    return Estimate(name=name, value=value, sigma=None, unit=unit_of(name), initial=value, verdict=verdict, stage=stage)
 
 
-def _settled_at(traces: Mapping[str, Trace], name: str, settings: TwoStage) -> float | None:
-    """Seconds of driving until the parameter stayed within the tolerance.
+def derived_from_payload_height(vehicle: Vehicle, estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Laden CoG height (8) and roll inertia (9) of every unit with an estimated payload height.
 
-    Passes that restart are estimates of their own: the last one counts. Passes that carry on are one long run.
+    Each sigma is that of the payload height times the derivative, by forward differences.
+
+    Args:
+        vehicle: as identified.
+        estimates: of the parameters.
     """
-    for trace in traces.values():
-        if name in trace.names:
-            begin = trace.starts[-1] if settings.restart else 0
-            values = trace.values[begin:, trace.names.index(name)]
-            since = settled_since(values, settings.tolerance)
-            late = since > (1 - SETTLED_PART) * len(values)
-            return None if late else float(trace.time[begin + since] - trace.time[begin])
-    return None
-
-
-def derived(vehicle: Vehicle, parameters: Sequence[Estimate]) -> list[Estimate]:
-    """Laden CoG height and roll inertia (8), (9) of every unit with a payload, with sigma by their derivatives."""
-    found = []
-    by_name = {e.name: e for e in parameters}
+    derived = []
+    by_name = {e.name: e for e in estimates}
     for unit in vehicle.units:
         height = by_name.get(f"{unit.name}.payload.height")
         if height is None:
             continue
         step = 1e-4
         higher = vehicle.replace({height.name: height.value + step}).derived()
-        started = vehicle.replace({height.name: height.initial}).derived()
-        for word, si in (("cog_height", "m"), ("roll_inertia", "kg m^2")):
-            name = f"{unit.name}.{word}"
+        initial = vehicle.replace({height.name: height.initial}).derived()
+        for quantity, si in DERIVED_UNITS.items():
+            name = f"{unit.name}.{quantity}"
             value = vehicle.derived()[name]
             slope = (higher[name] - value) / step
-            found.append(
+            derived.append(
                 Estimate(
                     name=name,
                     value=value,
                     sigma=None if height.sigma is None else abs(slope) * height.sigma,
                     unit=si,
-                    initial=started[name],
+                    initial=initial[name],
                     verdict=height.verdict,
                     stage=2,
-                    settled=height.settled,
+                    settling_time=height.settling_time,
                 )
             )
-    return found
+    return derived
 
 
-def derived_together(
-    before: Vehicle, vehicle: Vehicle, parameters: Sequence[Estimate], covariance: Uncertainty
+def derived_from_covariance(
+    initial_vehicle: Vehicle, vehicle: Vehicle, estimates: Sequence[Estimate], uncertainty: Uncertainty
 ) -> list[Estimate]:
-    """CoG height and roll inertia (8), (9) of every unit of which something was sought, with the sigma of all that they
-    depend on and that was estimated."""
-    words = (".payload.height", ".sprung.cog_height", ".sprung.roll_inertia")
-    found, values = [], vehicle.parameters()
-    # central differences of a closed form, for all that it depends on
-    slopes: dict[str, dict[str, float]] = {}
-    for name in covariance.names:
-        if name in values and values[name] > 0:
-            step = 1e-4 * values[name]
-            up, down = (vehicle.replace({name: values[name] + s}).derived() for s in (step, -step))
-            slopes[name] = {key: (up[key] - down[key]) / (2 * step) for key in up}
+    """Laden CoG height (8) and roll inertia (9) of every unit of which a body parameter is estimated.
+
+    Each sigma is sqrt(g P g'), with P the joint covariance and g the derivative with respect to all its parameters. The
+    verdict is the worst of the parameters on which the quantity depends.
+
+    Args:
+        initial_vehicle: before the identification.
+        vehicle: as identified.
+        estimates: of the parameters.
+        uncertainty: joint covariance P of parameters and sensor errors.
+    """
+    slopes, values = _derived_slopes(vehicle, uncertainty.names), vehicle.derived()
+    derived = []
     for unit in vehicle.units:
-        sought = [
-            e
-            for e in parameters
-            if e.name.startswith(f"{unit.name}.") and e.name.endswith(words) and e.name in covariance.names
-        ]
-        if not sought:
+        body = [e for e in estimates if e.name in uncertainty.names and _is_body_parameter(e.name, unit.name)]
+        if not body:
             continue
-        for word, si in (("cog_height", "m"), ("roll_inertia", "kg m^2")):
-            name = f"{unit.name}.{word}"
-            row = np.array([slopes[n][name] if n in slopes else 0.0 for n in covariance.names])
-            owing = [e for e in sought if row[covariance.names.index(e.name)]] if row.any() else []
-            worst = max(owing, key=lambda e: e.verdict != Verdict.CONVERGED, default=None)
-            found.append(
+        for quantity, si in DERIVED_UNITS.items():
+            name = f"{unit.name}.{quantity}"
+            row = np.array([slopes[n][name] if n in slopes else 0.0 for n in uncertainty.names])
+            relevant = [e for e in body if row[uncertainty.names.index(e.name)]]
+            worst = max(relevant, key=lambda e: e.verdict != Verdict.CONVERGED, default=None)
+            derived.append(
                 Estimate(
                     name=name,
-                    value=vehicle.derived()[name],
-                    sigma=float(np.sqrt(row @ covariance.covariance @ row)) if row.any() else None,
+                    value=values[name],
+                    sigma=float(np.sqrt(row @ uncertainty.covariance @ row)) if row.any() else None,
                     unit=si,
-                    initial=before.derived()[name],
-                    verdict=worst.verdict if worst else Verdict.HELD,
+                    initial=initial_vehicle.derived()[name],
+                    verdict=worst.verdict if worst else Verdict.FIXED,
                     stage=2,
                 )
             )
-    return found
+    return derived
 
 
-def of_sensors(
-    unknowns: Sequence[Unknown], logs: Sequence[Log], shared: Mapping[str, float], sigma_z: Mapping[str, float]
+def _is_body_parameter(name: str, unit: str) -> bool:
+    path = ParameterPath.of(name)
+    return path.unit == unit and (
+        path.is_payload_height or (path.component == "sprung" and path.quantity in DERIVED_UNITS)
+    )
+
+
+def _derived_slopes(vehicle: Vehicle, names: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Derivatives of all derived quantities with respect to each named parameter above 0, by central differences."""
+    values = vehicle.parameters()
+    slopes = {}
+    for name in names:
+        if name in values and values[name] > 0:
+            step = 1e-4 * values[name]
+            higher, lower = (vehicle.replace({name: values[name] + s}).derived() for s in (step, -step))
+            slopes[name] = {key: (higher[key] - lower[key]) / (2 * step) for key in higher}
+    return slopes
+
+
+def sensor_error_estimates(
+    unknowns: Sequence[Unknown], logs: Sequence[LogData], shared: Mapping[str, float], sigma_z: Mapping[str, float]
 ) -> list[SensorError]:
-    """The nuisances: those of the truck, then those of each log."""
-    found = []
+    """The sensor errors among the unknowns, in their order; those that belong to a log once for each log.
+
+    Args:
+        logs: with their own sensor errors.
+        shared: values of the sensor errors that all logs share, SI.
+        sigma_z: standard deviations in units of the prior; those of log i by "name@i".
+    """
+    errors = []
     for u in unknowns:
         if not u.nuisance:
             continue
-        places = [(log.name, log.errors.get(u.name, u.centre), f"{u.name}@{i}") for i, log in enumerate(logs)]
-        for log, value, key in places if u.each_log else [(None, shared[u.name], u.name)]:
-            found.append(
-                SensorError(name=u.name, value=value, sigma=sigma_z[key] * u.scale, unit=unit_of_error(u.name), log=log)
-            )
-    return found
+        of_logs = [(log.name, log.errors.get(u.name, u.centre), f"{u.name}@{i}") for i, log in enumerate(logs)]
+        for log, value, key in of_logs if u.per_log else [(None, shared[u.name], u.name)]:
+            sigma = sigma_z[key] * u.scale
+            errors.append(SensorError(name=u.name, value=value, sigma=sigma, unit=sensor_error_unit(u.name), log=log))
+    return errors
 
 
-def unit_of_error(name: str) -> str:
-    signal, _, word = name.rpartition(".")
-    if word == "delay":
-        return "s"
-    if word == "gain":
-        return "1"
-    return "rad/s" if "rate" in signal else "rad"
+def sensor_error_unit(name: str) -> str:
+    """SI unit of a sensor error."""
+    error = SensorErrorName.of(name)
+    if error is None:
+        raise SignalError(f"{name}: expected the name of a sensor error, such as yaw_rate.tractor.offset")
+    if error.kind != "offset":
+        return "s" if error.kind == "delay" else "1"
+    return "rad/s" if SignalName.of(error.signal).quantity.endswith("rate") else "rad"
 
 
-def summary(record: Record, log: Log, outputs: Sequence[str], accepted: Array) -> LogSummary:
-    """What was used of a record."""
-    speed = np.concatenate([section.input("speed") for section in log.sections])
-    seen = np.concatenate(
+def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: Array) -> LogSummary:
+    """What was used of a record.
+
+    Args:
+        record: as given.
+        log: its usable segments, with N samples in total, and the noise of its m channels.
+        outputs: the m channels.
+        accepted: (N, m), 1 where a measurement was used.
+    """
+    present = np.concatenate(
         [
             np.column_stack([np.isfinite(s.signals.get(name, np.full(len(s), np.nan))) for name in outputs])
-            for s in log.sections
+            for s in log.segments
         ]
     )
-    rejected = 1 - accepted.sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    rejected = 1 - accepted.sum(axis=0) / np.maximum(present.sum(axis=0), 1)
+    measured = [name for name in outputs if name in record.signals]
     return LogSummary(
         name=record.name,
         span=record.span,
         samples=len(record),
-        used=sum(s.span[1] - s.span[0] for s in log.sections),
-        speed=(float(speed.min()), float(speed.max())),
-        rejected={name: float(part) for name, part in zip(outputs, rejected, strict=True) if name in record.signals},
-        noise={name: log.noise[name] for name in outputs if name in record.signals},
+        used=sum(s.span[1] - s.span[0] for s in log.segments),
+        speed=speed_range([log]),
+        rejected={name: float(value) for name, value in zip(outputs, rejected, strict=True) if name in measured},
+        noise={name: log.noise[name] for name in measured},
         notes=record.notes,
     )

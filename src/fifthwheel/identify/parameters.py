@@ -1,38 +1,56 @@
-"""What is unknown: the parameters that are sought, what is known only roughly, and the sensors' errors beside them,
-each with prior and bounds."""
+"""The unknowns of an identification: estimated, uncertain and considered parameters and sensor errors, each with prior
+and bounds."""
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fifthwheel.errors import VehicleError
+from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.identify.settings import ROUGHLY_KNOWN, Common, OneStage, TwoStage
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
+from fifthwheel.names import ParameterPath, SignalName, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.part import suggestion
+
+HEIGHT_BOUNDS = (0.01, 3.5)
+"""Of a payload height, m."""
+BOUND_FACTOR = 8.0
+"""A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
+BOUND_SIGMAS = 8.0
+"""A sensor error stays within this number of prior standard deviations."""
+ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
+"""Parameters of a unit that are identifiable only from its own roll rate."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """One unknown: p = centre exp(scale z) or centre + scale z with z ~ N(0, 1), inside its bounds."""
+    """One unknown: p = centre exp(scale z) or p = centre + scale z with the prior z ~ N(0, 1), within bounds."""
 
     name: str
-    centre: float
-    scale: float
-    lower: float
+    centre: float  # prior mean (median if logarithmic), SI
+    scale: float  # prior standard deviation: of ln p if logarithmic, else of p
+    lower: float  # bounds of p
     upper: float
     logarithmic: bool = False
-    nuisance: bool = False  # has a known prior mean, to which every pass returns
-    each_log: bool = False  # another one in every log
-    rough: bool = False  # known roughly by the vehicle file, and estimated beside what is sought
-    considered: bool = False  # never learned, but counted in every sigma
-    start: float = 1.0  # standard deviation of z at the start of the filter
-    walk: float = 0.0  # standard deviation of z gained per sample
+    nuisance: bool = False  # a sensor error
+    per_log: bool = False  # each log has its own
+    uncertain: bool = False  # an uncertain parameter of the vehicle file, estimated too
+    considered: bool = False  # not estimated, but part of every sigma
+    start: float = 1.0  # standard deviation of z at the start of the dual filter
+    walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
+
+    @property
+    def prior_sigma(self) -> float:
+        """Prior standard deviation of p, SI."""
+        return self.scale * (self.centre if self.logarithmic else 1.0)
+
+    def slope(self, value: float) -> float:
+        """dp/dz at a value of p."""
+        return value * self.scale if self.logarithmic else self.scale
 
 
 def scaling(unknowns: Sequence[Unknown]) -> Scaling:
-    """All of them for the filter."""
+    """The transformation between z and p for several unknowns."""
     return Scaling(
         logarithmic=tuple(u.logarithmic for u in unknowns),
         **{field: np.array([getattr(u, field) for u in unknowns]) for field in ("centre", "scale", "lower", "upper")},
@@ -40,192 +58,228 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
 
 
 def group_paths(vehicle: Vehicle) -> list[str]:
-    """Of every axle group, front to rear."""
+    """Paths of all axle groups, front to rear."""
     return [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
 
 
 def stage_1_names(vehicle: Vehicle) -> tuple[str, ...]:
-    """Cornering stiffness of every axle group, yaw inertia of every unit behind the first."""
+    """Cornering stiffness of every axle group, and yaw inertia of every unit behind the first."""
     groups = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)]
     return (*groups, *[f"{unit.name}.yaw_inertia" for unit in vehicle.units[1:]])
 
 
 def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
-    """Payload height of every unit that carries one."""
+    """Payload height of every unit with a payload."""
     return tuple(f"{unit.name}.payload.height" for unit in vehicle.units if unit.payload is not None)
 
 
-def sought(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
-    """The parameters to be estimated, those held left out; around the values of `vehicle`.
+def two_stage_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
+    """The unknowns for those of the named parameters that are not fixed.
+
+    Args:
+        vehicle: its values are the prior means.
+        names: among those of `stage_1_names` and `stage_2_names`.
 
     Raises:
-        VehicleError: a parameter to be held is none of those that the stages seek.
+        VehicleError: the settings fix a parameter that no stage estimates.
     """
-    values, found = vehicle.parameters(), []
-    everything = stage_1_names(vehicle) + stage_2_names(vehicle)
-    for name in settings.held:
-        if name not in everything:
-            raise VehicleError(f"{name}: cannot be held, it is not estimated; estimated are {', '.join(everything)}")
-    for name in names:
-        if name in settings.held:
-            continue
-        value = values[name]
-        if name.endswith(".payload.height"):
-            start = settings.initial_payload_height
-            found.append(
-                Unknown(
-                    name=name,
-                    centre=value if start is None else start,
-                    scale=settings.height_prior,
-                    lower=0.01,
-                    upper=3.5,
-                    start=(settings.initial_height_sigma or settings.height_prior) / settings.height_prior,
-                    walk=settings.height_walk / settings.height_prior,
-                )
+    values = vehicle.parameters()
+    possible = stage_1_names(vehicle) + stage_2_names(vehicle)
+    for name in settings.fixed:
+        if name not in possible:
+            raise VehicleError(
+                f"{name}: cannot be fixed, because two stages do not estimate it; they estimate {', '.join(possible)}"
             )
-        else:
-            found.append(
-                Unknown(
-                    name=name,
-                    centre=value,
-                    scale=settings.prior if settings.logarithmic else settings.prior * value,
-                    lower=value / 8,
-                    upper=value * 8,
-                    logarithmic=settings.logarithmic,
-                    start=(settings.initial_sigma or settings.prior) / settings.prior,
-                    walk=settings.random_walk / settings.prior,
-                )
-            )
-    return found
+    return [_two_stage_unknown(name, values[name], settings) for name in names if name not in settings.fixed]
 
 
-def one_stage_sought(vehicle: Vehicle, settings: OneStage) -> list[str]:
-    """Paths of what the one-stage estimator seeks.
+def _two_stage_unknown(name: str, value: float, settings: TwoStage) -> Unknown:
+    if ParameterPath.of(name).is_payload_height:
+        return _height(
+            name,
+            value,
+            settings,
+            start=(settings.initial_height_sigma or settings.height_prior) / settings.height_prior,
+            walk=settings.height_walk / settings.height_prior,
+        )
+    return Unknown(
+        name=name,
+        centre=value,
+        scale=settings.prior if settings.logarithmic else settings.prior * value,
+        lower=value / BOUND_FACTOR,
+        upper=value * BOUND_FACTOR,
+        logarithmic=settings.logarithmic,
+        start=(settings.initial_sigma or settings.prior) / settings.prior,
+        walk=settings.random_walk / settings.prior,
+    )
+
+
+def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
+    """Paths of the parameters that one stage estimates.
 
     Raises:
-        VehicleError: a name that is no parameter, nor the end of one.
+        VehicleError: a name in the settings is neither a parameter nor the end of one.
     """
     if settings.free is not None:
-        names = expanded(vehicle, settings.free)
+        names = expand_names(vehicle, settings.free)
+    elif settings.uniform_payload:
+        names = [*stage_1_names(vehicle), *stage_2_names(vehicle)]
     else:
-        heights = stage_2_names(vehicle)
-        apart = [f"{unit.name}.sprung.{word}" for unit in vehicle.units[1:] for word in ("cog_height", "roll_inertia")]
-        names = [*stage_1_names(vehicle), *(heights if settings.uniform_payload else apart)]
-    held = expanded(vehicle, settings.held)
-    return [name for name in names if name not in held]
+        bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
+        separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
+        names = [*stage_1_names(vehicle), *separate]
+    fixed = expand_names(vehicle, settings.fixed)
+    return [name for name in names if name not in fixed]
 
 
-ROLLING = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
-"""Of a unit: what only its own roll rate tells."""
+def lacks_roll_rate(name: str, channels: Container[str]) -> bool:
+    """Whether a parameter is identifiable only from a roll rate that is not among the channels.
+
+    Yaw rates contain some information on it, but the effect is smaller than the error of any linear model.
+    """
+    unit = ParameterPath.of(name).unit
+    return any(ends_with(name, key) for key in ROLL_PARAMETERS) and f"roll_rate.{unit}" not in channels
 
 
-def unseen(name: str, channels: Container[str]) -> bool:
-    """Whether a parameter of roll has no roll rate of its own unit among the channels: yaw rates tell of it at second
-    hand only, by less than what any linear model errs."""
-    unit, _, rest = name.partition(".")
-    return rest in ROLLING and f"roll_rate.{unit}" not in channels
+def longest_matching_key(path: str, table: Mapping[str, float]) -> str | None:
+    """The longest key of a table that is a path or the end of it; None if there is none."""
+    return max((key for key in table if ends_with(path, key)), key=len, default=None)
 
 
-def expanded(vehicle: Vehicle, names: Iterable[str]) -> list[str]:
-    """Paths from paths and ends of paths, each once.
+def expand_names(vehicle: Vehicle, names: Iterable[str]) -> list[str]:
+    """Paths of the parameters that are named by their path or by the end of it, each once.
 
     Raises:
-        VehicleError: one that is neither.
+        VehicleError: a name is neither.
     """
-    known, found = vehicle.parameters(), []
+    known = vehicle.parameters()
+    paths: list[str] = []
     for name in names:
-        fitting = [path for path in known if longest_ending(path, {name: 0.0})]
-        if not fitting:
+        matching = [path for path in known if ends_with(path, name)]
+        if not matching:
             raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, known)}")
-        found += fitting
-    return list(dict.fromkeys(found))
+        paths += matching
+    return list(dict.fromkeys(paths))
 
 
 def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """Everything but the initial states: what is sought, what is known roughly, what is considered, the sensors."""
-    sought = one_stage_sought(vehicle, settings)
-    values = vehicle.parameters()
-    found = []
-    for name in sought:
-        if name.endswith(".payload.height"):
-            start = settings.initial_payload_height
-            centre = values[name] if start is None else start
-            found.append(Unknown(name=name, centre=centre, scale=settings.height_prior, lower=0.01, upper=3.5))
-        else:
-            usual = settings.roll_inertia_prior if name.endswith(".sprung.roll_inertia") else settings.prior
-            found.append(_logarithmic(name, values[name], settings.priors.get(name, usual)))
-    taken = {*sought, *expanded(vehicle, settings.held)}
-    for name in {*settings.priors, *settings.consider} - {*ROUGHLY_KNOWN}:
-        if all(path in sought for path in expanded(vehicle, [name])) and name in settings.consider:
-            raise VehicleError(f"{name}: is sought, so it cannot only be considered; hold it, or leave that out")
-    loads = tuple(
-        f"{name.removesuffix('payload.height')}sprung." for name in sought if name.endswith(".payload.height")
-    )
-    for table, considered in ((settings.priors, False), (settings.consider, True)):
-        for name, value in values.items():
-            key = longest_ending(name, table)
-            # under a load whose height is sought, the body's own height would only be the same unknown twice
-            vague = key != name and (value <= 0 or name.startswith(loads))
-            if key is None or name in taken or vague:
-                continue
-            taken.add(name)
-            found.append(_logarithmic(name, value, table[key], rough=not considered, considered=considered))
-    sensors = nuisances(vehicle, outputs, settings)
+    """All unknowns of one stage but the initial states: estimated, uncertain and considered parameters, sensor errors.
+
+    Raises:
+        VehicleError: a name in the settings is unknown, a parameter is estimated and considered, or an estimated
+            parameter is not above 0.
+    """
+    estimated = estimated_parameters(vehicle, settings)
+    for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
+        if all(path in estimated for path in expand_names(vehicle, [name])) and name in settings.consider:
+            raise VehicleError(
+                f"{name}: is estimated, so it cannot be considered; fix it, or remove it from the considered parameters"
+            )
+    unknowns = [
+        *_estimated_unknowns(vehicle, estimated, settings),
+        *_vehicle_file_unknowns(vehicle, estimated, settings),
+    ]
+    unknowns += sensor_error_unknowns(vehicle, outputs, settings)
     if settings.nuisances:
-        sensors += [
-            _error(f"{name}.gain", settings.rate_gain_prior, centre=1.0)
-            for name in outputs
-            if name.split(".")[0] in ("yaw_rate", "roll_rate")
+        rates = [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
+        unknowns += [_sensor_error(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in rates]
+    return unknowns
+
+
+def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
+    values = vehicle.parameters()
+    unknowns = []
+    for name in estimated:
+        if ParameterPath.of(name).is_payload_height:
+            unknowns.append(_height(name, values[name], settings))
+        else:
+            roll_inertia = ends_with(name, "sprung.roll_inertia")
+            default = settings.roll_inertia_prior if roll_inertia else settings.prior
+            unknowns.append(_logarithmic(name, values[name], settings.priors.get(name, default)))
+    return unknowns
+
+
+def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
+    """Uncertain parameters, then considered parameters.
+
+    A key that is the end of a path does not apply to values of 0, nor to the sprung body below a payload whose height
+    is estimated: its CoG height would be the same unknown again.
+    """
+    loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
+    done = {*estimated, *expand_names(vehicle, settings.fixed)}
+    unknowns = []
+    for table, considered in ((settings.priors, False), (settings.consider, True)):
+        for name, value in vehicle.parameters().items():
+            key, path = longest_matching_key(name, table), ParameterPath.of(name)
+            excluded = value <= 0 or (path.unit in loaded and path.component == "sprung")
+            if key is None or name in done or (excluded and key != name):
+                continue
+            done.add(name)
+            unknowns.append(_logarithmic(name, value, table[key], uncertain=not considered, considered=considered))
+    return unknowns
+
+
+def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: CommonSettings) -> list[Unknown]:
+    """Offset, gain and delay of every steer angle, and the offset of every output; none if the settings say so."""
+    if not settings.nuisances:
+        return []
+    unknowns = []
+    for name in vehicle.steer_signals():
+        unknowns += [
+            _sensor_error(f"{name}.offset", settings.steer_offset_prior, per_log=True),
+            _sensor_error(f"{name}.gain", settings.steer_gain_prior, centre=1.0),
+            _sensor_error(f"{name}.delay", settings.steer_delay_prior),
         ]
-    return found + sensors
+    priors = {
+        "yaw_rate": settings.rate_offset_prior,
+        "roll_rate": settings.rate_offset_prior,
+        "articulation": settings.articulation_offset_prior,
+    }
+    for name in outputs:
+        unknowns.append(_sensor_error(f"{name}.offset", priors[SignalName.of(name).quantity], per_log=True))
+    return unknowns
 
 
-def longest_ending(path: str, table: Mapping[str, float]) -> str | None:
-    """The longest key of a table that is a path or the end of it, whole words only."""
-    fitting = [key for key in table if path == key or path.endswith(f".{key}")]
-    return max(fitting, key=len, default=None)
+def _height(name: str, value: float, settings: CommonSettings, *, start: float = 1.0, walk: float = 0.0) -> Unknown:
+    initial = settings.initial_payload_height
+    lower, upper = HEIGHT_BOUNDS
+    return Unknown(
+        name=name,
+        centre=value if initial is None else initial,
+        scale=settings.height_prior,
+        lower=lower,
+        upper=upper,
+        start=start,
+        walk=walk,
+    )
 
 
-def _logarithmic(name: str, value: float, sigma: float, *, rough: bool = False, considered: bool = False) -> Unknown:
+def _logarithmic(
+    name: str, value: float, sigma: float, *, uncertain: bool = False, considered: bool = False
+) -> Unknown:
     if value <= 0:
-        raise VehicleError(f"{name}: expected above 0 to be estimated, got {value:g}; hold it, or give it a value")
+        raise VehicleError(
+            f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
+        )
     return Unknown(
         name=name,
         centre=value,
         scale=sigma,
-        lower=value / 8,
-        upper=value * 8,
+        lower=value / BOUND_FACTOR,
+        upper=value * BOUND_FACTOR,
         logarithmic=True,
-        rough=rough,
+        uncertain=uncertain,
         considered=considered,
     )
 
 
-def nuisances(vehicle: Vehicle, outputs: Sequence[str], settings: Common) -> list[Unknown]:
-    """Errors of the steered axles' and the outputs' sensors."""
-    if not settings.nuisances:
-        return []
-    found = []
-    for name in vehicle.steer_signals():
-        found += [
-            _error(f"{name}.offset", settings.steer_offset_prior, each_log=True),
-            _error(f"{name}.gain", settings.steer_gain_prior, centre=1.0),
-            _error(f"{name}.delay", settings.steer_delay_prior),
-        ]
-    priors = {"yaw_rate": settings.rate_offset_prior, "roll_rate": settings.rate_offset_prior}
-    priors["articulation"] = settings.articulation_offset_prior
-    for name in outputs:
-        found.append(_error(f"{name}.offset", priors[name.split(".")[0]], each_log=True))
-    return found
-
-
-def _error(name: str, prior: float, *, centre: float = 0.0, each_log: bool = False) -> Unknown:
+def _sensor_error(name: str, prior: float, *, centre: float = 0.0, per_log: bool = False) -> Unknown:
     return Unknown(
         name=name,
         centre=centre,
         scale=prior,
-        lower=centre - 8 * prior,
-        upper=centre + 8 * prior,
+        lower=centre - BOUND_SIGMAS * prior,
+        upper=centre + BOUND_SIGMAS * prior,
         nuisance=True,
-        each_log=each_log,
+        per_log=per_log,
     )

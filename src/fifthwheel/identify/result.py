@@ -1,4 +1,4 @@
-"""What an identification found: values, sigmas, verdicts, and all that is needed to believe or repeat them."""
+"""The result of an identification: values, sigmas and verdicts, and the data to judge or repeat it."""
 
 import json
 import math
@@ -7,54 +7,50 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fifthwheel.identify.information import Verdict
-from fifthwheel.identify.settings import Common
-from fifthwheel.identify.stage import Trace
+from fifthwheel._atomic import atomic_write
+from fifthwheel._types import Array
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.whole import whole
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """One parameter: mean and standard deviation given the logs and the prior; the prior's where not excited."""
+    """One parameter: mean and standard deviation given logs and prior. Not excited: value and sigma of the prior."""
 
     name: str
-    value: float
-    sigma: float | None  # None for one that was held, or that no channel of the logs could tell
+    value: float  # SI
+    sigma: float | None  # None if fixed, or if no channel of the logs contains information on it
     unit: str
     initial: float
     verdict: Verdict
     stage: int
-    settled: float | None = None  # s of driving until it stayed within the tolerance, None if it never did
-    prior: float | None = None  # standard deviation that it was given beforehand, SI
-    confused_with: tuple[str, ...] = ()  # what it can hardly be told apart from, the worst first
+    settling_time: float | None = None  # s of data until it stayed within the tolerance; None if it did not
+    prior: float | None = None  # prior standard deviation, SI
+    correlated_with: tuple[str, ...] = ()  # unknowns from which it is hardly separable, the strongest first
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorError:
-    """A zero, gain or delay of a sensor, estimated beside the parameters."""
+    """Estimated offset, gain or delay of a sensor."""
 
     name: str
     value: float
     sigma: float
     unit: str
-    log: str | None  # None where all logs share it
+    log: str | None  # None if all logs share it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """One channel of one log against the free-running model: no measurement corrects it after its start."""
+    """One channel of one log and the free-running model: after the initial state no measurement corrects it."""
 
     log: str
     signal: str
-    explained: float  # 1 - variance of the residual / variance of the signal
+    explained: float  # fraction of variance explained: 1 - variance of the residual / variance of the signal
     rms: float  # of the residual, SI
     time: Array  # (N,)
     measured: Array
@@ -69,12 +65,12 @@ class LogSummary:
     name: str
     span: tuple[float, float]  # s
     samples: int
-    used: float  # s of driving fast enough
-    speed: tuple[float, float]  # m/s, lowest and highest of what was used
-    rejected: dict[str, float]  # part of each channel's samples outside the gate
-    noise: dict[str, float]  # variance of each channel's noise as found, SI squared
+    used: float  # s of data above the minimum speed
+    speed: tuple[float, float]  # m/s, lowest and highest in the used segments
+    rejected: dict[str, float]  # fraction of the samples of each channel that the gate rejected
+    noise: dict[str, float]  # estimated noise variance of each channel, SI squared
     notes: tuple[str, ...]
-    bank: tuple[float, float] | None = None  # of the road in its first stretch, rad, left edge higher, and sigma
+    bank: tuple[float, float] | None = None  # of the road in the first segment and sigma, rad, left edge higher
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,18 +78,18 @@ class Identification:
     """The result of an identification."""
 
     method: str
-    vehicle: Vehicle  # as identified, ready for the next command
+    vehicle: Vehicle  # as identified, for the next command
     initial_vehicle: Vehicle
     parameters: tuple[Estimate, ...]
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
-    rough: tuple[Estimate, ...] = ()  # what was known roughly and estimated beside, or only considered
-    covariance: Uncertainty | None = None  # of all that was estimated; a log's own sensor errors as "name@log"
-    traces: Mapping[str, Trace]  # "stage 1", "stage 2": all rounds, one behind the other
+    uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
+    covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
+    histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]
-    settings: Common
-    rounds: int
+    settings: CommonSettings
+    rounds: int  # of both stages; one stage: steps
     notes: tuple[str, ...]
     version: str
 
@@ -105,15 +101,21 @@ class Identification:
         raise KeyError(name)
 
     def observer_settings(self, log: str | None = None, **changes: Any) -> ObserverSettings:
-        """Settings for an `Observer` of this truck: the sensors' zeros and noise as found, a log's own if named."""
-        return ObserverSettings(**sensors_told(self.as_dict(), log) | changes)
+        """Settings for an `Observer` of this vehicle with the estimated sensor errors and noise.
+
+        Args:
+            log: its sensor errors and noise; None for the errors that all logs share and the noise of the first.
+            changes: further settings.
+        """
+        return ObserverSettings(**sensor_settings(self.as_dict(), log) | changes)
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
-        """What the truck and the sensors are uncertain by, for an `Observer`: a log's own sensor errors if named."""
+        """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
+        their priors for None or another log."""
         return None if self.covariance is None else self.covariance.of_log(log or "")
 
     def as_dict(self) -> dict[str, Any]:
-        """What identification.json holds: no histories, no arrays."""
+        """The content of identification.json: no histories, no arrays."""
         return {
             "version": self.version,
             "method": self.method,
@@ -121,19 +123,13 @@ class Identification:
             "vehicle": self.initial_vehicle.name,
             "parameters": [asdict(estimate) for estimate in self.parameters],
             "derived": [asdict(estimate) for estimate in self.derived],
-            "rough": [asdict(estimate) for estimate in self.rough],
+            "uncertain": [asdict(estimate) for estimate in self.uncertain],
             "uncertainty": None if self.covariance is None else self.covariance.as_dict(),
             "sensors": [asdict(error) for error in self.sensors],
             "logs": [asdict(log) for log in self.logs],
             "fit": [
-                {
-                    "log": f.log,
-                    "signal": f.signal,
-                    "explained": f.explained,
-                    "rms": f.rms,
-                    "identified_on": f.identified_on,
-                }
-                for f in self.fits
+                {name: getattr(fit, name) for name in ("log", "signal", "explained", "rms", "identified_on")}
+                for fit in self.fits
             ],
             "rounds": self.rounds,
             "notes": list(self.notes),
@@ -146,18 +142,26 @@ class Identification:
 
     def save(self, path: Path) -> None:
         """Write identification.json."""
-        with whole(path) as part:
-            part.write_text(self.to_json() + "\n", encoding="utf-8")
+        with atomic_write(path) as temporary:
+            temporary.write_text(self.to_json() + "\n", encoding="utf-8")
 
 
-def sensors_told(told: Mapping[str, Any], log: str | None) -> dict[str, Any]:
-    """Zeros and noise for `ObserverSettings` from `Identification.as_dict`: all logs', and those of one if named."""
-    zeros = {error["name"]: error["value"] for error in told["sensors"] if error["log"] in (None, log)}
-    noise = next((one["noise"] for one in told["logs"] if one["name"] == log), told["logs"][0]["noise"])
-    return {"zeros": zeros, "noise": noise}
+def sensor_settings(identification: Mapping[str, Any], log: str | None) -> dict[str, Any]:
+    """Sensor errors and noise for `ObserverSettings`.
+
+    Args:
+        identification: from `Identification.as_dict`.
+        log: its sensor errors and noise, besides the errors that all logs share; None or another log for the latter
+            only and the noise of the first log.
+    """
+    errors = {error["name"]: error["value"] for error in identification["sensors"] if error["log"] in (None, log)}
+    logs = identification["logs"]
+    noise = next((summary["noise"] for summary in logs if summary["name"] == log), logs[0]["noise"])
+    return {"sensor_errors": errors, "noise": noise}
 
 
 def _finite(value: Any) -> Any:
+    """Nested data with None for every number that is not finite."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,113 +1,122 @@
-"""How an identification is done. Every number that steers it is a field here, with a sentence."""
+"""Settings of an identification: every number that controls it is a field with a sentence."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from fifthwheel.errors import SignalError
 
+Progress = Callable[[str, int, int], None]
+"""Receives a title, the number of steps done and the largest number of steps."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Common:
-    """What both methods are told."""
+class CommonSettings:
+    """Settings that both methods share."""
 
     preset: str = "default"
-    """Name under which the settings go into the result."""
-    held: tuple[str, ...] = ()
-    """Parameters that keep the value of the vehicle file, as the article holds the front stiffness of its vehicle."""
+    """Name of these settings in the result."""
+    fixed: tuple[str, ...] = ()
+    """Parameters that keep the value of the vehicle file. The article fixes the front stiffness of its test vehicle."""
     initial_payload_height: float | None = 0.1
-    """Height from which the payload's is sought, m; None starts from the vehicle file."""
+    """Initial value of a payload height, m; None takes the value of the vehicle file."""
     prior: float = 0.3
-    """Prior standard deviation of a stiffness or an inertia that is sought, as a part of its initial value."""
+    """Prior standard deviation of an estimated stiffness or inertia, as a fraction of its initial value."""
     height_prior: float = 1.0
     """Prior standard deviation of a payload height, m."""
     tolerance: float = 0.01
-    """Converged: the last step or pass moves it by no more than a tenth of this part of it, or of its sigma."""
+    """A parameter has settled when it stays within this fraction of its value. Two stages stop when a pass changes no
+    parameter by more than a tenth of this fraction, or of its sigma if that is larger."""
     relaxation: bool = True
-    """Let side forces build up over the relaxation lengths of the vehicle file; the article's do at once."""
+    """Model the lag of the side forces by the relaxation lengths of the vehicle file; the article has no lag."""
     nuisances: bool = True
-    """Estimate steer zero, steer gain and delay, and the sensors' zeros beside the parameters."""
+    """Estimate the sensor errors together with the parameters: offset, gain and delay of the steering, offsets of the
+    other sensors; in one stage also the gains of the gyros and the bank of the road."""
     steer_offset_prior: float = 0.01
-    """Prior standard deviation of a steer zero, rad; one for each log."""
+    """Prior standard deviation of a steering offset, rad; each log has its own."""
     steer_gain_prior: float = 0.15
-    """Prior standard deviation of a steer gain, one for the truck: a fixed steering ratio may be off by as much."""
+    """Prior standard deviation of a steering gain; all logs share it. A nominal steering ratio may be wrong by this."""
     steer_delay_prior: float = 0.1
-    """Prior standard deviation of a steer delay, s; one for the truck."""
+    """Prior standard deviation of a steering delay, s; all logs share it."""
     rate_offset_prior: float = 0.004
-    """Prior standard deviation of a gyro's zero, rad/s; one for each log."""
+    """Prior standard deviation of the bias of a gyro, rad/s; each log has its own."""
     articulation_offset_prior: float = 0.01
-    """Prior standard deviation of an articulation sensor's zero, rad; one for each log."""
+    """Prior standard deviation of the offset of an articulation sensor, rad; each log has its own."""
     noise: dict[str, float] = field(default_factory=dict)
-    """Variance of a signal's noise, SI squared; where it is not given the article's R is the start."""
+    """Noise variance by signal, SI squared. A signal that is not listed starts from the article's R."""
     adapt_noise: bool = True
-    """Rescale R after every pass to the innovations that were seen."""
+    """Rescale R to the variance of the residuals after every pass or step."""
     process_noise: float = 1.0
-    """Process noise, in units of the default (`observe.noise.PROCESS`); the article has none here."""
+    """Process noise as a multiple of the default (`filters.noise.PROCESS_VARIANCE`); the article has none."""
     gate: float = 6.0
-    """Innovations beyond so many standard deviations are not used."""
+    """Measurements with an innovation beyond this number of standard deviations are rejected."""
     min_speed: float = 5.0
-    """Below this the linear tyre model does not hold, m/s; such stretches are left out."""
+    """Segments below this speed are not used, m/s: the linear tyre model does not hold there."""
     correlation_time: float = 3.0
-    """How long residuals may hang together, s, when sigma is reckoned."""
+    """Longest time over which residuals may be autocorrelated, s; used for sigma."""
     excited: float = 0.5**0.5
-    """A parameter counts as excited when the logs bring its sigma below this part of its prior's: by default, when they
-    tell more of it than the prior does."""
+    """A parameter is excited when the logs bring its sigma below this fraction of the prior sigma. At the default the
+    logs contain more information on it than the prior."""
     check: bool = True
-    """Refuse logs whose signals cannot be what they are called."""
+    """Refuse logs with implausible signals."""
 
     def __post_init__(self) -> None:
-        for name in ("prior", "height_prior", "tolerance", "gate", "min_speed", "correlation_time"):
-            if not getattr(self, name) > 0:
-                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        _require_positive(self, "prior", "height_prior", "tolerance", "gate", "min_speed", "correlation_time")
         for name, variance in self.noise.items():
             if not 0 < variance < math.inf:
-                raise SignalError(f"{name}: expected a variance above 0, got {variance}")
+                raise SignalError(f"{name}: expected a finite variance above 0, got {variance}")
 
     def as_dict(self) -> dict[str, Any]:
+        """All fields by name."""
         return asdict(self)
 
 
+def _require_positive(settings: CommonSettings, *names: str) -> None:
+    for name in names:
+        if not getattr(settings, name) > 0:
+            raise SignalError(f"{name}: expected a number above 0, got {getattr(settings, name)}")
+
+
 @dataclass(frozen=True, kw_only=True)
-class TwoStage(Common):
-    """Settings of the two-stage identification; `TwoStage()` is our default, `article()` the published preset."""
+class TwoStage(CommonSettings):
+    """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method."""
 
     initial_sigma: float | None = None
-    """Where the filter's own P_p(0) starts, as a part of the initial value; None for the prior's."""
+    """Initial standard deviation in the filter, P_p(0), as a fraction of the initial value; None takes the prior."""
     initial_height_sigma: float | None = None
     """The same for a payload height, m."""
     logarithmic: bool = True
-    """Seek stiffness and inertia by their logarithm, so that they stay positive."""
+    """Estimate the logarithm of a stiffness or inertia, so that it stays positive."""
     passes: int = 40
-    """At most so many times through the logs in each stage."""
+    """Largest number of passes through the logs in each stage."""
     rounds: int = 10
-    """At most so many times through both stages; after the first, stage 1 uses the yaw-roll model too."""
+    """Largest number of rounds through both stages. From the second round on stage 1 uses the yaw-roll model."""
     average: bool = False
-    """Take the average since a parameter stays within the tolerance of it as the estimate (the article's rule), or the
-    last value, which holds all the data."""
+    """Take as estimate the average since the parameter has settled (the article's rule) and not the last value. The
+    last value uses all data."""
     consistent: bool = True
-    """Count the state's own uncertainty in the parameter filter's innovation variance."""
+    """Include the uncertainty of the state in the innovation variance of the parameter filter."""
     coupled: bool = True
-    """Carry a parameter's correction over to the state."""
+    """Correct the state when a parameter is corrected."""
     random_walk: float = 0.0
-    """Standard deviation that a parameter gains at every sample, as a part of its initial value (the article's Q_p)."""
+    """Standard deviation that a parameter gains per sample, as a fraction of its initial value (the article's Q_p)."""
     height_walk: float = 0.0
     """The same for a payload height, m."""
     restart: bool = True
-    """Begin every pass with the prior covariance, so that no sample is counted twice; the article carries it on."""
+    """Start every pass with the prior covariance, so that no sample counts twice; the article continues with the
+    covariance of the last pass."""
     forgetting: float = 1.0
-    """The article's lambda: the random walk shrinks by this factor at every sample."""
+    """The article's lambda: factor by which the random walk shrinks at every sample."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("passes", "rounds"):
-            if not getattr(self, name) > 0:
-                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        _require_positive(self, "passes", "rounds")
         if not 0 < self.forgetting <= 1:
-            raise SignalError(f"forgetting: expected above 0 and at most 1, got {self.forgetting}")
+            raise SignalError(f"forgetting: expected a number above 0 and at most 1, got {self.forgetting}")
 
 
-ROUGHLY_KNOWN: Mapping[str, float] = {
+DEFAULT_CONSIDERED: Mapping[str, float] = {
     "roll_stiffness": 0.1,
     "tyre_roll_stiffness": 0.1,
     "roll_damping": 0.3,
@@ -118,59 +127,60 @@ ROUGHLY_KNOWN: Mapping[str, float] = {
     "yaw_inertia": 0.1,
     "relaxation_length": 0.2,
 }
-"""What a vehicle file mostly knows only roughly, and a log can hardly tell from what is sought; see
-`OneStage.consider`."""
+"""Parameters that are uncertain in most vehicle files and hardly separable from the estimated parameters in a log, with
+their prior standard deviation as a fraction of the value; see `OneStage.consider`."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class OneStage(Common):
-    """Settings of the one-stage identification: everything at once, over whole records."""
+class OneStage(CommonSettings):
+    """Settings of the identification in one stage: all unknowns together, over complete logs."""
 
     free: tuple[str, ...] | None = None
-    """What is sought, by path; None for every axle group's cornering stiffness, the yaw inertia of every unit behind
-    the first and every payload height."""
+    """Paths of the estimated parameters; None for the cornering stiffness of every axle group, the yaw inertia of every
+    unit behind the first, and every payload height."""
     priors: Mapping[str, float] = field(default_factory=dict)
-    """What is known roughly and learned beside: prior standard deviation as a part of the value, by a path or the end
-    of one (the longest that fits counts)."""
-    consider: Mapping[str, float] = field(default_factory=lambda: dict(ROUGHLY_KNOWN))
-    """The same for what is never learned from the logs, but whose uncertainty goes into every sigma. A log can hardly
-    tell it from what is sought: learned, it would take up what the model errs instead. Empty
-    to trust the rest of the vehicle file to the last digit."""
+    """Uncertain parameters that are estimated too: prior standard deviation as a fraction of the value, by path or end
+    of a path (the longest that matches counts)."""
+    consider: Mapping[str, float] = field(default_factory=lambda: dict(DEFAULT_CONSIDERED))
+    """Considered parameters (Schmidt): they keep the value of the vehicle file, and every sigma includes their
+    uncertainty. Same form as `priors`. Estimated, they would absorb model error, because a log hardly separates them
+    from the estimated parameters. Empty if the rest of the vehicle file is exact."""
     uniform_payload: bool = True
-    """The payload fills its width and height evenly, so that its height gives CoG height (8) and roll inertia (9);
-    False seeks `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body apart."""
+    """The payload fills its width and height uniformly, so that its height gives CoG height (8) and roll inertia (9).
+    False estimates `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body separately."""
     roll_inertia_prior: float = 0.6
-    """Prior standard deviation of that roll inertia, as a part of the uniform load's: a load of one height may be a
-    point or stand along the sides."""
+    """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
+    the same height may be a point, or stand along the sides."""
     form: Literal["output_error", "prediction_error"] = "output_error"
-    """Compare the logs with a model that runs free from its start, or with one that a Kalman filter corrects at every
-    sample: the second bears unmeasured disturbances such as side wind, the first bears errors of the model longer."""
+    """Output error: residuals of the model without correction by measurements; more robust to model error. Prediction
+    error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
     rate_gain_prior: float = 0.005
-    """Prior standard deviation of a gyro's gain, as a part; one for the truck."""
+    """Prior standard deviation of the gain of a gyro; all logs share it."""
     bank_prior: float = 0.03
-    """Prior standard deviation of a road's bank, rad; one for each log or, in the prediction-error form, its start."""
+    """Prior standard deviation of the road's bank, rad; each segment has its own. In the prediction-error form: of the
+    bank at the start of a segment."""
     bank_walk: float = 0.002
-    """How far the bank wanders, rad in a second, one standard deviation; in the prediction-error form only."""
+    """Standard deviation that the bank gains in one second, rad; prediction-error form only."""
     outlier: float = 4.0
-    """Residuals beyond so many standard deviations lose weight (Huber 1964)."""
+    """Residuals beyond this number of standard deviations get less weight (Huber 1964)."""
     iterations: int = 50
-    """At most so many steps."""
+    """Largest number of steps."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations"):
-            if not getattr(self, name) > 0:
-                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+        _require_positive(self, "roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations")
         for name, sigma in {**self.priors, **self.consider}.items():
             if not 0 < sigma < math.inf:
-                raise SignalError(f"{name}: expected a standard deviation above 0 as a part of the value, got {sigma}")
+                raise SignalError(
+                    f"{name}: expected a standard deviation above 0, as a fraction of the value, got {sigma}"
+                )
 
 
 def article(**changes: Any) -> TwoStage:
-    """The article's settings, sections 3.1 to 3.3; those it leaves open are ours.
+    """The settings of the article, sections 3.1 to 3.3, with `changes`.
 
-    Published: Q_x = 0, Q_p of 0.1 % of nominal (0.005 m for the height) shrunk by lambda at every step, the average
-    once within 1 %. Open: P_p(0), here Q_p as its name "initial parameter covariance" suggests; no bounds are told.
+    Published: Q_x = 0; Q_p of 0.1 % of the nominal value (0.005 m for the height), shrunk by lambda at every step; the
+    average once within 1 %. Not published: P_p(0), here Q_p after its name "initial parameter covariance", and bounds.
     """
     preset = TwoStage(
         preset="article",

@@ -1,9 +1,6 @@
-"""Logs: from a file to a Record of named signals in SI, and whether they can be what they are said to be."""
+"""Log files: a record is read from a log by a signal map, and written as a log."""
 
-from fifthwheel.logs.faults import Fault, Finding, raise_errors
-from fifthwheel.logs.files import read, write
-from fifthwheel.logs.plausibility import check
-from fifthwheel.logs.record import Record
-from fifthwheel.logs.signals import SignalMap
+from fifthwheel.logs.files import read_log, write_record
+from fifthwheel.logs.signal_map import SignalMap
 
-__all__ = ["Fault", "Finding", "Record", "SignalMap", "check", "raise_errors", "read", "write"]
+__all__ = ["SignalMap", "read_log", "write_record"]

@@ -1,181 +1,302 @@
-"""From the columns of a log, by its map, to a record on one time base."""
+"""From the columns of a log and a signal map to a record on one time base."""
 
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import NamedTuple
 
 import numpy as np
 
+from fifthwheel._types import Array
+from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.align import Samples, align, between
-from fifthwheel.logs.log import Array, Log, Piece, Progress, quiet
-from fifthwheel.logs.names import si_unit
-from fifthwheel.logs.record import Record
-from fifthwheel.logs.samples import absurd
-from fifthwheel.logs.signals import Channel, SignalMap
-from fifthwheel.logs.stamps import wild
-from fifthwheel.logs.stream import Stream
-from fifthwheel.logs.units import factor, quantity
+from fifthwheel.logs.signal_map import Channel, SignalMap
+from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
+from fifthwheel.record.record import Record
+from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
+from fifthwheel.record.signal_names import is_input, si_unit
+from fifthwheel.record.timestamps import implausible_timestamps, typical_step
+from fifthwheel.units import factor, quantity
 
-TIMES = ("time", "t", "timestamp", "timestamps", "zeit")
-"""Columns of a table that are its time unless the map says otherwise, in any case of letters."""
-_TIME = re.compile(r"time|zeit|stamp|datum|date")
-_SECONDS = ("s", "ms", "us", "µs", "ns", "sec")
-_EPOCH = 1e8
+TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit")
+"""Columns that are the time of a table unless the map names another, in upper or lower case."""
+_TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
+_TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
+_MIN_EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
+_SAME_INSTANT = 1e-6
+"""s; timestamps closer than this are one instant."""
 
 
-def assemble(log: Log, signal_map: SignalMap, *, name: str, progress: Progress = quiet) -> Record:
-    """The record (align.py) that a map makes of a log; a SignalError names what of it cannot be."""
-    channels = {(part, s): c for part in ("signals", "reference") for s, c in getattr(signal_map, part).items()}
-    clocks: dict[tuple[str, str, str], _Clock] = {}
-    places = {key: _places(log, signal_map, key[1], channel, clocks) for key, channel in channels.items()}
-    for clock in clocks.values():
-        clock.start(signal_map.rate)
-    for piece in log.pieces({column for clock in clocks.values() for column in clock.needs}):
-        for clock in clocks.values():
-            if clock.of == piece.clock:
-                clock.push(piece)
-        progress(piece.done)
-    unusable = [why for column, why in log.unusable.items() if any(column in clock.needs for clock in clocks.values())]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """A channel at its own instants."""
+
+    time: Array
+    """(n,) s."""
+    values: Array
+    """(n,) in SI."""
+    own_time: bool
+    """Whether its instants differ from those of the rows: it has a time base or a delay of its own."""
+
+
+def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: ReadProgress = no_progress) -> Record:
+    """The record that a map makes of a log.
+
+    Raises:
+        SignalError: a column does not exist, holds no numbers, or has no usable time; the message names it.
+    """
+    parts = {"signals": signal_map.signals, "reference": signal_map.reference}
+    channels = {(part, signal): channel for part, mapped in parts.items() for signal, channel in mapped.items()}
+    sources = {key: _sources(log, signal_map, key[1], channel) for key, channel in channels.items()}
+    columns: dict[_Timestamps, dict[str, None]] = {}
+    for timestamps, column in (source for of_channel in sources.values() for source in of_channel):
+        columns.setdefault(timestamps, {})[column] = None
+    time_bases = {
+        timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
+    }
+    needed = {column for time_base in time_bases.values() for column in time_base.needed_columns}
+    for chunk in log.pieces(needed):
+        for timestamps, time_base in time_bases.items():
+            if timestamps.clock == chunk.clock:
+                time_base.push(chunk)
+        progress(chunk.done)
+    unusable = [reason for column, reason in log.unusable.items() if column in needed]
     if unusable:
         raise SignalError("\n".join(unusable))
-    notes = [*log.notes, *(note for clock in clocks.values() for note in clock.finish(signal_map.rate))]
+    notes = [*log.notes, *(note for time_base in time_bases.values() for note in time_base.finish())]
 
-    base = next((clock for clock in clocks.values() if clock.base), None)
-    parts: dict[str, dict[str, Samples]] = {"signals": {}, "reference": {}}
+    rows = next((time_base for timestamps, time_base in time_bases.items() if timestamps.of_rows), None)
+    samples: dict[str, dict[str, Samples]] = {part: {} for part in parts}
     for (part, signal), channel in channels.items():
-        parts[part][signal] = _samples(signal, channel, log, places[part, signal], base, notes)
-    rows = Samples(time=base.time, values=base.time, own=False) if base else None
-    time, signals, reference = align(rows, rate=signal_map.rate, **parts)
-    if time[0] > _EPOCH:
+        of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[part, signal]]
+        samples[part][signal], note = _samples(signal, channel, log, of_channel, rows)
+        notes += [note] if note else []
+    row_samples = Samples(time=rows.time, values=rows.time, own_time=False) if rows else None
+    time, signals, reference = align(row_samples, rate=signal_map.rate, **samples)
+    if time[0] > _MIN_EPOCH:
         start = float(np.floor(time[0]))
-        notes.append(f"time counts from {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC")
+        notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
         time = time - start
     record = Record(time=time, signals=signals, reference=reference, name=name, notes=tuple(dict.fromkeys(notes)))
     start, stop = signal_map.span
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
 
 
-class _Clock:
-    """The columns that share their stamps, those of the file or those of a column."""
+def time_column(log: LogSource) -> str | None:
+    """The column with the time of a table's rows by its name and unit, if there is one."""
+    rows = [column for column in log.columns.values() if not column.clock]
+    by_name = {column.name.lower(): column.name for column in reversed(rows)}
+    timed = [column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())]
+    return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
 
-    def __init__(self, log: Log, of: str, column: str, unit: float, *, base: bool) -> None:
-        self.of, self.column, self.base = of, column, base
-        self._unit = unit
-        self._label = f"{log.name}: {column or of}"
-        self.columns: dict[str, None] = {}
-        self.time = np.empty(0)
-        self.values: dict[str, Array] = {}
+
+class _Timestamps(NamedTuple):
+    """Origin of timestamps: columns with the same origin share a time base."""
+
+    clock: str
+    """Time base in the file; empty for the rows of a table."""
+    column: str
+    """Column with the timestamps; empty where the file has them."""
+    signal: str
+    """The signal whose map names the column; empty where all signals share it."""
 
     @property
-    def needs(self) -> set[str]:
-        """Columns of the log."""
-        return {*self.columns, self.column} - {""}
+    def of_rows(self) -> bool:
+        """Whether they are the time of a table's rows."""
+        return bool(self.column) and not self.signal
 
-    def start(self, rate: float) -> None:
-        self._stream = Stream(list(self.columns), rate=rate, clock=self._label)
-        self._last = np.nan
 
-    def push(self, piece: Piece) -> None:
-        values = piece.values
-        time = piece.values[self.column] * self._unit if self.column else piece.time
+class _TimeBase:
+    """The columns with common timestamps, read in chunks."""
+
+    def __init__(self, log: LogSource, timestamps: _Timestamps, columns: Sequence[str], signal_map: SignalMap) -> None:
+        self.time = np.empty(0)
+        """(N,) s; complete after finish()."""
+        self.values: dict[str, Array] = {}
+        """(N,) values of every column; complete after finish()."""
+        self._timestamps, self._columns, self._rate = timestamps, columns, signal_map.rate
+        self._label = f"{log.name}: {timestamps.column or timestamps.clock}"
+        mapped_unit = signal_map.time.unit if signal_map.time and timestamps.of_rows else None
+        unit = mapped_unit or (log.columns[timestamps.column].unit if timestamps.column else None)
+        self._seconds = factor(unit or "s", "s")
+        self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
+        self._last_time = np.nan
+
+    @property
+    def needed_columns(self) -> set[str]:
+        """Columns to read, that of the timestamps included."""
+        return {*self._columns, self._timestamps.column} - {""}
+
+    def push(self, chunk: Chunk) -> None:
+        """Add the next samples."""
+        values, column = chunk.values, self._timestamps.column
+        time = values[column] * self._seconds if column else chunk.time
         if time is None:
-            raise SignalError(f"{self._label}: no stamps")
-        if self.base:
-            time = np.where(wild(time), np.nan, time)
-        if self.column and not self.base:  # a stamp that is repeated is the same sample, held
-            fresh = np.isfinite(time) & np.isfinite(sum(values[name] for name in self.columns))
-            stamps = time[fresh]
-            fresh[fresh] = np.diff(stamps, prepend=self._last) != 0
-            self._last = float(stamps[-1]) if stamps.size else self._last
-            time, values = time[fresh], {name: values[name][fresh] for name in self.columns}
+            raise SignalError(f"{self._label}: no timestamps; name their column with time = ... in signals.toml")
+        if self._timestamps.of_rows:
+            time = np.where(implausible_timestamps(time), np.nan, time)
+        elif column:  # a repeated timestamp marks a repeated sample
+            new = np.isfinite(time) & np.isfinite(sum(values[name] for name in self._columns))
+            new_time = time[new]
+            new[new] = np.diff(new_time, prepend=self._last_time) != 0
+            self._last_time = float(new_time[-1]) if new_time.size else self._last_time
+            time, values = time[new], {name: values[name][new] for name in self._columns}
         self._stream.push(time, values)
 
-    def finish(self, rate: float) -> list[str]:
-        """Put the samples together; notes on what became of them."""
+    def finish(self) -> list[str]:
+        """Join the samples; notes on rows left out and on decimation."""
         self.time, self.values = self._stream.finish()
-        if self.base and not self.time.size:
-            raise SignalError(f"{self._label}: no finite value; every row needs its time, name another column")
-        notes = []
-        if self._stream.timeless:
-            notes.append(f"time: {self._stream.timeless} rows left out that have none")
-        if self._stream.thinned_from is not None:
-            notes.append(
-                f"{self.column or self.of}: {self._stream.thinned_from:.4g} samples a second, taken to {rate:g}"
+        if self._timestamps.of_rows and not self.time.size:
+            raise SignalError(
+                f"{self._label}: no finite time in any row; name another column in [time] of signals.toml"
             )
+        notes = []
+        if self._stream.rows_without_time:
+            count = self._stream.rows_without_time
+            notes.append(f"time: {count} row{'s' * (count > 1)} without a time left out")
+        if self._stream.decimated_from is not None:
+            label = self._timestamps.column or self._timestamps.clock
+            notes.append(f"{label}: {self._stream.decimated_from:.4g} samples/s decimated to {self._rate:g}")
         return notes
 
 
-def _places(
-    log: Log, signal_map: SignalMap, signal: str, channel: Channel, clocks: dict[tuple[str, str, str], _Clock]
-) -> list[tuple[_Clock, str]]:
-    """The clock and the name of every column that a channel is made of; new clocks join the others."""
-    found = []
+def _sources(log: LogSource, signal_map: SignalMap, signal: str, channel: Channel) -> list[tuple[_Timestamps, str]]:
+    """Timestamps and name of every column of a channel."""
+    sources = []
     for text in channel.columns:
         column = log.find(text)
-        of, own = log.columns[column].clock, channel.time is not None
-        stamps, unit = "", None
+        clock = log.columns[column].clock
         if channel.time is not None:
-            stamps = log.find(channel.time)
-        elif not of:
-            stamps, unit = _time_column(log, signal_map, signal)
-        key = (of, stamps, signal if own else "")
-        if key not in clocks:
-            seconds = factor(unit or log.columns[stamps].unit or "s", "s") if stamps else 1.0
-            clocks[key] = _Clock(log, of, stamps, seconds, base=bool(stamps) and not own)
-        clocks[key].columns[column] = None
-        found.append((clocks[key], column))
-    return found
+            timestamps = _Timestamps(clock, log.find(channel.time), signal)
+            if log.columns[timestamps.column].clock != clock:
+                raise SignalError(
+                    f"{signal}: the time column {timestamps.column!r} is not sampled with {column!r}; "
+                    "name one of the same group, or leave time out"
+                )
+        else:
+            timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")
+        sources.append((timestamps, column))
+    return sources
 
 
-def time_column(log: Log) -> str | None:
-    """The column that a table's time stands in unless the map says otherwise, if there is one."""
-    rows = [column for column in log.columns.values() if not column.clock]
-    small = {column.name.lower(): column.name for column in reversed(rows)}
-    called = [column.name for column in rows if column.unit in _SECONDS and _TIME.search(column.name.lower())]
-    return next((small[name] for name in TIMES if name in small), next(iter(called), None))
-
-
-def _time_column(log: Log, signal_map: SignalMap, signal: str) -> tuple[str, str | None]:
-    """The column that is the time of a table's rows, and its unit where the map says it."""
-    asked = signal_map.time
-    unit = asked.unit if asked else None
-    if asked is not None and asked.column is not None:
-        return log.find(asked.column), unit
-    found = time_column(log)
-    if found is None:
+def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
+    """The column with the time of a table's rows."""
+    if signal_map.time is not None and signal_map.time.column is not None:
+        return log.find(signal_map.time.column)
+    column = time_column(log)
+    if column is None:
         raise SignalError(
             f"{log.name}: no time for {signal}, neither 'time' nor 't' among {', '.join(log.columns)}; "
-            f'say which column it is:\n[time]\ncolumn = "..."'
+            f'name the column in signals.toml:\n[time]\ncolumn = "..."'
         )
-    return found, unit
+    return column
 
 
 def _samples(
-    signal: str, channel: Channel, log: Log, places: list[tuple[_Clock, str]], base: _Clock | None, notes: list[str]
-) -> Samples:
-    """A channel's values in SI at the instants they held."""
+    signal: str, channel: Channel, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], rows: _TimeBase | None
+) -> tuple[Samples, str | None]:
+    """A channel in SI at its instants, and a note on samples left out."""
     si = si_unit(signal) or "1"
-    first = places[0][0]
+    first = sources[0][0]
     delay = quantity(channel.delay, "s")
-    with np.errstate(over="ignore", invalid="ignore"):  # what is damaged may be as large as numbers get
-        values = channel.sign * channel.gain * _total(channel, log, places, si) - quantity(channel.offset, si)
-    strange = absurd(signal, values)
-    if strange.any():
-        largest = f"{np.abs(values[strange]).max():.1g} {si}"
-        notes.append(f"{signal}: {strange.sum()} samples left out that no sensor shows, up to {largest}")
-        values = np.where(strange, np.nan, values)
-    return Samples(time=first.time - delay, values=values, own=first is not base or delay != 0)
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
+        values = channel.sign * channel.gain * _sum(channel, log, sources, si) - quantity(channel.offset, si)
+    impossible = impossible_samples(signal, values)
+    note = None
+    if impossible.any():
+        largest = f"{np.abs(values[impossible]).max():.1g} {si}"
+        count = int(impossible.sum())
+        note = f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}"
+        values = np.where(impossible, np.nan, values)
+    return Samples(time=first.time - delay, values=values, own_time=first is not rows or delay != 0), note
 
 
-def _total(channel: Channel, log: Log, places: list[tuple[_Clock, str]], si: str) -> Array:
-    """The columns of a channel added up on the first one's clock, in SI."""
-    first = places[0][0]
+def _sum(channel: Channel, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], si: str) -> Array:
+    """The sum of a channel's columns on the time base of the first one, in SI."""
+    first = sources[0][0]
     total = np.zeros(first.time.size)
-    for clock, column in places:
-        values = clock.values[column]
-        if clock is not first:
-            seen = np.isfinite(values)
-            values = between(first.time, clock.time[seen], values[seen]) if seen.any() else np.full(total.size, np.nan)
+    for time_base, column in sources:
+        values = time_base.values[column]
+        if time_base is not first:
+            present = np.isfinite(values)
+            values = (
+                _interpolated(first.time, time_base.time[present], values[present])
+                if present.any()
+                else np.full(total.size, np.nan)
+            )
         total = total + channel.calibrated(values, log.columns[column].unit, si)
     return total
+
+
+def align(
+    rows: Samples | None, *, signals: Mapping[str, Samples], reference: Mapping[str, Samples], rate: float = np.inf
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Time (N,) s, signals and reference signals on one time base; no measurement is interpolated or extrapolated.
+
+    The time base is the union of the instants of the rows and of all measurements with instants of their own. A
+    measurement keeps its samples at their instants and is NaN elsewhere. An input (speed, steer) with instants of its
+    own is interpolated linearly; outside its samples and in its gaps it is NaN. If asynchronous time bases would give
+    more than 2.5 times `rate` (Hz), the time base is the multiples of 1 / rate, and measurements are moved to the
+    nearest of them by `snap_to_grid`.
+    """
+    channels = [*signals.items(), *reference.items()]
+    if rows is not None and not any(samples.own_time for _, samples in channels):
+        return rows.time, {n: s.values for n, s in signals.items()}, {n: s.values for n, s in reference.items()}
+    time = _union(rows, channels)
+    if time.size > 2 and (time.size - 1) / (time[-1] - time[0]) > DECIMATION_RATIO * rate:
+        if rows is not None:
+            rows = Samples(time=np.unique(np.rint(rows.time * rate)) / rate, values=rows.values, own_time=False)
+        signals = {name: _snapped(name, samples, rate) for name, samples in signals.items()}
+        reference = {name: _snapped(name, samples, rate) for name, samples in reference.items()}
+        time = _union(rows, [*signals.items(), *reference.items()])
+    return (
+        time,
+        {name: _placed(time, name, samples) for name, samples in signals.items()},
+        {name: _placed(time, name, samples) for name, samples in reference.items()},
+    )
+
+
+def _union(rows: Samples | None, channels: Sequence[tuple[str, Samples]]) -> Array:
+    """Instants (N,) s of the rows and of the measurements with own instants, or of all channels if there are none."""
+    times = [] if rows is None else [rows.time]
+    times += [s.time[np.isfinite(s.values)] for name, s in channels if s.own_time and not is_input(name)]
+    instants = np.unique(np.concatenate(times or [s.time for _, s in channels]))
+    time = instants[np.concatenate([[True], np.diff(instants) > _SAME_INSTANT])] if instants.size else instants
+    if time.size < 2:
+        raise SignalError(
+            f"time: {time.size} instants in all channels together, at least 2 expected; check the time columns"
+        )
+    return time
+
+
+def _snapped(name: str, samples: Samples, rate: float) -> Samples:
+    """A measurement at the nearest multiples of 1 / rate; an input as it is."""
+    if is_input(name):
+        return samples
+    present = np.isfinite(samples.values)
+    time, values = snap_to_grid(samples.time[present], samples.values[present], rate)
+    return Samples(time=time, values=values, own_time=True)
+
+
+def _placed(time: Array, name: str, samples: Samples) -> Array:
+    """A channel (N,) on the common time: an input interpolated, a measurement at its instants and NaN elsewhere."""
+    if is_input(name) and samples.time.size:
+        return _interpolated(time, samples.time, samples.values)
+    result = np.full(time.size, np.nan)
+    present = np.isfinite(samples.values)
+    nearest = np.searchsorted(time, samples.time[present] + _SAME_INSTANT, side="right") - 1
+    result[nearest] = samples.values[present]
+    return result
+
+
+def _interpolated(time: Array, sample_time: Array, values: Array) -> Array:
+    """Linear between samples; NaN outside, next to missing ones, and in gaps above 0.5 s and three typical steps."""
+    result = np.interp(time, sample_time, values, left=np.nan, right=np.nan)
+    if sample_time.size > 1:
+        steps = np.diff(sample_time)
+        after = np.clip(np.searchsorted(sample_time, time, side="left"), 1, sample_time.size - 1)
+        inside = (time - sample_time[after - 1] > _SAME_INSTANT) & (sample_time[after] - time > _SAME_INSTANT)
+        result[inside & (steps[after - 1] > max(0.5, 3 * typical_step(sample_time)))] = np.nan
+    return result

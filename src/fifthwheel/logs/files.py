@@ -1,6 +1,5 @@
-"""Files in and out: a log of any known format to a Record, and a Record to CSV or Parquet."""
+"""Read a log file of any supported format into a Record; write a Record as CSV or Parquet."""
 
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -8,67 +7,77 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
+from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.assemble import assemble
-from fifthwheel.logs.log import Progress, quiet
-from fifthwheel.logs.names import REFERENCE, header, split_header
 from fifthwheel.logs.readers import open_log
-from fifthwheel.logs.record import Record
-from fifthwheel.logs.signals import SignalMap
+from fifthwheel.logs.signal_map import SignalMap
+from fifthwheel.logs.source import ReadProgress, no_progress
+from fifthwheel.record.record import Record
+from fifthwheel.record.signal_names import REFERENCE, header, split_header
 
 
-def read(
-    path: str | Path, signals: SignalMap | None = None, *, name: str | None = None, progress: Progress = quiet
+def read_log(
+    path: str | Path, signals: SignalMap | None = None, *, name: str | None = None, progress: ReadProgress = no_progress
 ) -> Record:
-    """The record in a log of any format that is told apart by content: CSV, Parquet, MF4, MATLAB, MCAP, CAN traces.
+    """The record in a log file: CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace, recognised by its content.
 
-    The map says which column is which signal; besides, or without one, the columns are taken whose headers are names
-    of signals ("yaw_rate.tractor [deg/s]"), those that begin with "reference." apart, on the time in column "time" or
-    "t" or on the file's own stamps. Anything that cannot be read is a SignalError; what had to be left out stands in
-    the record's notes. The record is called like the file unless `name` says otherwise. `progress` is told the share
-    of the file that is read.
+    Columns whose headers are names of signals ("yaw_rate.tractor [deg/s]") need no map; those that begin with
+    "reference." become reference signals. The time is that of the file, or the column "time" or "t" of a table.
+    Samples that were left out are listed in the record's notes.
+
+    Args:
+        path: the file.
+        signals: map from columns to signals, for columns with other names.
+        name: of the record; default: the file's name without its ending.
+        progress: receives the fraction of the file that has been read.
+
+    Raises:
+        SignalError: the file cannot be read, or holds no signal.
     """
     path = Path(path)
-    asked = signals or SignalMap()
-    with open_log(path, asked.databases, progress) as log:
-        wanted = asked.completed(log.columns)
-        if not wanted.signals and not wanted.reference:
+    given = signals or SignalMap()
+    with open_log(path, given.databases, progress) as log:
+        complete = given.completed(log.columns)
+        if not complete.signals and not complete.reference:
             raise SignalError(
-                f"{log.name}: no column has the name of a signal, there is {_listed(log.columns)}; write a "
-                f"signals.toml that says which column is which, or let `fifthwheel signals` propose one:\n"
+                f"{log.name}: no column has the name of a signal, the columns are {_listed(log.columns)}; map columns "
+                "to signals in a signals.toml, which `fifthwheel signals` proposes:\n"
                 f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
             )
-        return assemble(log, wanted, name=name or path.stem, progress=progress)
+        return assemble(log, complete, name=name or path.stem, progress=progress)
 
 
-def _listed(names: Iterable[str], most: int = 40) -> str:
-    given = list(names)
-    return ", ".join(given[:most]) + (f" and {len(given) - most} more" if len(given) > most else "")
+def _listed(names: Iterable[str], limit: int = 40) -> str:
+    every = list(names)
+    return ", ".join(every[:limit]) + (f" and {len(every) - limit} more" if len(every) > limit else "")
 
 
-def write(record: Record, path: str | Path) -> None:
-    """Write a record as .csv or .parquet, in SI with the units in the headers; read() gives it back equal.
+def write_record(record: Record, path: str | Path) -> None:
+    """Write a record as .csv or .parquet, in SI with the units in the headers; `read_log` returns an equal record.
 
-    The file appears whole or not at all. Notes are not written.
+    The file is written atomically. Notes are not written.
+
+    Raises:
+        SignalError: the ending is another one, or the file cannot be written.
     """
     path = Path(path)
     columns = {"time": record.time, **record.signals, **{REFERENCE + n: v for n, v in record.reference.items()}}
     headers = [header(name) for name in columns]
     fields = [pa.field(h, pa.float64(), metadata={"unit": split_header(h)[1] or ""}) for h in headers]
     table = pa.table([pa.array(values, from_pandas=True) for values in columns.values()], schema=pa.schema(fields))
-    write_table = writer(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    write_table = record_writer(path)
     try:
-        write_table(table, temporary)
-        os.replace(temporary, path)
+        with atomic_write(path) as temporary:
+            write_table(table, temporary)
     except OSError as error:
-        raise SignalError(f"{path}: cannot be written ({error.strerror or error}); check the folder") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+        raise SignalError(
+            f"{path}: cannot be written ({error.strerror or error}); check the folder and its permissions"
+        ) from error
 
 
-def writer(path: Path) -> Callable[[pa.Table, Path], None]:
-    """What writes a file of such a name; a SignalError if nothing does."""
+def record_writer(path: Path) -> Callable[[pa.Table, Path], None]:
+    """The function that writes a file with the ending of `path`; a SignalError for an unknown ending."""
     writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
     if path.suffix.lower() not in writers:
         raise SignalError(f"{path.name}: no format for {path.suffix!r}; end the name in {' or '.join(writers)}")

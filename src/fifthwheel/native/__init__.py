@@ -1,5 +1,5 @@
-"""From a symbolic step to machine code that scans a record; knows CasADi functions and nothing of vehicles."""
+"""Compilation of a symbolic step to machine code that processes a record; independent of vehicles."""
 
-from fifthwheel.native.scan import Scan, compile_soon
+from fifthwheel.native.scan import Scan, compile_in_background
 
-__all__ = ["Scan", "compile_soon"]
+__all__ = ["Scan", "compile_in_background"]

@@ -1,25 +1,26 @@
-"""Compiled code on disk, so that only the first run of a step pays for its compilation.
+"""Cache of compiled code on disk, so that a step is compiled only once.
 
-An entry is run only when its key names exactly this step on this processor with this compiler, its digest matches its
-content, and nobody but this user could have written it. Whatever fails a check is ignored and written anew.
+An entry is used only if its key identifies the step, the processor and the compiler, its digest matches its content,
+and no other user can have written it. An entry that fails a check is ignored and written again.
 """
 
 import hashlib
 import os
 import stat
-import tempfile
 from pathlib import Path
 
 from platformdirs import user_cache_path
+
+from fifthwheel._atomic import atomic_write
 
 DIGEST = hashlib.sha256
 _SIZE = DIGEST().digest_size
 
 
 def folder() -> Path | None:
-    """The cache's folder, made when missing; None where it is switched off or not this user's alone.
+    """Folder of the cache, created if missing; None if the cache is off or other users can write to the folder.
 
-    FIFTHWHEEL_CACHE names another folder; set to an empty string it switches the cache off.
+    The environment variable FIFTHWHEEL_CACHE names another folder; an empty string switches the cache off.
     """
     chosen = os.environ.get("FIFTHWHEEL_CACHE")
     if chosen == "":
@@ -33,8 +34,9 @@ def folder() -> Path | None:
 
 
 def _private(path: Path) -> bool:
+    """Whether the path belongs to this user, is no link, and no other user can write to it."""
     if not hasattr(os, "getuid"):
-        return True  # Windows: a profile folder is its user's alone
+        return True  # Windows: only the user can write to a profile folder
     status = path.lstat()
     return (
         not stat.S_ISLNK(status.st_mode)
@@ -44,11 +46,11 @@ def _private(path: Path) -> bool:
 
 
 def read(key: bytes) -> bytes | None:
-    """The object code stored under `key` (32 bytes), or None."""
-    place = folder()
-    if place is None:
+    """Object code of a key (32 bytes); None if there is no valid entry."""
+    cache_folder = folder()
+    if cache_folder is None:
         return None
-    path = place / f"{key.hex()}.o"
+    path = cache_folder / f"{key.hex()}.o"
     try:
         if not _private(path):
             return None
@@ -60,16 +62,13 @@ def read(key: bytes) -> bytes | None:
 
 
 def write(key: bytes, code: bytes) -> None:
-    """Store `code` under `key`; a full or read-only disk is no error, the cache is only a convenience."""
-    place = folder()
-    if place is None:
+    """Store object code under a key. A disk that is full or read-only is not an error."""
+    cache_folder = folder()
+    if cache_folder is None:
         return
-    temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(dir=place, suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            file.write(key + DIGEST(key + code).digest() + code)
-        os.replace(temporary, place / f"{key.hex()}.o")
+        with atomic_write(cache_folder / f"{key.hex()}.o") as temporary:
+            temporary.touch(mode=0o600, exist_ok=False)
+            temporary.write_bytes(key + DIGEST(key + code).digest() + code)
     except OSError:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+        return

@@ -1,8 +1,8 @@
-"""A symbolic step as LLVM assembly: one CasADi instruction, one line of IR, inside a loop over the samples.
+"""LLVM assembly of a symbolic step: one line of IR for each CasADi instruction, in a loop over the samples.
 
-What depends on the constants alone is computed once, before the loop. The carry is loaded when a sample begins and
-stored when it ends. A lane is a vehicle: with `lanes` above one every value is an LLVM vector and every array carries
-the lanes in its last dimension, so one instruction serves `lanes` vehicles.
+Values that depend only on the constants are computed before the loop. The carry is loaded at the beginning and stored
+at the end of each sample. A lane is a vehicle: with more than one lane each value is an LLVM vector, and the last
+dimension of each array is the lane, so that one instruction processes `lanes` vehicles.
 """
 
 import struct
@@ -21,19 +21,18 @@ _INTRINSIC = {
     ca.OP_FMIN: "minnum",
     ca.OP_FMAX: "maxnum",
 }
-_LIBRARY = {ca.OP_ATAN: "atan"}  # of the C library, a lane at a time; LLVM has an intrinsic of its own only lately
+_LIBRARY = {
+    ca.OP_ATAN: "atan"
+}  # functions of the C library, called for each lane; older LLVM has no intrinsic for them
 _ARGUMENTS = ("carry", "sample", "constant")
 
 
 class Emitter:
-    """Writes the body of `scan(samples, groups, carry, sample, constant, output)` for one CasADi step.
+    """The body of `scan(samples, groups, carry, sample, constant, output)` for one CasADi step.
 
     Args:
-        step: (carry, sample, constant) -> (carry, output), three dense column vectors to two.
-        lanes: vehicles in one vector.
-
-    Raises:
-        NotImplementedError: an operation of the step has no line in the tables above.
+        step: (carry, sample, constant) -> (carry, output), dense column vectors.
+        lanes: number of vehicles in one vector.
     """
 
     def __init__(self, step: ca.Function, lanes: int) -> None:
@@ -42,48 +41,59 @@ class Emitter:
         self.type = "double" if lanes == 1 else f"<{lanes} x double>"
         self.mask = "i1" if lanes == 1 else f"<{lanes} x i1>"
         self.suffix = "f64" if lanes == 1 else f"v{lanes}f64"
-        self.once: list[str] = []
-        self.loop: list[str] = []
+        self.once: list[str] = []  # lines before the loop
+        self.loop: list[str] = []  # lines in the loop
         self.intrinsics: set[str] = set()
         self.count = 0
 
     def constant(self, value: float) -> str:
+        """The literal of a number."""
         bits = f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
         if self.lanes == 1:
             return bits
         return "<" + ", ".join([f"double {bits}"] * self.lanes) + ">"
 
     def emit(self, text: str, invariant: bool) -> tuple[str, bool]:
+        """Write an instruction, before the loop if it is invariant; its register and `invariant`."""
         self.count += 1
         name = f"%x{self.count}"
         (self.once if invariant else self.loop).append(f"  {name} = {text}")
         return name, invariant
 
     def load(self, argument: int, element: int) -> tuple[str, bool]:
+        """Load an element of an argument of the step."""
         base = _ARGUMENTS[argument]
         invariant = base == "constant"
         pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{base}.here, i64 {element}", invariant)
         return self.emit(f"load {self.type}, ptr {pointer}, align 8", invariant)
 
     def select(self, condition: str, invariant: bool, value: str, other: str) -> tuple[str, bool]:
+        """`value` where the condition is true, else `other`."""
         return self.emit(f"select {self.mask} {condition}, {self.type} {value}, {self.type} {other}", invariant)
 
     def truth(self, value: str, invariant: bool) -> str:
+        """Whether a value is not zero, as a mask."""
         return self.emit(f"fcmp une {self.type} {value}, {self.constant(0.0)}", invariant)[0]
 
     def library(self, name: str, value: str, invariant: bool) -> tuple[str, bool]:
+        """Call a function of the C library for each lane."""
         self.intrinsics.add(f"declare double @{name}(double)")
         if self.lanes == 1:
             return self.emit(f"call double @{name}(double {value})", invariant)
-        found = "poison"
+        vector = "poison"
         for lane in range(self.lanes):
             element, _ = self.emit(f"extractelement {self.type} {value}, i32 {lane}", invariant)
             result, _ = self.emit(f"call double @{name}(double {element})", invariant)
-            found, _ = self.emit(f"insertelement {self.type} {found}, double {result}, i32 {lane}", invariant)
-        return found, invariant
+            vector, _ = self.emit(f"insertelement {self.type} {vector}, double {result}, i32 {lane}", invariant)
+        return vector, invariant
 
     def operation(self, op: int, arguments: list[tuple[str, bool]]) -> tuple[str, bool]:
-        invariant = all(known for _, known in arguments)
+        """Write an operation on registers.
+
+        Raises:
+            NotImplementedError: no table above contains the operation.
+        """
+        invariant = all(invariant for _, invariant in arguments)
         a = arguments[0][0]
         b = arguments[-1][0]
         if op in _BINARY:
@@ -114,13 +124,15 @@ class Emitter:
         if op == ca.OP_NOT:
             return self.select(self.truth(a, invariant), invariant, self.constant(0.0), self.constant(1.0))
         if op in (ca.OP_AND, ca.OP_OR):
-            word = "and" if op == ca.OP_AND else "or"
-            both, _ = self.emit(f"{word} {self.mask} {self.truth(a, invariant)}, {self.truth(b, invariant)}", invariant)
+            name = "and" if op == ca.OP_AND else "or"
+            both, _ = self.emit(f"{name} {self.mask} {self.truth(a, invariant)}, {self.truth(b, invariant)}", invariant)
             return self.select(both, invariant, self.constant(1.0), self.constant(0.0))
-        raise NotImplementedError(f"{self.step.name()}: CasADi operation {op} has no translation to LLVM")
+        raise NotImplementedError(
+            f"{self.step.name()}: CasADi operation {op} cannot be compiled; write the step without it"
+        )
 
     def translate(self) -> None:
-        """Fill `once` and `loop`; outputs are stored last, so that the carry is read whole before it is written."""
+        """Write all instructions; stores come last, so that the old carry is read before the new one is written."""
         step = self.step
         register: dict[int, tuple[str, bool]] = {}
         stores: list[tuple[int, int, str]] = []
@@ -131,10 +143,10 @@ class Emitter:
             if op == ca.OP_CONST:
                 register[outputs[0]] = (self.constant(step.instruction_constant(k)), True)
             elif op == ca.OP_INPUT:
-                place = (inputs[0], inputs[1])
-                if place not in loaded:
-                    loaded[place] = self.load(*place)
-                register[outputs[0]] = loaded[place]
+                source = (inputs[0], inputs[1])
+                if source not in loaded:
+                    loaded[source] = self.load(*source)
+                register[outputs[0]] = loaded[source]
             elif op == ca.OP_OUTPUT:
                 stores.append((outputs[0], outputs[1], register[inputs[0]][0]))
             else:
@@ -146,10 +158,13 @@ class Emitter:
 
 
 def module(step: ca.Function, lanes: int = 1) -> str:
-    """The LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
+    """LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
 
-    Row-major arrays of double: carry (groups, n_carry, lanes), sample (groups, samples, n_sample, lanes),
-    constant (groups, n_constant, lanes), output (groups, samples, n_output, lanes). The carry is changed in place.
+    The arrays are row-major doubles: carry (groups, n_carry, lanes), sample (groups, samples, n_sample, lanes),
+    constant (groups, n_constant, lanes), output (groups, samples, n_output, lanes). The carry is updated in place.
+
+    Raises:
+        NotImplementedError: an operation of the step cannot be translated.
     """
     emitter = Emitter(step, lanes)
     emitter.translate()

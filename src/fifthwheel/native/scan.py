@@ -1,4 +1,4 @@
-"""A symbolic step, compiled: `Scan` runs it over a whole record, for one vehicle or for many."""
+"""The compiled loop of a symbolic step over the samples of a record, for one vehicle or for many."""
 
 import ctypes
 import functools
@@ -11,23 +11,26 @@ import casadi as ca
 import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
-from numpy.typing import NDArray
 
+from fifthwheel._types import Array
 from fifthwheel.native import cache, llvm_ir
 
-Array = NDArray[np.float64]
-_EFFORT = 1  # of LLVM's code generator, 0 to 3: beyond 1 the compiler takes longer and the code is no faster
+_OPTIMISATION = 1
+"""Level of LLVM's code generator, 0 to 3; above 1 compilation takes longer and the code is not faster."""
 
 
 class Scan:
-    """The machine code of one step, and the loops that carry it over samples and vehicles.
+    """A compiled step, and its loops over samples and vehicles.
 
-    The step maps (carry, sample, constant) to (carry, output). Nothing is allocated per sample and the interpreter is
-    not entered; calls release its lock.
+    The step maps (carry, sample, constant) to (carry, output). It is compiled at the first call. The loop over the
+    samples allocates no memory, does not enter the Python interpreter, and releases its lock.
 
     Args:
-        step: the CasADi function; its inputs and outputs are dense column vectors.
-        lanes: vehicles that share one vector register in `batch`.
+        step: CasADi function; its inputs and outputs are dense column vectors.
+        lanes: number of vehicles in one vector register in `batch`.
+
+    Raises:
+        TypeError: the step has other inputs or outputs.
     """
 
     def __init__(self, step: ca.Function, lanes: int = 4) -> None:
@@ -35,25 +38,31 @@ class Scan:
         self.lanes = lanes
         self._lock = threading.Lock()
         self._compiled: dict[int, Any] = {}
-        self._alive: list[Any] = []  # the engines that hold the code
+        self._engines: list[Any] = []  # they own the memory of the code
         if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != step.numel_in(0):
-            raise TypeError(f"{step.name()}: a step maps (carry, sample, constant) to (carry, output)")
+            raise TypeError(
+                f"{step.name()}: expected a step from (carry, sample, constant) to (carry, output), got {step}"
+            )
         patterns = [*map(step.sparsity_in, range(3)), *map(step.sparsity_out, range(2))]
         if not all(pattern.is_dense() for pattern in patterns):
-            raise TypeError(f"{step.name()}: the inputs and outputs of a step are dense; use casadi.densify")
+            raise TypeError(f"{step.name()}: expected dense inputs and outputs, got sparse ones; use casadi.densify")
         self.n_carry, self.n_sample, self.n_constant = (step.numel_in(i) for i in range(3))
         self.n_output = step.numel_out(1)
 
     def __call__(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
-        """Run one vehicle through its record.
+        """Process the record of one vehicle.
 
         Args:
             carry: (n_carry,) before the first sample.
-            sample: (N, n_sample), a row a sample.
+            sample: (N, n_sample).
             constant: (n_constant,).
 
         Returns:
             The carry after the last sample (n_carry,) and the outputs (N, n_output).
+
+        Raises:
+            TypeError: an array has another shape.
+            NotImplementedError: an operation of the step cannot be compiled.
         """
         carry = np.array(carry, dtype=np.float64)
         sample = np.ascontiguousarray(sample, dtype=np.float64)
@@ -67,15 +76,19 @@ class Scan:
         return carry, output
 
     def batch(self, carry: Array, sample: Array, constant: Array, threads: int = 1) -> tuple[Array, Array]:
-        """Run many vehicles, `lanes` at a time, on so many threads.
+        """Process the records of B vehicles, `lanes` at a time.
 
         Args:
             carry: (B, n_carry).
-            sample: (B, N, n_sample), or (N, n_sample) when all share one record.
+            sample: (B, N, n_sample), or (N, n_sample) if all vehicles have the same record.
             constant: (B, n_constant).
+            threads: number of threads.
 
         Returns:
             The carries (B, n_carry) and the outputs (B, N, n_output).
+
+        Raises:
+            TypeError, NotImplementedError: as for one vehicle.
         """
         vehicles, rows = len(carry), sample.shape[-2] if sample.ndim > 1 else 0
         records = (vehicles,) * (sample.ndim == 3)
@@ -88,38 +101,38 @@ class Scan:
         output = np.empty((groups, rows, self.n_output, self.lanes))
         vector, arrays = self.vector, (carry, sample, constant, output)
 
-        def run(first: int, last: int) -> None:
+        def process(first: int, last: int) -> None:
             addresses = [array.ctypes.data + first * array.strides[0] for array in arrays]
             vector(rows, last - first, *addresses)
 
         edges = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
         if len(edges) <= 2:
-            run(0, groups)
+            process(0, groups)
         else:
-            list(_workers().map(run, edges[:-1], edges[1:]))
+            list(_workers().map(process, edges[:-1], edges[1:]))
         return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
 
     @property
     def single(self) -> Any:
-        """The compiled loop for one vehicle, called with addresses (see `llvm_ir.module`)."""
+        """The compiled loop for one vehicle; its arguments are addresses (see `llvm_ir.module`)."""
         return self._compiled.get(1) or self._compile(1)
 
     @property
     def vector(self) -> Any:
-        """The compiled loop for `lanes` vehicles at a time, called with addresses."""
+        """The compiled loop for `lanes` vehicles at a time; its arguments are addresses."""
         return self._compiled.get(self.lanes) or self._compile(self.lanes)
 
     def _compile(self, lanes: int) -> Any:
         with self._lock:
             if lanes not in self._compiled:
                 code, engine = machine_code(self.step, lanes)
-                self._alive.append((code, engine))
+                self._engines.append((code, engine))
                 prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
                 self._compiled[lanes] = prototype(engine.get_function_address("scan"))
             return self._compiled[lanes]
 
     def _to_lanes(self, array: Array) -> Array:
-        """(B, ...) to (groups, ..., lanes); the last vehicle fills the lanes that are left over."""
+        """(B, ...) to (groups, ..., lanes); unused lanes repeat the last vehicle."""
         missing = -len(array) % self.lanes
         if missing:
             array = np.concatenate([array, np.repeat(array[-1:], missing, axis=0)])
@@ -127,12 +140,13 @@ class Scan:
         return np.array(np.moveaxis(grouped, 1, -1), dtype=np.float64, order="C")
 
     def _from_lanes(self, array: Array, vehicles: int) -> Array:
+        """(groups, ..., lanes) to (B, ...)."""
         grouped = np.moveaxis(array, -1, 1)
         return np.ascontiguousarray(grouped.reshape(len(grouped) * self.lanes, *grouped.shape[2:])[:vehicles])
 
-    def _expect(self, name: str, got: tuple[int, ...], expected: tuple[int, ...]) -> None:
-        if got != expected:
-            raise TypeError(f"{self.step.name()}: {name} has shape {got}, expected {expected}")
+    def _expect(self, name: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+        if shape != expected:
+            raise TypeError(f"{self.step.name()}: expected {name} of shape {expected}, got {shape}")
 
 
 @functools.cache
@@ -140,38 +154,40 @@ def _workers() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="scan")
 
 
-if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
+if hasattr(os, "register_at_fork"):  # a forked process does not have the threads of its parent
     os.register_at_fork(after_in_child=_workers.cache_clear)
 
 
 _background = ThreadPoolExecutor(1, thread_name_prefix="compile")
 
 
-def compile_soon(*scans: Scan) -> None:
-    """Begin to compile in the background, one after another, while the interpreter goes on with other work."""
+def compile_in_background(*scans: Scan) -> None:
+    """Compile the loops for one vehicle in a background thread, one after another."""
     for scan in scans:
         _background.submit(getattr, scan, "single")
 
 
 @functools.cache
 def _platform() -> tuple[str, str, str, bytes]:
-    """Triple, processor and its features, and what a compiled object depends on besides its source."""
+    """Target triple, processor, its features, and the identity of compiler and processor for the cache's key."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     triple = llvm.get_process_triple()
-    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), str(_EFFORT))
+    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), str(_OPTIMISATION))
     return triple, cpu, features, "\n".join((*versions, triple, cpu, features)).encode()
 
 
 def _machine() -> Any:
-    """A new target machine for this processor: an engine owns the one that it is given."""
+    """A new target machine for this processor; an engine takes ownership of its machine."""
     triple, cpu, features, _ = _platform()
-    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=_EFFORT, jit=True)
+    return llvm.Target.from_triple(triple).create_target_machine(
+        cpu=cpu, features=features, opt=_OPTIMISATION, jit=True
+    )
 
 
 def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
-    """Object code of `step` from the cache or the compiler, and the engine that holds it executable."""
+    """Object code of a step, from the cache or the compiler, and the engine that executes it."""
     *_, platform = _platform()
     source = llvm_ir.module(step, lanes)
     key = cache.DIGEST(platform + b"\0" + source.encode()).digest()
@@ -186,7 +202,7 @@ def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
 
 
 def _compile(source: str) -> bytes:
-    """Object code; without passes over the IR, since CasADi shares subexpressions and `llvm_ir` hoists constants."""
+    """Object code of LLVM assembly, without IR passes: CasADi shares subexpressions, `llvm_ir` hoists invariants."""
     machine = _machine()
     parsed = llvm.parse_assembly(source)
     parsed.verify()

@@ -1,8 +1,8 @@
-"""States of a known truck from the sensors that it has: off-line by the record, live by the sample."""
+"""States of a vehicle with known parameters: sample by sample, or for a record, filtered or smoothed."""
 
 from fifthwheel.observe.observer import Observer
 from fifthwheel.observe.settings import ObserverSettings
-from fifthwheel.observe.states import States, Status, save
+from fifthwheel.observe.states import States, Status, write_states
 from fifthwheel.observe.uncertainty import Uncertainty
 
-__all__ = ["Observer", "ObserverSettings", "States", "Status", "Uncertainty", "save"]
+__all__ = ["Observer", "ObserverSettings", "States", "Status", "Uncertainty", "write_states"]

@@ -1,95 +1,164 @@
-"""States of a whole record: filtered as they would have been on the way, or smoothed by all that came later."""
+"""States of a record: filtered, as they would be on-line, or smoothed with all samples."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.dynamics import steps
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import SignalError
-from fifthwheel.logs import Record
-from fifthwheel.observe.known import Known
-from fifthwheel.observe.passes import filtered, smoothed
+from fifthwheel.filters import kalman, smoother
+from fifthwheel.filters.model import packed_size, sizes
+from fifthwheel.observe.observer_model import ObserverModel
+from fifthwheel.observe.observer_step import observer_step
+from fifthwheel.observe.segments import observer_segments, without_measurement
 from fifthwheel.observe.states import States, Status
-from fifthwheel.observe.step import step
-from fifthwheel.observe.stretches import Stretch, stretches, without_news
-from fifthwheel.observe.uncertainty import Pair, Uncertainty
+from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
+from fifthwheel.record import Record
 
-Array = NDArray[np.float64]
-Run = Callable[[Array, Array], Array]
-"""(carry (B, n), constant (B, n)) -> what is told of B trucks on the M rows of a stretch, and variances (B, M, 2 n)."""
+CHUNK = 500
+"""Number of rows in one pass, which bounds the memory of the smoother. Its forward pass stores only the carry before
+each chunk; the backward pass repeats the filter chunk by chunk."""
+
+Pass = Callable[[Array, Array], Array]
+"""(carry (B, n), constant (B, n)) -> reported signals of B vehicles on M rows, and their variances, (B, M, 2 n)."""
 
 
-def states(
-    record: Record, known: Known, limit: steps.StepLimit, uncertainty: Uncertainty | None, *, smooth: bool
-) -> States:
+def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
     """All states of a record.
 
+    Args:
+        record: with the signals of the observer.
+        observer: the models and the settings.
+        uncertainty: of parameters and sensor errors; their contribution is added to every variance.
+        smooth: with all samples, instead of the past ones.
+
     Raises:
-        SignalError: the record has not the signals that the observer was made for, or something is uncertain that the
-            truck and its sensors do not have.
+        SignalError: the record does not have a signal of the observer, or an uncertain name does not exist.
     """
-    model, scan = known.model, step(known.model, known.report)
+    model = observer.model
     for name in (*model.inputs, *model.outputs):
         if name not in record.signals:
-            raise SignalError(f"{name}: not in {record.name}; make an observer of the signals that it has")
-    others = None if uncertainty is None else Others(known, known.pairs(uncertainty.of_log(record.name)))
-    status, parts = stretches(record, model, known.settings, limit)
-    n, m = len(known.report.outputs), len(model.outputs)
-    output = np.full((len(record.time), scan.n_output), np.nan)
-    constant, ungated = known.constant(), known.constant(gate=np.inf)
-    for part in parts:
-        start, at = known.start(part.first), part.samples
-        _, found = scan(start, part.rows, constant)
-        output[at] = found[part.places]
-        silent = without_news(record.time[at], output[at, -m:], known.settings.coast)
-        status[at] = np.where(silent, Status.COASTING, Status.OK)
-        rows = part.rows.copy()
-        rows[:, -m:] = found[:, -m:]  # what was used is used by the smoother, and by every other truck
-        run = partial(smoothed if smooth else filtered, model, known.report, rows)
+            raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
+    pairs = [] if uncertainty is None else observer.pairs(uncertainty.of_log(record.name))
+    status, segments = observer_segments(record, model, observer.settings, observer.step_limit)
+    n, m = len(observer.report.outputs), len(model.outputs)
+    output = np.full((len(record.time), observer.scan.n_output), np.nan)
+    constant, ungated = observer.constant(), observer.constant(gate=np.inf)
+    points = SigmaPoints.of(observer, pairs)
+    for segment in segments:
+        start, samples = observer.start(segment.first), segment.samples
+        _, filtered = observer.scan(start, segment.rows, constant)
+        output[samples] = filtered[segment.sample_indices]
+        coasting = without_measurement(record.time[samples], output[samples, -m:], observer.settings.coast)
+        status[samples] = np.where(coasting, Status.COASTING, Status.OK)
+        rows = segment.rows.copy()
+        rows[:, -m:] = filtered[:, -m:]  # the smoother and the sigma points use the samples that the filter accepted
+        run = partial(smoother_pass if smooth else filter_pass, model, observer.report, rows)
         if smooth:
-            output[at, : 2 * n] = run(start[None], ungated[None])[0, part.places]
-        output[at, n : 2 * n] = np.maximum(output[at, n : 2 * n], 0.0)
-        if others is not None:
-            output[at, n : 2 * n] += others.variance(part, start, run)
-    return _told(record, known, output, status)
+            output[samples, : 2 * n] = run(start[None], ungated[None])[0, segment.sample_indices]
+        output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
+        if pairs:
+            output[samples, n : 2 * n] += parameter_variance(
+                points, start, run, segment.sample_indices, observer.scan.lanes
+            )
+    return _states(record, observer, output, status)
 
 
-class Others:
-    """The trucks on either side of the known one.
+class SigmaPoints(NamedTuple):
+    """Vehicles at the c pairs of sigma points of the uncertain parameters.
 
-    They start where the known one does: P0 is wide enough for all of them, and the steady state that a truck close to
-    its critical speed would start in says more of the critical speed than of the start.
+    They start at the state of the given vehicle: P0 is wide enough for all of them, and the steady state of a vehicle
+    near its critical speed is very sensitive to the parameters.
     """
 
-    def __init__(self, known: Known, pairs: Sequence[Pair]) -> None:
-        self._constants = np.array(
-            [known.constant(values, gate=np.inf) for p in pairs for values in (p.ahead, p.behind)]
-        )
-        self._parts = np.array([pair.part for pair in pairs])
-        self._together = step(known.model, known.report).lanes
-        self._reported = len(known.report.outputs)
+    constants: Array  # of the compiled step, (2 c, n): plus and minus of each pair
+    steps: Array  # distance from the given vehicle, as a fraction of the column, (c,)
 
-    def variance(self, stretch: Stretch, start: Array, run: Run) -> Array:
-        """Of what is told over the parameters, (N, n); as many trucks at a time as share a register."""
-        total = np.zeros((len(stretch.places), self._reported))
-        for first in range(0, len(self._constants), self._together):
-            some = self._constants[first : first + self._together]
-            told = run(np.tile(start, (len(some), 1)), some)[:, stretch.places, : self._reported]
-            parts = self._parts[first // 2 : (first + self._together) // 2, None, None]
-            total += (((told[::2] - told[1::2]) / (2 * parts)) ** 2).sum(axis=0)
-        return total
+    @classmethod
+    def of(cls, observer: ObserverModel, pairs: Sequence[SigmaPointPair]) -> Self:
+        """The sigma points of an observer's vehicle."""
+        constants = [observer.constant(values, gate=np.inf) for pair in pairs for values in (pair.plus, pair.minus)]
+        return cls(np.array(constants), np.array([pair.step for pair in pairs]))
 
 
-def _told(record: Record, known: Known, output: Array, status: NDArray[np.int8]) -> States:
-    """Columns [reported, their variances, innovation, variance, accepted] by name."""
-    names, measured = known.report.outputs, known.model.outputs
+def parameter_variance(points: SigmaPoints, start: Array, run: Pass, indices: NDArray[np.int64], lanes: int) -> Array:
+    """Variance (N, n) of the n reported signals over the parameters.
+
+    Args:
+        points: of the uncertain parameters.
+        start: [x, P] before the first row.
+        run: the filter or the smoother over a segment.
+        indices: of the N samples among the rows of the segment.
+        lanes: number of vehicles in one pass, even.
+    """
+    total: Array | float = 0.0
+    for first in range(0, len(points.constants), lanes):
+        constants = points.constants[first : first + lanes]
+        result = run(np.tile(start, (len(constants), 1)), constants)
+        reported = result[:, indices, : result.shape[2] // 2]
+        step = points.steps[first // 2 : (first + lanes) // 2, None, None]
+        total = total + (((reported[::2] - reported[1::2]) / (2 * step)) ** 2).sum(axis=0)
+    return np.asarray(total)
+
+
+def chunks(rows: Array) -> list[slice]:
+    """Consecutive slices of at most `CHUNK` rows."""
+    return [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
+
+
+def filter_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Array, constant: Array) -> Array:
+    """Outputs of `report` and their variances given the past rows, (B, M, 2 n), for B vehicles.
+
+    The weights of the rows determine the samples that are used, so the gate in the constant must be infinite.
+
+    Args:
+        model, report: of the measured and of the reported signals.
+        rows: (M, 1 + n_d + 2 n_y).
+        carry: [x, P] of each vehicle before the first row, (B, n).
+        constant: [c, Q, R, gate^2, c of the report] of each vehicle, (B, n).
+    """
+    scan = observer_step(model, report)
+    result = np.empty((len(carry), len(rows), 2 * len(report.outputs)))
+    for chunk in chunks(rows):
+        carry, out = scan.batch(carry, rows[chunk], constant)
+        result[:, chunk] = out[:, :, : result.shape[2]]
+    return result
+
+
+def smoother_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Array, constant: Array) -> Array:
+    """Outputs of `report` and their variances given all rows, (B, M, 2 n); arguments as in `filter_pass`."""
+    n_x, n_d, _, _, n_y = sizes(model)
+    n_P = packed_size(n_x)
+    forwards, backwards = kalman.kalman_step(model), smoother.smoother_step(model, report)
+    filter_constant = constant[:, : forwards.n_constant]
+    slices, starts = chunks(rows), [carry]
+    for chunk in slices[:-1]:
+        starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
+    back = np.zeros((len(carry), backwards.n_carry))
+    back[:, -n_d:] = rows[-1, 1 : 1 + n_d]
+    result = np.empty((len(carry), len(rows), backwards.n_output))
+    for chunk, start in zip(reversed(slices), reversed(starts), strict=True):
+        _, out = forwards.batch(start, rows[chunk], filter_constant)
+        shared = np.hstack([rows[chunk], rows[chunk, -n_y:]])  # every sample with a weight is accepted
+        samples = np.broadcast_to(shared, (len(carry), *shared.shape)), out[:, :, -(n_x + n_P) :]
+        back, smoothed = backwards.batch(back, np.concatenate(samples, axis=2)[:, ::-1], constant)
+        result[:, chunk] = smoothed[:, ::-1]
+    return result
+
+
+def _states(record: Record, observer: ObserverModel, output: Array, status: NDArray[np.int8]) -> States:
+    """States from the columns [reported, their variances, innovation, variance, accepted]."""
+    names, measured = observer.report.outputs, observer.model.outputs
     n, m = len(names), len(measured)
-    values, spread, innovation, variance, accepted = np.split(output, np.cumsum([n, n, m, m]), axis=1)
-    sigma = np.sqrt(spread)
-    seen = np.column_stack([np.isfinite(record.signals[name]) for name in measured])
-    innovation = np.where(seen, innovation, np.nan)
+    values, variances, innovation, innovation_variance, accepted = np.split(output, np.cumsum([n, n, m, m]), axis=1)
+    sigma = np.sqrt(variances)
+    present = np.column_stack([np.isfinite(record.signals[name]) for name in measured])
+    innovation = np.where(present, innovation, np.nan)
     return States(
         name=record.name,
         time=record.time,
@@ -97,6 +166,6 @@ def _told(record: Record, known: Known, output: Array, status: NDArray[np.int8])
         sigma={name: sigma[:, i] for i, name in enumerate(names)},
         status=status,
         innovation={name: innovation[:, i] for i, name in enumerate(measured)},
-        innovation_sigma={name: np.sqrt(variance[:, i]) for i, name in enumerate(measured)},
+        innovation_sigma={name: np.sqrt(innovation_variance[:, i]) for i, name in enumerate(measured)},
         accepted={name: accepted[:, i] > 0 for i, name in enumerate(measured)},
     )

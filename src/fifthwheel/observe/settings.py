@@ -1,4 +1,4 @@
-"""How states are observed: every limit and every noise, with what it means."""
+"""Settings of an observer."""
 
 import math
 from collections.abc import Mapping
@@ -9,41 +9,46 @@ from fifthwheel.errors import SignalError
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverSettings:
-    """How states are observed."""
+    """Settings of an observer.
+
+    Raises:
+        SignalError: a value is outside its range.
+    """
 
     min_speed: float = 5.0
-    """Below this the linear tyre model does not hold, m/s: the states are NaN and the status is TOO_SLOW."""
+    """Lowest speed of the linear tyre model, m/s; below it the states are NaN and the status is TOO_SLOW."""
     hold: float = 0.5
-    """A missing speed or steer angle keeps its last value for so long, s; then the status is INPUT_MISSING."""
+    """Longest time for which a missing speed or steer angle keeps its value, s; then the status is INPUT_MISSING."""
     coast: float = 1.0
-    """Without an accepted measurement for so long, s, the status is COASTING."""
+    """Longest time without an accepted measurement, s; then the status is COASTING."""
     max_gap: float = 1.0
-    """After a longer gap in time, s, the filter starts anew."""
+    """Longest gap between samples, s; after a longer gap the filter starts again."""
     gate: float = 6.0
-    """Innovations beyond so many standard deviations are not used."""
+    """Largest accepted innovation, in standard deviations."""
     noise: Mapping[str, float] = field(default_factory=dict)
-    """Variance of a signal's noise, SI squared; the article's R where not given."""
+    """Noise variance of measured signals, SI squared; by default the article's R."""
     process_noise: float = 1.0
-    """Process noise, in units of the default (`observe.noise.OBSERVED`, the article's equation (14))."""
+    """Factor of the process noise `filters.noise.OBSERVER_PROCESS_VARIANCE`, equation (14) of the article."""
     bank: float | None = None
-    """How far a road leans sideways, rad, one standard deviation: the bank is then a state that is found with the
-    others, "bank.road". None takes every road as level."""
-    zeros: Mapping[str, float] = field(default_factory=dict)
-    """Zeros, gains and delays of sensors by name, such as "steer.tractor.front.offset"; none by default. A delay of the
-    steer angle is taken out by its slope, which makes its noise louder: a smooth channel is worth having."""
-    places: Mapping[str, float] = field(default_factory=dict)
-    """Where a unit's sideslip is told, x on the unit in m, by name, such as "sideslip.semitrailer": -2.34 for a sensor
-    at the landing leg; under the CoG by default."""
+    """Prior sigma of the bank of the road, rad. The bank is then a state, "bank.road"; with None the road is level."""
+    sensor_errors: Mapping[str, float] = field(default_factory=dict)
+    """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
+    of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
+    positions: Mapping[str, float] = field(default_factory=dict)
+    """Position of a reported sideslip, x on the unit in m, such as "sideslip.semitrailer": -2.34 for a sensor at the
+    landing legs; by default under the CoG."""
 
     def __post_init__(self) -> None:
         for name in ("min_speed", "coast", "max_gap", "gate"):
             if not getattr(self, name) > 0:
-                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}")
+                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
         for name in ("hold", "process_noise"):
             if not getattr(self, name) >= 0:
-                raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}")
+                raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
         if self.bank is not None and not 0 < self.bank < 1:
-            raise SignalError(f"bank: expected between 0 and 1 rad, got {self.bank}; is it in degrees?")
+            raise SignalError(f"bank: expected between 0 and 1 rad, got {self.bank}; convert degrees to rad")
         for name, variance in self.noise.items():
             if not 0 < variance < math.inf:
-                raise SignalError(f"{name}: expected a variance above 0, got {variance}")
+                raise SignalError(
+                    f"{name}: expected a finite variance above 0, got {variance}; give the noise variance in SI"
+                )

@@ -1,4 +1,4 @@
-"""What an observer says of a record: states, their sigmas, and whether they may be believed."""
+"""States of a record with their sigmas and status."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,43 +8,49 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.whole import whole
-
-Array = NDArray[np.float64]
+from fifthwheel._atomic import atomic_write
+from fifthwheel._types import Array
 
 
 class Status(IntEnum):
-    """Whether a sample's states may be believed; where not OK or COASTING they are NaN."""
+    """Status of a sample; its states are NaN unless it is OK or COASTING."""
 
     OK = 0
-    COASTING = 1  # no measurement for a while: the model runs on its inputs alone
-    TOO_SLOW = 2  # under the speed that the model holds for
-    INPUT_MISSING = 3  # no speed or steer angle for longer than it may be held
+    COASTING = 1
+    """No accepted measurement for longer than `ObserverSettings.coast`: the model predicts from its inputs."""
+    TOO_SLOW = 2
+    """Below the lowest speed of the model."""
+    INPUT_MISSING = 3
+    """The speed or a steer angle is missing for longer than `ObserverSettings.hold`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class States:
-    """States of one record; N samples."""
+    """States of a record of N samples."""
 
     name: str
     time: Array  # (N,) s
     values: Mapping[str, Array]  # by signal, (N,) each, SI
     sigma: Mapping[str, Array]  # standard deviation, (N,) each
-    status: NDArray[np.int8]  # (N,) of Status
-    innovation: Mapping[str, Array]  # by measured signal, value less prediction, (N,), NaN where missing
-    innovation_sigma: Mapping[str, Array]
-    accepted: Mapping[str, NDArray[np.bool_]]  # False where missing or outside the gate
+    status: NDArray[np.int8]  # (N,) `Status`
+    innovation: Mapping[str, Array]  # by measured signal, measurement less prediction, (N,), NaN where missing
+    innovation_sigma: Mapping[str, Array]  # standard deviation, (N,) each
+    accepted: Mapping[str, NDArray[np.bool_]]  # (N,) each, False where missing or outside the gate
 
 
-def save(states: Sequence[States], path: Path) -> None:
-    """Write one Parquet file: log, time, the states in SI, their sigmas as "<state>.sigma", and the status."""
+def write_states(states: Sequence[States], path: Path) -> None:
+    """Write states to a Parquet file: log, time, states in SI, their sigmas as "<state>.sigma", and status.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     import pyarrow as pa
     from pyarrow import parquet
 
     tables = []
-    for one in states:
-        columns = {"time": one.time, **one.values, **{f"{name}.sigma": sigma for name, sigma in one.sigma.items()}}
-        log = pa.array([one.name] * len(one.time)).dictionary_encode()
-        tables.append(pa.table({**columns, "status": one.status, "log": log}))
-    with whole(path) as part:
-        parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), part)
+    for record in states:
+        sigma = {f"{name}.sigma": values for name, values in record.sigma.items()}
+        log = pa.array([record.name] * len(record.time)).dictionary_encode()
+        tables.append(pa.table({"time": record.time, **record.values, **sigma, "status": record.status, "log": log}))
+    with atomic_write(path) as temporary:
+        parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)

@@ -1,10 +1,10 @@
-"""What is not known of a truck and its sensors, and the other trucks that it may therefore be.
+"""Joint uncertainty of parameters and sensor errors, and the sigma points of the vehicle that belong to it.
 
-A state's variance given the measurements is the filter's own, which takes every parameter as known, plus that of the
-filter's answer over the parameters. The latter is had from pairs of trucks, p plus and minus each column of a square
-root of the parameters' covariance (S. J. Julier and J. K. Uhlmann, A new extension of the Kalman filter to nonlinear
-systems, AeroSense 1997). It is exact where the answer is linear in p; products of two errors are left out. The
-parameters are not learned from the record: where it would have told more of them, the variance is too large.
+The variance of a state is the sum of the filter's variance, for known parameters, and the variance of the filter's
+result over the parameters. The latter follows from pairs of vehicles with parameters p plus and minus each column of a
+square root of their covariance (S. J. Julier and J. K. Uhlmann, A new extension of the Kalman filter to nonlinear
+systems, AeroSense 1997). It is exact where the result is linear in p; products of two errors are neglected. The record
+does not update the parameters: if it contains information on them, the variance is too large.
 """
 
 from collections.abc import Container, Mapping, Sequence
@@ -12,45 +12,39 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
-
-Array = NDArray[np.float64]
+from fifthwheel.names import split_log
 
 NEGLIGIBLE = 1e-6
-"""Of the trace of the correlations: a column with less is left out."""
-REACH = 0.5
-"""No parameter is moved by more than a factor of exp of this; a longer column is gone along in part and its effect
-scaled up. Far from its own numbers a truck may be unstable, or quicker than the steps that its record was cut into."""
+"""Columns with a smaller fraction of the trace of the correlation matrix are omitted."""
+MAX_LOG_CHANGE = 0.5
+"""Largest change of the logarithm of a parameter at a sigma point. A longer column is shortened and its effect scaled:
+a very different vehicle may be unstable, or need shorter steps than the record has."""
 
 
-def of_sensor(name: str) -> bool:
-    """Whether a name among the uncertain is a sensor's error rather than a parameter of the truck."""
-    return name.partition("@")[0].endswith((".offset", ".gain", ".delay"))
+class SigmaPointPair(NamedTuple):
+    """Parameters of two vehicles on either side of the given one."""
 
-
-class Pair(NamedTuple):
-    """Two trucks on either side of the known one."""
-
-    ahead: dict[str, float]  # values by name
-    behind: dict[str, float]
-    part: float  # how much of the column they are away
+    plus: dict[str, float]  # values by name, SI
+    minus: dict[str, float]  # values by name, SI
+    step: float  # distance of both from the given vehicle, as a fraction of the column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Joint uncertainty of a truck's parameters and its sensors' errors.
+    """Joint uncertainty of parameters of a vehicle and errors of its sensors.
 
     Raises:
-        SignalError: a name comes twice, or the matrix is not the covariance of so many.
+        SignalError: a name occurs twice, or the matrix is not a covariance of the size of the names.
     """
 
     names: tuple[str, ...]
-    """Vehicle paths, or sensors' errors such as "steer.tractor.front.offset", "yaw_rate.tractor.gain"; those that one
-    log has for itself as "<name>@<log>", those that any other log has as "<name>@"."""
+    """Paths of parameters, and sensor errors such as "steer.tractor.front.offset" or "yaw_rate.tractor.gain". A sensor
+    error of one log is "<name>@<log>", and "<name>@" is that of all other logs."""
     covariance: Array
-    """(k, k), SI of each."""
+    """(k, k), SI."""
 
     def __post_init__(self) -> None:
         names, P = tuple(self.names), np.array(self.covariance, dtype=np.float64)
@@ -59,84 +53,100 @@ class Uncertainty:
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "covariance", P)
         if len(set(names)) < k:
-            raise SignalError(f"uncertainty: {', '.join(sorted({n for n in names if names.count(n) > 1}))} comes twice")
+            raise SignalError(
+                f"uncertainty: {', '.join(sorted({n for n in names if names.count(n) > 1}))} occurs twice; remove one"
+            )
         if P.shape != (k, k):
-            raise SignalError(f"uncertainty: expected a covariance of {k} by {k} for its names, got {P.shape}")
+            raise SignalError(
+                f"uncertainty: expected a covariance of {k} by {k}, got {P.shape}; give a row and column for each name"
+            )
         if not np.isfinite(P).all():
             bad = [name for name, row in zip(names, P, strict=True) if not np.isfinite(row).all()]
-            raise SignalError(f"uncertainty: the covariance of {', '.join(bad)} is not finite; leave them out")
+            raise SignalError(f"uncertainty: the covariance of {', '.join(bad)} is not finite; remove these names")
         scale = np.sqrt(np.maximum(np.diag(P), 0.0))
-        slack = 1e-6 * np.outer(scale, scale)
+        rounding = 1e-6 * np.outer(scale, scale)
         if (
-            (np.abs(P - P.T) > slack).any()
+            (np.abs(P - P.T) > rounding).any()
             or (np.diag(P) < 0).any()
-            or (np.abs(P) > np.outer(scale, scale) + slack).any()
+            or (np.abs(P) > np.outer(scale, scale) + rounding).any()
         ):
-            raise SignalError("uncertainty: not a covariance; it is symmetric, and no correlation is beyond 1")
+            raise SignalError(
+                "uncertainty: not a covariance; expected a symmetric matrix without a negative variance and without a"
+                " correlation beyond 1; correct it"
+            )
         if k and np.linalg.eigvalsh(self._correlation(scale)).min() < -1e-6 * k:
-            raise SignalError("uncertainty: not a covariance; some combination of its names has a negative variance")
+            raise SignalError(
+                "uncertainty: not a covariance; expected no negative eigenvalue of the matrix; correct its correlations"
+            )
 
     def as_dict(self) -> dict[str, Any]:
-        """Names and rows, fit for JSON."""
+        """Names and rows for JSON."""
         return {"names": list(self.names), "covariance": self.covariance.tolist()}
 
     @classmethod
-    def from_dict(cls, told: Mapping[str, Any]) -> Self:
-        """From what `as_dict` gave.
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Inverse of `as_dict`.
 
         Raises:
-            SignalError: it is something else.
+            SignalError: the data have another form.
         """
         try:
-            return cls(names=tuple(map(str, told["names"])), covariance=np.array(told["covariance"], dtype=np.float64))
+            return cls(names=tuple(map(str, data["names"])), covariance=np.array(data["covariance"], dtype=np.float64))
         except (KeyError, TypeError, ValueError) as error:
             if isinstance(error, SignalError):
                 raise
-            raise SignalError(f"uncertainty: expected names and a covariance in rows of numbers ({error!r})") from None
+            raise SignalError(
+                f"uncertainty: expected names and a covariance in rows of numbers, got {error!r}; write it by as_dict"
+            ) from None
 
     def of_log(self, log: str) -> "Uncertainty":
-        """Without what other logs have for themselves, and with this one's own by its plain name; of a log that has
-        none here, what is told of any, as "<name>@"."""
-        kept = [(i, *name.partition("@")) for i, name in enumerate(self.names)]
-        mine = log if any(own and of == log for _, _, own, of in kept) else ""
-        here = [(i, name) for i, name, own, of in kept if not own or of == mine]
-        return self._part([i for i, _ in here], [name for _, name in here])
+        """The uncertainty for one log: names of other logs are removed, and its own names lose "@<log>".
+
+        A log without names of its own takes those of "<name>@".
+        """
+        parsed = [(i, *split_log(name)) for i, name in enumerate(self.names)]
+        source = log if any(of_log == log for _, _, of_log in parsed) else ""
+        selected = [(i, name) for i, name, of_log in parsed if of_log is None or of_log == source]
+        return self._subset([i for i, _ in selected], [name for _, name in selected])
 
     def among(self, names: Container[str]) -> "Uncertainty":
-        """Of these names only."""
-        here = [i for i, name in enumerate(self.names) if name in names]
-        return self._part(here, [self.names[i] for i in here])
+        """The uncertainty of these names only."""
+        selected = [i for i, name in enumerate(self.names) if name in names]
+        return self._subset(selected, [self.names[i] for i in selected])
 
     def columns(self) -> Array:
-        """A square root S of the covariance, S S', (k, c): the principal axes of the correlations, those left out that
-        do not matter."""
+        """A square root S (k, c) of the covariance, S S': the principal axes of the correlation matrix.
+
+        Axes below `NEGLIGIBLE` are omitted, so c may be less than k.
+        """
         scale = np.sqrt(np.diag(self.covariance))
         values, axes = np.linalg.eigh(self._correlation(scale))
         kept = values > NEGLIGIBLE * values.sum()
         return np.asarray(scale[:, None] * axes[:, kept] * np.sqrt(values[kept]))
 
-    def pairs(self, values: Mapping[str, float], positive: Container[str]) -> list[Pair]:
-        """Two trucks for each column.
+    def pairs(self, values: Mapping[str, float], positive: Container[str]) -> list[SigmaPointPair]:
+        """Two sigma points for each column of the square root.
 
         Args:
-            values: what is known, by name.
-            positive: names of what is above zero, which moves by its logarithm and so stays there.
+            values: given values by name, SI.
+            positive: names of positive values; they change by their logarithm, so they remain positive.
         """
-        found = []
-        known = np.array([values[name] for name in self.names])
-        stretched = np.array([name in positive for name in self.names], dtype=bool)
+        pairs = []
+        given = np.array([values[name] for name in self.names])
+        logarithmic = np.array([name in positive for name in self.names], dtype=bool)
         for column in self.columns().T:
-            log = np.divide(column, known, out=np.zeros_like(column), where=stretched)
-            part = min(1.0, REACH / max(float(np.abs(log).max(initial=0.0)), 1e-300))
-            moved = [np.where(stretched, known * np.exp(step * log), known + step * column) for step in (part, -part)]
-            ahead, behind = (dict(zip(self.names, point.tolist(), strict=True)) for point in moved)
-            found.append(Pair(ahead, behind, part))
-        return found
+            log = np.divide(column, given, out=np.zeros_like(column), where=logarithmic)
+            step = min(1.0, MAX_LOG_CHANGE / max(float(np.abs(log).max(initial=0.0)), 1e-300))
+            points = [np.where(logarithmic, given * np.exp(s * log), given + s * column) for s in (step, -step)]
+            plus, minus = (dict(zip(self.names, point.tolist(), strict=True)) for point in points)
+            pairs.append(SigmaPointPair(plus, minus, step))
+        return pairs
 
     def _correlation(self, scale: Array) -> Array:
-        """(k, k); zeros for what is known exactly."""
+        """Correlation matrix (k, k); zeros for names without variance. `scale` are the standard deviations (k,)."""
         inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
         return np.asarray(self.covariance * np.outer(inverse, inverse))
 
-    def _part(self, places: Sequence[int], names: Sequence[str]) -> "Uncertainty":
-        return Uncertainty(names=tuple(names), covariance=self.covariance[np.ix_(places, places)])
+    def _subset(self, indices: Sequence[int], names: Sequence[str]) -> "Uncertainty":
+        """The uncertainty of the names at these indices, under other names."""
+        return Uncertainty(names=tuple(names), covariance=self.covariance[np.ix_(indices, indices)])

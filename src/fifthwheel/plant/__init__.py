@@ -1,25 +1,20 @@
-"""The nonlinear truck that estimators are tried on: a multibody model on MuJoCo that owes nothing to `dynamics`."""
+"""The nonlinear truck: a multibody model on MuJoCo, independent of `dynamics`, with its driver and sensors."""
 
-from fifthwheel.plant.courses import COURSES, Course, OpenLoop, Path, course
 from fifthwheel.plant.driver import Driver, DriverSettings
+from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.sensors import Sensor, article, observe
-from fifthwheel.plant.truck import Drive, Plant
-from fifthwheel.plant.tyre import MagicFormula
+from fifthwheel.plant.sensors import Sensor, article_sensors, measure, read_sensors
+from fifthwheel.plant.truck import Plant, PlantRun
 
 __all__ = [
-    "COURSES",
-    "Course",
-    "Drive",
     "Driver",
     "DriverSettings",
     "MagicFormula",
-    "OpenLoop",
-    "Path",
     "Plant",
+    "PlantRun",
     "Properties",
     "Sensor",
-    "article",
-    "course",
-    "observe",
+    "article_sensors",
+    "measure",
+    "read_sensors",
 ]

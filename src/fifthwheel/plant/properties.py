@@ -1,13 +1,12 @@
-"""What only the nonlinear truck has: wheels, vertical springs, tyre law, and the flaws of real trucks."""
+"""Properties of the nonlinear truck beyond a vehicle file: wheels, vertical springs, tyres, imperfections."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.logs.units import quantity
-from fifthwheel.plant.tyre import MagicFormula
-from fifthwheel.vehicle.part import suggestion
+from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.units import quantity
 
 UNITS = {
     "wheel_radius": "m",
@@ -20,110 +19,125 @@ UNITS = {
     "lash": "rad",
     "steering_lag": "s",
 }
-"""SI unit of the properties that a text may give in another one; all others are bare numbers in SI."""
+"""SI unit of the properties whose text may carry a unit; all others are numbers in SI."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Properties:
-    """Properties of the plant beyond the vehicle's; every flaw is off by default.
+    """Properties of the nonlinear truck beyond those of the vehicle; every imperfection is off by default.
 
     Keys of the mappings are paths of axle groups: "tractor.front", "tractor.drive", "semitrailer".
+
+    Raises:
+        VehicleError: a value outside its range.
     """
 
     tyre: MagicFormula = field(default_factory=MagicFormula)
-    """The law of every tyre; its cornering stiffness is scaled so that each axle group, at its static load, has that of
-    the vehicle file."""
+    """Model of every tyre; its cornering stiffness is scaled so that each axle group has the cornering stiffness of the
+    vehicle file at its static load."""
     twin_tyres: tuple[str, ...] | None = None
-    """Axle groups with two tyres a side; None: those of the first unit without a steered axle."""
+    """Axle groups with two tyres per side; None: the groups of the first unit without a steered axle."""
     wheel_radius: float = 0.5
-    """Of the loaded wheel, m."""
+    """Radius of the loaded wheel, m."""
     half_track: float = 1.0
-    """From the middle of the truck to the middle of the tyres of one side, m."""
+    """Lateral distance from the centre line of the truck to the middle of the tyres of one side, m."""
     wheel_mass: float = 0.2
-    """Wheel, hub and brake drum of one side, as a part of the axle's whole mass."""
+    """Mass of wheel, hub and brake drum of one side, as a fraction of the mass of the axle."""
     wheel_gyration: float = 0.32
     """Radius of gyration of the wheel about its spin axis, m."""
     bounce_frequency: float = 1.6
-    """Of the body on its suspension, vertically, Hz."""
+    """Natural frequency of the body on its suspension in vertical motion, Hz."""
     bounce_damping: float = 0.25
-    """Of the same motion, as a part of critical damping."""
+    """Damping ratio of the same motion."""
     tyre_damping: float = 5000.0
-    """Vertical, of one tyre, N s/m."""
+    """Vertical damping of one tyre, N s/m."""
     rolling_resistance: float = 0.006
-    """Force by vertical load."""
+    """Rolling resistance coefficient: force divided by vertical load."""
     drag_area: float = 6.0
     """Drag coefficient times frontal area, m^2."""
     landing_leg: float = -2.34
-    """Where the optical sideslip sensor of the last unit sits, x on that unit, m; the article's, 4.1.3."""
+    """x of the optical sideslip sensor on the last unit, m; the article's, section 4.1.3."""
 
     stiffness: float = 1.0
-    """Factor on every tyre's cornering stiffness."""
+    """Factor on the cornering stiffness of every tyre."""
     relaxation: float = 1.0
-    """Factor on every tyre's relaxation length."""
+    """Factor on the relaxation lengths of every tyre."""
     aligning: float = 0.0
-    """Factor on every tyre's pneumatic trail; without it the side force acts in the middle of the contact."""
+    """Factor on the pneumatic trail of every tyre; at 0 the side force acts in the middle of the contact patch."""
     friction: float = 1.0
-    """Factor on every tyre's friction: 0.6 for a wet road."""
+    """Factor on the friction of every tyre: 0.6 for a wet road."""
     bank: float = 0.0
-    """Of the road, rad; positive tilts the truck as a positive roll angle does, to the right."""
+    """Bank angle of the road, rad; positive tilts the truck to the right, as a positive roll angle does."""
     roll_centre: Mapping[str, float] = field(default_factory=dict)
-    """Height of a suspension's roll centre above the ground, m. Where it is not given it follows from the unit's
-    roll_axis_height: the body turns about that axis when suspension and tyres give way together."""
+    """Height of the roll centre of a suspension above the ground, m. The default follows from roll_axis_height of the
+    unit: the body rolls about that axis on suspension and tyres in series."""
     roll_steer: Mapping[str, float] = field(default_factory=dict)
-    """Steer angle of an axle by the roll angle of its suspension, rad/rad; a trailing-arm axle has 0.1 or so."""
+    """Steer angle of an axle per roll angle of its suspension, rad/rad; about 0.1 for a trailing-arm axle."""
     lash: Mapping[str, float] = field(default_factory=dict)
-    """Free play of a suspension in roll to either side, rad."""
+    """Free play of a suspension in roll, to either side, rad."""
     steering_compliance: float = 0.0
-    """Of the first steered axle, rad/(N m) of aligning moment; wants `aligning`."""
+    """Steer angle of the first steered axle per aligning moment, rad/(N m); has an effect only with `aligning`."""
     steering_lag: float = 0.0
-    """Time constant from the measured steer angle to the wheels, s."""
+    """Time constant from the measured steer angle to the angle of the wheels, s."""
     frame_torsion: float | None = None
-    """Torsional stiffness of the first unit's frame, N m/rad; None is rigid."""
+    """Torsional stiffness of the frame of the first unit, N m/rad; None: rigid."""
 
     def __post_init__(self) -> None:
         for name in ("wheel_radius", "half_track", "wheel_gyration", "bounce_frequency", "friction", "stiffness"):
             if not 0 < getattr(self, name) < 100:
-                raise VehicleError(f"{name}: expected above 0, got {getattr(self, name)}; correct it")
+                raise VehicleError(f"{name}: expected above 0 and below 100, got {getattr(self, name)}; correct it")
         if not 0 < self.wheel_mass < 0.5:
-            raise VehicleError(f"wheel_mass: expected between 0 and 0.5 of the axle's mass, got {self.wheel_mass}")
+            raise VehicleError(
+                "wheel_mass: expected a fraction of the mass of the axle, above 0 and below 0.5, got"
+                f" {self.wheel_mass}; correct it"
+            )
         for name in ("bounce_damping", "tyre_damping", "rolling_resistance", "drag_area", "aligning", "steering_lag"):
             if not 0 <= getattr(self, name) < 1e6:
                 raise VehicleError(f"{name}: expected 0 or more, got {getattr(self, name)}; correct it")
         if not 1e-3 <= self.relaxation < 100:
-            raise VehicleError(f"relaxation: expected 0.001 or more, got {self.relaxation}; 1 is the tyre's own")
+            raise VehicleError(
+                f"relaxation: expected 0.001 or more and below 100, got {self.relaxation}; give 1 for the relaxation"
+                " lengths of the tyre model"
+            )
         if not abs(self.bank) < 0.3:
-            raise VehicleError(f"bank: expected less than 0.3 rad, got {self.bank}; is it in degrees?")
+            raise VehicleError(
+                f"bank: expected a magnitude below 0.3 rad, got {self.bank}; give the unit if it is in degrees, '2 deg'"
+            )
         if self.frame_torsion is not None and not self.frame_torsion > 0:
             raise VehicleError(
-                f"frame_torsion: expected above 0 N m/rad, got {self.frame_torsion}; leave it out if rigid"
+                f"frame_torsion: expected above 0 N m/rad, got {self.frame_torsion}; leave it out for a rigid frame"
             )
 
 
-def changed(properties: Properties, changes: Mapping[str, Any]) -> Properties:
-    """The same with some of them changed, by name: {"bank": "2 deg", "roll_steer.semitrailer": 0.1}.
+def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properties:
+    """A copy with some properties changed.
 
-    Values are numbers in SI, or texts with a unit where `UNITS` has one; those of single axle groups are named
-    property.group.
+    Args:
+        properties: the original.
+        changes: value by property, and by "property.group" for properties of single axle groups: {"bank": "2 deg",
+            "roll_steer.semitrailer": 0.1}. A value is a number in SI, or a text with a unit where `UNITS` has one.
 
     Raises:
-        VehicleError: no such property, or a value that it cannot have.
+        VehicleError: an unknown property, or a value outside its range.
     """
     names = [f.name for f in fields(Properties) if f.name != "tyre"]
-    new: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in changes.items():
         name, _, group = key.partition(".")
         if name not in names:
-            raise VehicleError(f"{name}: the plant has no such property; {suggestion(name, names)}")
-        of_groups = isinstance(getattr(properties, name), Mapping)
-        if of_groups != bool(group):
-            how = f"{name}.<axle group>, such as {name}.semitrailer" if of_groups else f"{name} without a group"
-            raise VehicleError(f"{key}: expected {how}")
+            raise VehicleError(f"{name}: the nonlinear truck has no such property; {suggestion(name, names)}")
+        by_group = isinstance(getattr(properties, name), Mapping)
+        if by_group != bool(group):
+            expected = (
+                f"{name}.<axle group>, such as {name}.semitrailer" if by_group else f"{name} without an axle group"
+            )
+            raise VehicleError(f"{key}: expected {expected}; correct the name")
         if name == "twin_tyres":
-            new[name] = tuple(value.split(",") if isinstance(value, str) else value)
+            values[name] = tuple(value.split(",") if isinstance(value, str) else value)
             continue
         try:
             number = quantity(value, UNITS.get(name, "1"))
         except (SignalError, TypeError, ValueError) as error:
             raise VehicleError(f"{key}: {error}") from None
-        new[name] = {**new.get(name, getattr(properties, name)), group: number} if of_groups else number
-    return replace(properties, **new)
+        values[name] = {**values.get(name, getattr(properties, name)), group: number} if by_group else number
+    return replace(properties, **values)

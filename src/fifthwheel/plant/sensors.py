@@ -1,8 +1,8 @@
-"""Sensors: from the truth to what a log would hold. Each signal has one, a file of tables describes them.
+"""Sensors: from true signals to the measured signals of a log. A TOML file has one table for each sensor.
 
 [speed]
 noise = "0.1 km/h"                  # standard deviation; or variance, a number in SI squared
-rate = "10 Hz"                      # missing between its own samples
+rate = "10 Hz"                      # no value between the samples of the sensor
 latency = "120 ms"
 
 ["yaw_rate.tractor"]
@@ -10,7 +10,7 @@ noise = "0.2 deg/s"
 bias = "0.1 deg/s"
 misalignment = "1 deg"
 quantisation = "0.01 deg/s"
-dropout = "2 %"                     # mean part of the time without a reading
+dropout = "2 %"                     # mean fraction of the time without a value
 dropout_length = "0.5 s"
 """
 
@@ -25,103 +25,108 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.errors import SignalError
-from fifthwheel.logs.names import is_input, known, si_unit, suggest
-from fifthwheel.logs.noise import article_gyros
-from fifthwheel.logs.units import quantity
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.names import SignalName
+from fifthwheel.record.sensor_noise import article_gyro_variance
+from fifthwheel.record.signal_names import checked_name, is_input, si_unit
+from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
-Array = NDArray[np.float64]
-
-_ACROSS = {"yaw_rate": ("roll_rate", 1.0), "roll_rate": ("yaw_rate", -1.0)}
-"""What a gyro of either kind reads of the other rate when it is turned about the lateral axis."""
+_CROSS_AXIS = {"yaw_rate": ("roll_rate", 1.0), "roll_rate": ("yaw_rate", -1.0)}
+"""The rate that a misaligned gyro measures besides its own, and its sign."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """One sensor, in SI. Its effects come in the order of the fields from misalignment to dropout."""
+    """One sensor, in SI. Its effects apply in the order of the fields from misalignment to dropout.
+
+    Raises:
+        SignalError: a value outside its range.
+    """
 
     misalignment: float = 0.0
-    """Angle a by which a yaw or roll gyro is turned about the unit's lateral axis, rad. With roll rate p and yaw rate r
-    a yaw gyro reads r cos a + p sin a, a roll gyro p cos a - r sin a; other sensors have none."""
+    """Angle a by which a yaw or roll gyro is rotated about the lateral axis of the unit, rad. With roll rate p and yaw
+    rate r, a yaw gyro measures r cos a + p sin a and a roll gyro p cos a - r sin a; other sensors have none."""
     latency: float = 0.0
-    """How old a reading is when it is logged, s; before the drive the first value held."""
+    """Age of a value when it is logged, s; before the start of the run the first value applies."""
     scale: float = 1.0
-    """Gain; 1 is right."""
+    """Scale factor; 1 is exact."""
     bias: float = 0.0
-    """What is read at zero."""
+    """Measured value at a true value of 0."""
     variance: float = 0.0
-    """Of white noise, SI squared, a sample; bandwidth and sampling rate do not change it."""
+    """Variance of the white noise of each sample, SI squared; it does not depend on the sampling rate."""
     quantisation: float = 0.0
-    """Step between two readings; 0 for none."""
+    """Step between two measured values; 0: none."""
     rate: float | None = None
-    """Readings a second, Hz; None for one at every sample. Between its own samples a reading is missing."""
+    """Sampling rate of the sensor, Hz; None: a value at every sample of the record. Samples between are NaN."""
     dropout: float = 0.0
-    """Mean part of the time without a reading, 0 to below 1."""
+    """Mean fraction of the time without a value, 0 to below 1."""
     dropout_length: float = 0.2
-    """Mean length of a stretch without readings, s; lengths are exponential, and so are those between."""
+    """Mean duration of a dropout, s; the durations of dropouts, and of the times between, are exponential."""
 
     def __post_init__(self) -> None:
         quarter = math.pi / 4
-        allowed = {
+        ranges = {
             "misalignment": (-quarter <= self.misalignment <= quarter, "-pi/4 to pi/4 rad; is it in degrees?"),
-            "latency": (self.latency >= 0, "0 s or more; no sensor knows what comes"),
-            "scale": (self.scale != 0, "a number other than 0; leave out a sensor that is dead"),
-            "bias": (True, "a finite number; leave it out for none"),
+            "latency": (self.latency >= 0, "0 s or more; correct the sign"),
+            "scale": (self.scale != 0, "a number other than 0; leave out a sensor that measures nothing"),
+            "bias": (True, "a finite number; leave it out for 0"),
             "variance": (self.variance >= 0, "0 or more; give 0 for no noise"),
-            "quantisation": (self.quantisation >= 0, "0 or more; give 0 for no steps"),
+            "quantisation": (self.quantisation >= 0, "0 or more; give 0 for no quantisation"),
             "rate": (self.rate is None or self.rate > 0, "above 0 Hz; leave it out for every sample"),
-            "dropout": (0 <= self.dropout < 1, "0 to below 1; leave out a sensor that never reads"),
-            "dropout_length": (self.dropout_length > 0, "above 0 s; give dropout = 0 for none"),
+            "dropout": (0 <= self.dropout < 1, "0 to below 1; leave out a sensor without any value"),
+            "dropout_length": (self.dropout_length > 0, "above 0 s; give dropout = 0 for no dropouts"),
         }
-        for name, (fine, expected) in allowed.items():
+        for name, (valid, expected) in ranges.items():
             value = getattr(self, name)
-            if not fine or not (value is None or math.isfinite(value)):
+            if not valid or not (value is None or math.isfinite(value)):
                 raise SignalError(f"{name}: got {value}, expected {expected}")
 
 
-def article(vehicle: Vehicle) -> dict[str, Sensor]:
-    """The article's sensors: yaw and roll gyros of every unit with its R, exact speed and first unit's steer angles.
+def article_sensors(vehicle: Vehicle) -> dict[str, Sensor]:
+    """The sensors of Cheng and Cebon (2011), by signal.
 
-    Cheng and Cebon (2011), equation (12).
+    Yaw and roll gyros of every unit with the variances of equation (12); exact speed and exact steer angles of the
+    first unit.
     """
     units = [unit.name for unit in vehicle.units]
-    exact = ["speed", *(name for name in vehicle.steer_signals() if name.startswith(f"steer.{units[0]}."))]
+    exact = ["speed", *(name for name in vehicle.steer_signals() if SignalName.of(name).unit == units[0])]
     return {name: Sensor() for name in exact} | {
-        name: Sensor(variance=variance) for name, variance in article_gyros(units).items()
+        name: Sensor(variance=variance) for name, variance in article_gyro_variance(units).items()
     }
 
 
-def observe(
+def measure(
     time: Array, truth: Mapping[str, Array], sensors: Mapping[str, Sensor], *, seed: int = 0
 ) -> dict[str, Array]:
-    """What the sensors read, (N,) each, NaN where there is no reading.
+    """Measured signals, (N,) each, NaN where a sensor has no value.
 
-    The same seed gives the same readings. The noise of a sensor comes from the seed and its name, its dropouts from a
-    stream of their own, so neither depends on which other sensors there are.
+    The same seed gives the same values. The noise of a sensor depends on the seed and its name only, and so do its
+    dropouts, on a random stream of their own.
 
     Args:
         time: (N,) s, increasing.
-        truth: (N,) values in SI by signal, those of the sensors among them; and the other rate of a misaligned gyro.
+        truth: (N,) true values in SI by signal; for a misaligned gyro also the other rate of its unit.
         sensors: by signal.
         seed: 0 or more.
 
     Raises:
-        SignalError: a sensor of a signal that the truth does not have; a misalignment of what is no gyro.
+        SignalError: a true signal is missing or has another length; a misaligned sensor is not a gyro.
     """
     if seed < 0:
-        raise SignalError(f"seed: expected 0 or more, got {seed}")
-    return {name: _reading(name, sensor, time, truth, seed) for name, sensor in sensors.items()}
+        raise SignalError(f"seed: expected 0 or more, got {seed}; correct it")
+    return {name: _measured(name, sensor, time, truth, seed) for name, sensor in sensors.items()}
 
 
-def _reading(name: str, sensor: Sensor, time: Array, truth: Mapping[str, Array], seed: int) -> Array:
-    _fits(name, sensor)
+def _measured(name: str, sensor: Sensor, time: Array, truth: Mapping[str, Array], seed: int) -> Array:
+    _check_name(name, sensor)
     stream = zlib.crc32(name.encode())
-    value = _of(name, truth, len(time))
+    value = _true_values(name, truth, len(time))
     if sensor.misalignment:
-        kind, _, unit = name.partition(".")
-        across, sign = _ACROSS[kind]
-        other = _of(f"{across}.{unit}", truth, len(time))
+        signal = SignalName.of(name)
+        cross_axis, sign = _CROSS_AXIS[signal.quantity]
+        other = _true_values(f"{cross_axis}.{signal.place}", truth, len(time))
         value = value * math.cos(sensor.misalignment) + other * sign * math.sin(sensor.misalignment)
     if sensor.latency:
         value = np.interp(time - sensor.latency, time, value)
@@ -131,95 +136,101 @@ def _reading(name: str, sensor: Sensor, time: Array, truth: Mapping[str, Array],
         value = np.round(value / sensor.quantisation) * sensor.quantisation
     missing = np.zeros(len(time), dtype=bool)
     if sensor.rate is not None:
-        ticks = np.floor((time - time[0]) * sensor.rate + 1e-6)  # a reading at the first sample since each tick
+        ticks = np.floor((time - time[0]) * sensor.rate + 1e-6)  # a value at the first sample after each tick
         missing[1:] = np.diff(ticks) == 0
         missing[-1] &= not is_input(name)  # a model needs its inputs at both ends
     if sensor.dropout:
-        missing |= _dropped(sensor, time, np.random.default_rng([seed, stream, 1]))
+        missing |= _dropouts(sensor, time, np.random.default_rng([seed, stream, 1]))
     value[missing] = np.nan
     return value
 
 
-def _dropped(sensor: Sensor, time: Array, draw: np.random.Generator) -> NDArray[np.bool_]:
-    """(N,) whether a reading is lost: a switch that stays exponential times in either position."""
-    on = sensor.dropout_length * (1 - sensor.dropout) / sensor.dropout  # mean length of a stretch with readings, s
-    out = bool(draw.random() < sensor.dropout)
-    ends, end, lost = list[float](), float(time[0]), out
+def _dropouts(sensor: Sensor, time: Array, random: np.random.Generator) -> NDArray[np.bool_]:
+    """(N,) True where a value is lost: a switch between two states, each with exponential durations."""
+    mean_between = sensor.dropout_length * (1 - sensor.dropout) / sensor.dropout  # mean time between dropouts, s
+    starts_lost = bool(random.random() < sensor.dropout)
+    ends, end, lost = list[float](), float(time[0]), starts_lost
     while end <= time[-1]:
-        end += draw.exponential(sensor.dropout_length if lost else on)
+        end += random.exponential(sensor.dropout_length if lost else mean_between)
         ends.append(end)
         lost = not lost
     switched: NDArray[np.bool_] = np.searchsorted(ends, time, side="right") % 2 == 1
-    return switched ^ out
+    return switched ^ starts_lost
 
 
-def _of(name: str, truth: Mapping[str, Array], size: int) -> Array:
+def _true_values(name: str, truth: Mapping[str, Array], size: int) -> Array:
     if name not in truth:
-        raise SignalError(f"{name}: the truth does not have it; {suggest(name, sorted(truth))}")
+        raise SignalError(f"{name}: missing in the true signals; {suggestion(name, sorted(truth))}")
     value = np.asarray(truth[name], dtype=np.float64)
     if value.shape != (size,):
-        raise SignalError(f"{name}: expected {size} values, one for each time, got shape {value.shape}")
+        raise SignalError(
+            f"{name}: expected {size} true values, one for each instant, got shape {value.shape}; correct the array"
+        )
     return value
 
 
-def _fits(name: str, sensor: Sensor) -> None:
-    known(name)
-    if sensor.misalignment and name.partition(".")[0] not in _ACROSS:
-        raise SignalError(f"{name}: misalignment is of yaw_rate and roll_rate only; leave it out, or give it a gyro")
+def _check_name(name: str, sensor: Sensor) -> None:
+    checked_name(name)
+    if sensor.misalignment and SignalName.of(name).quantity not in _CROSS_AXIS:
+        raise SignalError(f"{name}: misalignment applies to yaw_rate and roll_rate only; leave it out")
 
 
-def load(path: str | Path) -> dict[str, Sensor]:
-    """The sensors in a TOML file: a table for each signal, texts with units or bare numbers in SI; see above."""
+def read_sensors(path: str | Path) -> dict[str, Sensor]:
+    """Sensors by signal from a TOML file, with numbers in SI or texts with a unit; see the docstring of this module.
+
+    Raises:
+        SignalError: the file is not readable, or a table, key or value in it is not valid.
+    """
     try:
         text = Path(path).read_text(encoding="utf-8")
         tables = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         raise SignalError(f"{path}: cannot be read ({error}); expected a TOML file in UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        raise SignalError(f"{Path(path).name}: not TOML, {error}; correct that line") from error
+        raise SignalError(f"{Path(path).name}: not valid TOML, {error}; correct that line") from error
     try:
-        return {name: _sensor(name, table) for name, table in _flat(tables).items()}
+        return {name: _sensor(name, table) for name, table in _by_signal(tables).items()}
     except SignalError as error:
         raise SignalError(f"{Path(path).name}: {error}") from error
 
 
-def _flat(tables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Tables by signal: [yaw_rate.tractor] without quotes is [yaw_rate] with a table inside to TOML, but means one."""
-    found: dict[str, dict[str, Any]] = {}
+def _by_signal(tables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Tables by signal; TOML reads the header [yaw_rate.tractor] without quotes as a table in a table."""
+    flat: dict[str, dict[str, Any]] = {}
     for name, table in tables.items():
         if not isinstance(table, dict):
             raise SignalError(f'{name}: expected a table for each signal, got {table!r}; write ["yaw_rate.tractor"]')
         if table and all(isinstance(inner, dict) for inner in table.values()):
-            found |= {f"{name}.{inner}": entry for inner, entry in _flat(table).items()}
+            flat |= {f"{name}.{inner}": entry for inner, entry in _by_signal(table).items()}
         else:
-            found[name] = table
-    return found
+            flat[name] = table
+    return flat
 
 
 def _sensor(name: str, table: Mapping[str, Any]) -> Sensor:
-    si = si_unit(known(name)) or "1"
+    si = si_unit(checked_name(name)) or "1"
     units = {"bias": si, "noise": si, "quantisation": si, "misalignment": "rad", "latency": "s", "dropout_length": "s"}
     units["rate"] = "Hz"
     keys = [field.name for field in fields(Sensor)] + ["noise"]
-    given: dict[str, float] = {}
+    values: dict[str, float] = {}
     for key, value in table.items():
         if key not in keys:
-            raise SignalError(f"{name}.{key}: no such key; {suggest(key, keys)}")
+            raise SignalError(f"{name}.{key}: no such key; {suggestion(key, keys)}")
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-            raise SignalError(f"{name}.{key}: expected a number, or a text with its unit, got {value!r}")
+            raise SignalError(f"{name}.{key}: expected a number, or a text with a number and a unit, got {value!r}")
         try:
-            given[key] = quantity(value, units.get(key, "1"))
+            values[key] = quantity(value, units.get(key, "1"))
         except SignalError as error:
             raise SignalError(f"{name}.{key}: {error}") from error
-    if "noise" in given:
-        if "variance" in given:
-            raise SignalError(f"{name}: noise and variance say the same thing; keep one")
-        if given["noise"] < 0:
+    if "noise" in values:
+        if "variance" in values:
+            raise SignalError(f"{name}: expected noise or variance, got both; keep one")
+        if values["noise"] < 0:
             raise SignalError(f"{name}.noise: expected a standard deviation of 0 or more, got {table['noise']}")
-        given["variance"] = given.pop("noise") ** 2
+        values["variance"] = values.pop("noise") ** 2
     try:
-        sensor = Sensor(**given)
-        _fits(name, sensor)
+        sensor = Sensor(**values)
+        _check_name(name, sensor)
     except SignalError as error:
         raise SignalError(str(error) if str(error).startswith(name) else f"{name}.{error}") from error
     return sensor

@@ -1,191 +1,251 @@
-"""The nonlinear truck at work: MuJoCo moves the bodies, a compiled step gives the tyres' forces, a driver steers."""
+"""The nonlinear truck: MuJoCo integrates the bodies, a compiled step computes the tyre forces, a driver steers."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.logs import Record
-from fifthwheel.plant import tyres
-from fifthwheel.plant.body import bodies
-from fifthwheel.plant.courses import Course
+from fifthwheel._types import Array
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.manoeuvres import Course
+from fifthwheel.names import SignalName
+from fifthwheel.native import Scan
+from fifthwheel.plant import tyre_forces
+from fifthwheel.plant.bodies import BeamAxle, SprungBody, sprung_bodies
 from fifthwheel.plant.driver import Driver, Pose
+from fifthwheel.plant.mujoco_model import SIDES, model_xml
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.sensors import Sensor, article, observe
-from fifthwheel.plant.tree import SIDES, xml
-from fifthwheel.plant.truth import Layer, truth
+from fifthwheel.plant.sensors import Sensor, article_sensors, measure
+from fifthwheel.plant.truth import Samples, true_signals
+from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.statics import STANDARD_GRAVITY as GRAVITY
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
+"""Called with a title, the steps done and all steps."""
 
-STEP = 1e-3
-"""Of the integration, s."""
-CONTROL = 10
-"""Steps from one command of the driver to the next."""
-SETTLE = 2.0
-"""Driven straight before time zero, s."""
-
-
-STATES = ("sideslip", "roll", "articulation")
-"""What a record tells of the truth unless asked for all."""
+TIME_STEP = 1e-3
+"""Time step of the integration, s."""
+STEPS_PER_COMMAND = 10
+"""Time steps from one command of the driver to the next."""
+SETTLING_TIME = 2.0
+"""Straight driving before time 0, s."""
+REFERENCE_QUANTITIES = ("sideslip", "roll", "articulation")
+"""Quantities that a record holds as reference by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
-    """What truly happened."""
+class PlantRun:
+    """The true signals of one run."""
 
     vehicle: Vehicle
     properties: Properties
-    time: Array  # (N,) s, regular, from 0
-    truth: dict[str, Array] = field(repr=False)  # signal: (N,), SI; see truth.py
+    time: Array
+    """(N,) s, regular, from 0."""
+    truth: dict[str, Array] = field(repr=False)
+    """(N,) SI, by signal; see truth.py."""
     name: str
 
     def record(self, sensors: Mapping[str, Sensor] | None = None, *, seed: int = 0, everything: bool = False) -> Record:
-        """What sensors show of it, the truth beside it as reference.
+        """The measured signals, with true signals as reference.
 
         Args:
-            sensors: by signal; the article's by default, see sensors.py.
-            seed: of their noise.
-            everything: the whole truth, not only sideslip, roll and articulation.
+            sensors: by signal; None: those of the article, see sensors.py.
+            seed: seed of the sensor noise.
+            everything: all true signals as reference, not only `REFERENCE_QUANTITIES`.
         """
-        shown = observe(self.time, self.truth, article(self.vehicle) if sensors is None else sensors, seed=seed)
-        reference = {n: v for n, v in self.truth.items() if everything or n.partition(".")[0] in STATES}
-        return Record(time=self.time, signals=shown, reference=reference, name=self.name)
+        sensors = article_sensors(self.vehicle) if sensors is None else sensors
+        reference = {
+            name: values
+            for name, values in self.truth.items()
+            if everything or SignalName.of(name).quantity in REFERENCE_QUANTITIES
+        }
+        signals = measure(self.time, self.truth, sensors, seed=seed)
+        return Record(time=self.time, signals=signals, reference=reference, name=self.name)
 
 
+@dataclass(frozen=True, eq=False)
 class Plant:
     """A nonlinear multibody truck.
 
-    Args:
-        vehicle: units, axles, masses, stiffnesses and payload; nothing of it is simplified.
-        properties: what only the plant has.
-
     Raises:
-        FifthwheelError: MuJoCo is not installed.
-        VehicleError: the vehicle has no steered axle in front, or cannot stand.
+        VehicleError: the vehicle has no steered axle on its first unit, its axles are heavier than their unit allows,
+            or a property names an unknown axle group.
     """
 
-    def __init__(self, vehicle: Vehicle, properties: Properties | None = None) -> None:
-        try:
-            import mujoco
-        except ImportError:
-            raise FifthwheelError("the nonlinear truck needs MuJoCo: pip install '.[plant]' in the checkout") from None
-        self._mujoco = mujoco
-        self.vehicle = vehicle
-        self.properties = properties or Properties()
-        self.bodies = bodies(vehicle, self.properties)
-        self.beams = [beam for body in self.bodies for beam in body.beams]
-        if not any(beam.steered for beam in self.bodies[0].beams):
-            raise VehicleError(f"{vehicle.name}: no axle of {vehicle.units[0].name} is steerable; set steerable = true")
-        self.model = mujoco.MjModel.from_xml_string(xml(vehicle, self.bodies, self.properties, STEP))
-        self.layout = self._layout()
-        self.forces = tyres.forces(self.layout, self.bodies, self.properties)
-        self.constants = tyres.constants(self.bodies, self.properties, STEP)
+    vehicle: Vehicle
+    """Units, axles, masses, stiffnesses and payload; all of them are used without simplification."""
+    properties: Properties = field(default_factory=Properties)
+    """Properties that a vehicle file does not have."""
 
-    def _layout(self) -> tyres.Layout:
-        def row(name: str) -> int:
-            return int(self._mujoco.mj_name2id(self.model, self._mujoco.mjtObj.mjOBJ_BODY, name))
+    def __post_init__(self) -> None:
+        sprung_bodies(self.vehicle, self.properties)
 
-        axles = [row(beam.name) for beam in self.beams]
-        return tyres.Layout(
-            bodies=tuple(row(body.name) for body in self.bodies),
-            axles=tuple(axles),
-            carriers=tuple(int(self.model.body_parentid[axle]) for axle in axles),
-            wheels=tuple(row(f"{beam.name}.{side}") for beam in self.beams for side in SIDES),
-            rows=self.model.nbody,
-            steered=tuple(i for i, beam in enumerate(self.beams) if beam.steered),
-        )
+    @cached_property
+    def multibody(self) -> "Multibody":
+        """The compiled model; the first use compiles it.
+
+        Raises:
+            FifthwheelError: MuJoCo is not installed.
+        """
+        return Multibody.of(self.vehicle, self.properties)
 
     def drive(
         self, course: Course, *, rate: float = 100.0, name: str | None = None, progress: Progress | None = None
-    ) -> Drive:
-        """Drive a course and keep what happened, `rate` times a second.
+    ) -> PlantRun:
+        """Drive along a course.
+
+        Args:
+            course: path or open loop.
+            rate: sampling rate of the result, Hz; 1000 Hz divided by a whole number.
+            name: name of the run; by default that of the course.
+            progress: called once per second of the run.
 
         Raises:
-            SignalError: the rate does not divide 1000 Hz; the truck rolled over, jackknifed or came to a stop.
+            FifthwheelError: MuJoCo is not installed.
+            SignalError: the rate does not divide 1000 Hz; the truck rolls over, jackknifes or stops.
         """
-        every = round(1 / (rate * STEP))
-        if every < 1 or not math.isclose(every * rate * STEP, 1):
+        steps = round(1 / (rate * TIME_STEP))  # per sample
+        if steps < 1 or not math.isclose(steps * rate * TIME_STEP, 1):
             raise SignalError(f"rate: expected 1000 Hz divided by a whole number, such as 50, 100 or 200, got {rate:g}")
-        motion = Motion(self, course)
-        count = math.floor(course.duration / STEP / every) + 1
-        layers = Layer.empty(count, self.layout, len(tyres.WHEEL) * 2 * len(self.beams))
-        for k in range(-round(SETTLE / STEP), (count - 1) * every + 1):
-            if k % CONTROL == 0:
-                motion.command(max(k, 0) * STEP, driving=k >= 0)
+        simulation = Simulation(self, course)
+        layout = self.multibody.layout
+        count = math.floor(course.duration / TIME_STEP / steps) + 1
+        sensed = np.full((count, layout.sensed + len(layout.steered)), np.nan)
+        wheels = np.full((count, layout.wheel_outputs), np.nan)
+        for k in range(-round(SETTLING_TIME / TIME_STEP), (count - 1) * steps + 1):
+            if k % STEPS_PER_COMMAND == 0:
+                simulation.command(max(k, 0) * TIME_STEP, settling=k < 0)
                 if progress and k % 1000 == 0:
-                    progress("drive", max(k, 0), count * every)
-            motion.sense()
-            if k >= 0 and k % every == 0:
-                layers.keep(k // every, motion.sample, motion.output)
-            motion.step()
-        time = np.arange(count, dtype=np.float64) * (every * STEP)
-        found = truth(time, layers, self.vehicle, self.properties, self.layout)
-        return Drive(vehicle=self.vehicle, properties=self.properties, time=time, truth=found, name=name or course.name)
+                    progress("simulating", max(k, 0), count * steps)
+            simulation.sense()
+            if k >= 0 and k % steps == 0:
+                sensed[k // steps] = simulation.sample
+                wheels[k // steps] = simulation.wheel_outputs
+            simulation.step()
+        time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
+        truth = true_signals(time, Samples(sensed, wheels), self.vehicle, self.properties, layout)
+        return PlantRun(
+            vehicle=self.vehicle, properties=self.properties, time=time, truth=truth, name=name or course.name
+        )
 
 
-class Motion:
-    """One drive in progress."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Multibody:
+    """A truck as compiled for the simulation."""
+
+    axles: tuple[BeamAxle, ...]
+    model: Any
+    """mujoco.MjModel."""
+    layout: tyre_forces.Layout
+    forces: Scan
+    """The compiled step of the tyre forces."""
+    constants: Array
+    """Constants of that step."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, properties: Properties) -> "Multibody":
+        """Compile a truck.
+
+        Raises:
+            FifthwheelError: MuJoCo is not installed.
+            VehicleError: see `Plant`.
+        """
+        bodies = sprung_bodies(vehicle, properties)
+        model = mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
+        layout = _layout(model, bodies)
+        return cls(
+            axles=tuple(axle for body in bodies for axle in body.axles),
+            model=model,
+            layout=layout,
+            forces=tyre_forces.forces(layout, bodies, properties),
+            constants=tyre_forces.constants(bodies, properties, TIME_STEP),
+        )
+
+
+def mujoco() -> Any:
+    """The module mujoco.
+
+    Raises:
+        FifthwheelError: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise FifthwheelError(
+            "the nonlinear truck needs MuJoCo, which is not installed; pip install 'fifthwheel[plant]'"
+        ) from None
+    return mujoco
+
+
+def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
+    body_type = mujoco().mjtObj.mjOBJ_BODY
+
+    def row(name: str) -> int:
+        return int(mujoco().mj_name2id(model, body_type, name))
+
+    axles = [axle for body in bodies for axle in body.axles]
+    rows = [row(axle.name) for axle in axles]
+    return tyre_forces.Layout(
+        bodies=tuple(row(body.name) for body in bodies),
+        axles=tuple(rows),
+        carriers=tuple(int(model.body_parentid[k]) for k in rows),
+        wheels=tuple(row(f"{axle.name}.{side}") for axle in axles for side in SIDES),
+        rows=model.nbody,
+        steered=tuple(i for i, axle in enumerate(axles) if axle.steered),
+    )
+
+
+class Simulation:
+    """The state of one run; `command`, `sense` and `step` advance it."""
 
     def __init__(self, plant: Plant, course: Course) -> None:
-        mujoco = plant._mujoco
-        self.plant, self.model = plant, plant.model
-        self.data = mujoco.MjData(plant.model)
-        self._before, self._after = mujoco.mj_step1, mujoco.mj_step2
+        multibody = plant.multibody
+        forces, layout = multibody.forces, multibody.layout
+        self.plant, self.model = plant, multibody.model
+        self.data = mujoco().MjData(self.model)
+        self._step1, self._step2 = mujoco().mj_step1, mujoco().mj_step2
+        self._run_forces = forces.single
         self.driver = Driver(course, plant.vehicle)
-        self.start_speed = float(course.speed[0])
-        scan, n = plant.forces, len(plant.layout.steered)
-        self.carry = np.zeros(scan.n_carry)
-        self.sample = np.zeros(scan.n_sample)
-        self.output = np.zeros(scan.n_output)
-        self._run = scan.single
-        self._pointers = [a.ctypes.data for a in (self.carry, self.sample, plant.constants, self.output)]
-        self._sensed = self.sample[: plant.layout.sensed]
-        self._steer = self.sample[plant.layout.sensed :]
-        self._wrench = self.output[: 6 * plant.layout.rows].reshape(-1, 6)
-        self._steer_step = np.zeros(n)
-        self._spin = [self._address(f"{beam.name}.{side}") for beam in plant.beams for side in SIDES]
-        driven = np.array([float(beam.driven) for beam in plant.beams for _ in SIDES])
-        self._drive = driven / max(driven.sum(), 1.0)
-        loads = np.array([beam.load for beam in plant.beams for _ in SIDES])
-        self._brake = loads / loads.sum()
-        self._mass = sum(unit.mass for unit in plant.vehicle.units)
-        p, speed = plant.properties, self.start_speed
-        resistance = p.rolling_resistance * self._mass * GRAVITY + tyres.AIR / 2 * p.drag_area * speed**2
-        self._reached = resistance  # integral of the speed controller, N
-        self.data.qvel[0] = self.start_speed
-        self.data.qvel[self._spin] = self.start_speed / plant.properties.wheel_radius
-        self._tilt = math.sin(plant.properties.bank), math.cos(plant.properties.bank)
+        self.carry = np.zeros(forces.n_carry)
+        self.sample = np.zeros(forces.n_sample)
+        self.output = np.zeros(forces.n_output)
+        self.wheel_outputs = self.output[forces.n_output - layout.wheel_outputs :]
+        self._pointers = [a.ctypes.data for a in (self.carry, self.sample, multibody.constants, self.output)]
+        self._sensed = self.sample[: layout.sensed]
+        self._steer = self.sample[layout.sensed :]
+        self._wrench = self.output[: 6 * layout.rows].reshape(-1, 6)
+        self._steer_increment = np.zeros(len(layout.steered))  # per time step, rad
+        self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
+        self._start_speed = float(course.speed[0])
+        self.speed_controller = SpeedController.of(plant, self._start_speed)
+        self.data.qvel[0] = self._start_speed
+        self.data.qvel[self._spin] = self._start_speed / plant.properties.wheel_radius
+        self._sin_bank, self._cos_bank = math.sin(plant.properties.bank), math.cos(plant.properties.bank)
 
     def _address(self, joint: str) -> int:
-        mujoco = self.plant._mujoco
-        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, joint)
+        number = mujoco().mj_name2id(self.model, mujoco().mjtObj.mjOBJ_JOINT, joint)
         return int(self.model.jnt_dofadr[number])
 
-    def command(self, time: float, *, driving: bool) -> None:
-        """Ask the driver, set steer rate and wheel torques until the next command, lean the road."""
+    def command(self, time: float, *, settling: bool) -> None:
+        """Set steer rate and wheel torques until the next command, and the direction of gravity on a banked road.
+
+        While settling, the truck goes straight ahead at the initial speed of the course.
+        """
         pose = self.pose()
-        wanted = self.driver(time, pose) if driving else None
-        steer, speed = (wanted.steer, wanted.speed) if wanted else (0.0, self.start_speed)
-        self._steer_step[0] = (steer - self._steer[0]) / CONTROL
-        error = speed - pose.speed
-        force = self._mass * 0.8 * error + self._reached
-        force = min(max(force, -0.5 * GRAVITY * self._mass), 0.15 * GRAVITY * self._mass)
-        self._reached += self._mass * 0.3 * min(max(error, -0.5), 0.5) * CONTROL * STEP
-        share = self._drive if force > 0 else self._brake
-        self.data.qfrc_applied[self._spin] = force * self.plant.properties.wheel_radius * share
-        if self._tilt[0]:
-            down, side = -GRAVITY * self._tilt[1], -GRAVITY * self._tilt[0]
+        steer, speed = (0.0, self._start_speed) if settling else self.driver(time, pose)
+        self._steer_increment[0] = (steer - self._steer[0]) / STEPS_PER_COMMAND
+        self.data.qfrc_applied[self._spin] = self.speed_controller(speed - pose.speed)
+        if self._sin_bank:
+            down, side = -GRAVITY * self._cos_bank, -GRAVITY * self._sin_bank
             c, s = math.cos(pose.heading), math.sin(pose.heading)
             self.model.opt.gravity[:] = -s * side, c * side, down
 
     def pose(self) -> Pose:
-        """Of the first unit."""
+        """Pose of the first unit."""
         x, y = self.data.qpos[:2]
         w, i, j, k = self.data.qpos[3:7]
         heading = math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
@@ -195,13 +255,56 @@ class Motion:
         return Pose(x + c * cog, y + s * cog, heading, c * u + s * v, float(self.data.qvel[5]))
 
     def sense(self) -> None:
-        """What MuJoCo senses now, and the tyres' forces."""
-        self._before(self.model, self.data)
+        """Update the sensed values and the tyre forces."""
+        self._step1(self.model, self.data)
         self._sensed[:] = self.data.sensordata
-        self._run(1, 1, *self._pointers)
+        self._run_forces(1, 1, *self._pointers)
 
     def step(self) -> None:
-        """One step on."""
+        """Integrate one time step."""
         self.data.xfrc_applied[:] = self._wrench
-        self._after(self.model, self.data)
-        self._steer += self._steer_step
+        self._step2(self.model, self.data)
+        self._steer += self._steer_increment
+
+
+@dataclass(kw_only=True)
+class SpeedController:
+    """A PI controller of the speed through driven wheels and brakes."""
+
+    mass: float
+    """Mass of the whole truck, kg."""
+    wheel_radius: float
+    """m."""
+    drive_fractions: Array
+    """Fraction of the driving force on each wheel."""
+    brake_fractions: Array
+    """Fraction of the braking force on each wheel."""
+    integral: float
+    """Integral part of the force, N."""
+
+    @classmethod
+    def of(cls, plant: Plant, speed: float) -> "SpeedController":
+        """The controller of a truck that starts at a speed, m/s, with the integral at its driving resistance.
+
+        Driven wheels share the driving force equally; all wheels brake in proportion to their load.
+        """
+        properties, axles = plant.properties, plant.multibody.axles
+        mass = sum(unit.mass for unit in plant.vehicle.units)
+        rolling = properties.rolling_resistance * mass * GRAVITY
+        driven = np.array([float(axle.driven) for axle in axles for _ in SIDES])
+        loads = np.array([axle.load for axle in axles for _ in SIDES])
+        return cls(
+            mass=mass,
+            wheel_radius=properties.wheel_radius,
+            drive_fractions=driven / max(driven.sum(), 1.0),
+            brake_fractions=loads / loads.sum(),
+            integral=rolling + tyre_forces.AIR_DENSITY / 2 * properties.drag_area * speed**2,
+        )
+
+    def __call__(self, error: float) -> Array:
+        """Torque of each wheel, N m, (wheels,), for a speed error, m/s; called once per command."""
+        force = self.mass * 0.8 * error + self.integral
+        force = min(max(force, -0.5 * GRAVITY * self.mass), 0.15 * GRAVITY * self.mass)
+        self.integral += self.mass * 0.3 * min(max(error, -0.5), 0.5) * STEPS_PER_COMMAND * TIME_STEP
+        torques: Array = force * self.wheel_radius * (self.drive_fractions if force > 0 else self.brake_fractions)
+        return torques

@@ -1,144 +1,150 @@
-"""From what MuJoCo sensed to signals: the truth beside which sensors and estimators are judged. SI, ISO 8855."""
+"""True signals of a run, computed from what MuJoCo senses: the reference for sensors and estimators. SI, ISO 8855."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.tyres import PER_BODY, WHEEL, Layout
+from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, Layout
 from fifthwheel.vehicle import Vehicle
 
-Array = NDArray[np.float64]
-OVER = 0.6
-"""Roll angle beyond which a truck falls over, rad."""
-JACKKNIFED = 1.5
+ROLLOVER_ANGLE = 0.6
+"""Roll angle beyond which a truck rolls over, rad."""
+JACKKNIFE_ANGLE = 1.5
 """Articulation angle at which units touch, rad."""
+LOWEST_SPEED = 1.0
+"""Speed below which the tyre model is not valid, m/s."""
 
 
 @dataclass(frozen=True)
-class Layer:
-    """Rows of a drive as they are kept."""
+class Samples:
+    """Sensed values and wheel outputs at the sampling instants of a run."""
 
-    sensed: Array  # (N, sensed and steer angles)
-    wheels: Array  # (N, 4 for each wheel)
-
-    @classmethod
-    def empty(cls, rows: int, layout: Layout, wheels: int) -> "Layer":
-        return cls(np.full((rows, layout.sensed + len(layout.steered)), np.nan), np.full((rows, wheels), np.nan))
-
-    def keep(self, row: int, sensed: Array, output: Array) -> None:
-        self.sensed[row] = sensed
-        self.wheels[row] = output[len(output) - self.wheels.shape[1] :]
+    sensed: Array
+    """(N, sensed values and steer angles)."""
+    wheels: Array
+    """(N, `WHEEL_OUTPUTS` of each wheel)."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A body's frame over time, each (N, 3) in the world's axes."""
+    """The frame of a body over time: each array (N, 3) in world axes."""
 
-    place: Array
-    ahead: Array
-    across: Array
+    position: Array
+    x_axis: Array
+    y_axis: Array
     velocity: Array
-    turning: Array
+    angular_velocity: Array
 
     @classmethod
     def of(cls, sensed: Array) -> "Frame":
+        """The frame by the first 15 sensed values of a body, (N, 15 or more)."""
         return cls(*(sensed[:, 3 * k : 3 * k + 3] for k in range(5)))
 
     @property
-    def upward(self) -> Array:
-        return np.cross(self.ahead, self.across)
+    def z_axis(self) -> Array:
+        """(N, 3)."""
+        return np.cross(self.x_axis, self.y_axis)
 
     @property
     def heading(self) -> Array:
-        return np.unwrap(np.arctan2(self.ahead[:, 1], self.ahead[:, 0]))
+        """Continuous heading angle of the x axis, rad, (N,)."""
+        return np.unwrap(np.arctan2(self.x_axis[:, 1], self.x_axis[:, 0]))
 
     def at(self, x: float, z: float) -> tuple[Array, Array]:
-        """Place and velocity of a point of the body, each (N, 3)."""
-        arm = x * self.ahead + z * self.upward
-        return self.place + arm, self.velocity + np.cross(self.turning, arm)
+        """Position and velocity, each (N, 3), of a point of the body."""
+        arm = x * self.x_axis + z * self.z_axis
+        return self.position + arm, self.velocity + np.cross(self.angular_velocity, arm)
 
 
-def truth(time: Array, layers: Layer, vehicle: Vehicle, properties: Properties, layout: Layout) -> dict[str, Array]:
-    """Every signal of a drive, (N,) each.
+def true_signals(
+    time: Array, samples: Samples, vehicle: Vehicle, properties: Properties, layout: Layout
+) -> dict[str, Array]:
+    """Every signal of a run, (N,) each, by name.
 
-    Yaw and roll rates are those of gyros fixed to the sprung body; sideslip is that of the point of the body on the
-    roll axis under the CoG of the whole unit, in the horizontal plane; lateral_acceleration what an accelerometer shows
-    there. lateral_force and slip_angle of an axle are those of its wheels together, load_transfer right minus left by
-    the sum.
+    Yaw and roll rates are those of gyros fixed to the sprung body. Sideslip is that of the point of the body on the
+    roll axis below the CoG of the whole unit, in the horizontal plane. Accelerations are those of an accelerometer at
+    that point. Lateral force and slip angle of an axle combine both wheels; load transfer is the right load minus the
+    left one, divided by their sum.
 
     Raises:
-        SignalError: the truck rolled over, jackknifed or stopped.
+        SignalError: the truck rolls over, jackknifes or stops.
     """
-    found: dict[str, Array] = {}
+    signals: dict[str, Array] = {}
     headings: list[Array] = []
     for i, unit in enumerate(vehicle.units):
-        frame = Frame.of(layers.sensed[:, PER_BODY * i : PER_BODY * (i + 1)])
-        shown = layers.sensed[:, PER_BODY * i + 15 : PER_BODY * i + 18]
-        heading, upward = frame.heading, frame.upward
+        frame = Frame.of(samples.sensed[:, BODY_SENSORS * i : BODY_SENSORS * (i + 1)])
+        acceleration = samples.sensed[:, BODY_SENSORS * i + 15 : BODY_SENSORS * i + 18]
+        heading, z_axis = frame.heading, frame.z_axis
         headings.append(heading)
-        u, v, place = horizontal(frame, heading, unit.cog, unit.roll_axis_height)
-        found |= {
+        u, v, position = horizontal_motion(frame, heading, unit.cog, unit.roll_axis_height)
+        signals |= {
             f"{quantity}.{unit.name}": values
             for quantity, values in {
-                "position_x": place[:, 0],
-                "position_y": place[:, 1],
+                "position_x": position[:, 0],
+                "position_y": position[:, 1],
                 "yaw": heading,
-                "roll": np.arctan2(frame.across[:, 2], upward[:, 2]),
-                "pitch": -np.arcsin(frame.ahead[:, 2]),
-                "yaw_rate": np.sum(frame.turning * upward, axis=1),
-                "roll_rate": np.sum(frame.turning * frame.ahead, axis=1),
-                "pitch_rate": np.sum(frame.turning * frame.across, axis=1),
+                "roll": np.arctan2(frame.y_axis[:, 2], z_axis[:, 2]),
+                "pitch": -np.arcsin(frame.x_axis[:, 2]),
+                "yaw_rate": np.sum(frame.angular_velocity * z_axis, axis=1),
+                "roll_rate": np.sum(frame.angular_velocity * frame.x_axis, axis=1),
+                "pitch_rate": np.sum(frame.angular_velocity * frame.y_axis, axis=1),
                 "longitudinal_velocity": u,
                 "lateral_velocity": v,
                 "sideslip": np.arctan2(v, u),
-                "longitudinal_acceleration": shown[:, 0],
-                "lateral_acceleration": shown[:, 1],
+                "longitudinal_acceleration": acceleration[:, 0],
+                "lateral_acceleration": acceleration[:, 1],
             }.items()
         }
         if i:
-            found[f"articulation.{unit.name}"] = heading - headings[i - 1]
+            signals[f"articulation.{unit.name}"] = heading - headings[i - 1]
         if i == len(vehicle.units) - 1 and i:
-            u, v, _ = horizontal(frame, heading, properties.landing_leg, 0.0)
-            found[f"sideslip.{unit.name}.landing_leg"] = np.arctan2(v, u)
-    found["speed"] = found[f"longitudinal_velocity.{vehicle.units[0].name}"]
-    found |= {name: layers.sensed[:, layout.sensed + k] for k, name in enumerate(vehicle.steer_signals())}
+            u, v, _ = horizontal_motion(frame, heading, properties.landing_leg, 0.0)
+            signals[f"sideslip.{unit.name}.landing_leg"] = np.arctan2(v, u)
+    signals["speed"] = signals[f"longitudinal_velocity.{vehicle.units[0].name}"]
+    signals |= {name: samples.sensed[:, layout.sensed + k] for k, name in enumerate(vehicle.steer_signals())}
     axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.axles]
     for i, axle in enumerate(axles):
-        left, right = (dict(zip(WHEEL, layers.wheels[:, 4 * k : 4 * k + 4].T, strict=True)) for k in (2 * i, 2 * i + 1))
+        left, right = (
+            dict(zip(WHEEL_OUTPUTS, samples.wheels[:, 4 * k : 4 * k + 4].T, strict=True)) for k in (2 * i, 2 * i + 1)
+        )
         load = left["vertical_force"] + right["vertical_force"]
-        found |= {
+        signals |= {
             f"slip_angle.{axle}": np.arctan((left["slip"] + right["slip"]) / 2),
             f"lateral_force.{axle}": left["lateral_force"] + right["lateral_force"],
             f"longitudinal_force.{axle}": left["longitudinal_force"] + right["longitudinal_force"],
             f"vertical_force.{axle}": load,
             f"load_transfer.{axle}": (right["vertical_force"] - left["vertical_force"]) / load,
         }
-    refuse_fallen(time, found, vehicle)
-    return found
+    check_run(time, signals, vehicle)
+    return signals
 
 
-def horizontal(frame: Frame, heading: Array, x: float, z: float) -> tuple[Array, Array, Array]:
-    """Longitudinal and lateral velocity of a point of a body in the road's plane, (N,), and its place (N, 3)."""
-    place, velocity = frame.at(x, z)
+def horizontal_motion(frame: Frame, heading: Array, x: float, z: float) -> tuple[Array, Array, Array]:
+    """Longitudinal and lateral velocity in the horizontal plane, (N,), and position, (N, 3), of a point of a body."""
+    position, velocity = frame.at(x, z)
     c, s = np.cos(heading), np.sin(heading)
-    return c * velocity[:, 0] + s * velocity[:, 1], c * velocity[:, 1] - s * velocity[:, 0], place
+    return c * velocity[:, 0] + s * velocity[:, 1], c * velocity[:, 1] - s * velocity[:, 0], position
 
 
-def refuse_fallen(time: Array, found: dict[str, Array], vehicle: Vehicle) -> None:
-    """Raise at the first sample at which the truck no longer drives."""
+def check_run(time: Array, signals: dict[str, Array], vehicle: Vehicle) -> None:
+    """Raise SignalError with the first instant at which a unit rolls over or jackknifes, or the truck stops."""
     for unit in vehicle.units:
-        for what, values, limit in (
-            ("rolled over", found[f"roll.{unit.name}"], OVER),
-            ("jackknifed", found.get(f"articulation.{unit.name}", np.zeros_like(time)), JACKKNIFED),
+        for event, name, limit in (
+            ("rolls over", f"roll.{unit.name}", ROLLOVER_ANGLE),
+            ("jackknifes", f"articulation.{unit.name}", JACKKNIFE_ANGLE),
         ):
-            bad = ~(np.abs(values) < limit)
-            if bad.any():
+            exceeded = ~(np.abs(signals.get(name, np.zeros_like(time))) < limit)
+            if exceeded.any():
                 raise SignalError(
-                    f"{unit.name}: {what} at {time[bad.argmax()]:.1f} s; drive a gentler course, or slower"
+                    f"{name}: expected a magnitude below {limit:g} rad; the {unit.name} {event} at"
+                    f" {time[exceeded.argmax()]:.1f} s; reduce speed, steer angle or lateral acceleration"
                 )
-    stopped = found["speed"] < 1.0
+    stopped = signals["speed"] < LOWEST_SPEED
     if stopped.any():
-        raise SignalError(f"speed: the truck came to a stop at {time[stopped.argmax()]:.1f} s; the tyres need to roll")
+        raise SignalError(
+            f"speed: expected {LOWEST_SPEED:g} m/s or more, the range of the tyre model; the truck is slower at"
+            f" {time[stopped.argmax()]:.1f} s; choose a course with a higher speed"
+        )

@@ -1,8 +1,20 @@
-"""What people see: a page that opens anywhere, and tables on a terminal."""
+"""Results for people: a page that opens without a network, and tables on a terminal."""
 
-from fifthwheel.report.html import write_report
-from fifthwheel.report.observed import Given
-from fifthwheel.report.provenance import Provenance, gather, of_run
-from fifthwheel.report.terminal import show_identification, show_states
+from fifthwheel.report.html.report import write_report
+from fifthwheel.report.html.sections import StateConditions
+from fifthwheel.report.provenance import Provenance, gather_provenance, provenance_of_run
+from fifthwheel.report.terminal.results import show_identification, show_states
+from fifthwheel.report.text.conclusion import Conclusion, conclude_identification, conclude_states
 
-__all__ = ["Given", "Provenance", "gather", "of_run", "show_identification", "show_states", "write_report"]
+__all__ = [
+    "Conclusion",
+    "Provenance",
+    "StateConditions",
+    "conclude_identification",
+    "conclude_states",
+    "gather_provenance",
+    "provenance_of_run",
+    "show_identification",
+    "show_states",
+    "write_report",
+]

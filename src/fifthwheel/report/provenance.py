@@ -1,112 +1,99 @@
-"""Where a result comes from, told so that it can be had again: the command, the files, the versions."""
+"""The origin of a result, so that it can be reproduced: command, files, versions."""
 
 import hashlib
 import platform
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import fifthwheel
 
 PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "cantools", "h5py", "mcap")
-"""On which the numbers depend."""
-BLOCK = 1 << 20
+"""The packages that the numbers depend on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileUsed:
-    """A file as it was read."""
+    """A file that was read."""
 
-    path: str  # as it was given
+    path: str  # as given
     size: int  # bytes
     sha256: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """What a result was made from."""
+    """The origin of a result."""
 
-    command: str = ""
-    """As it was typed, quoted for a shell; empty where there was none."""
-    time: str = ""
-    """UTC."""
+    command: str = ""  # as typed, quoted for a shell; empty for a result from Python
+    time: str = ""  # UTC
     versions: Mapping[str, str] = field(default_factory=dict)
     files: tuple[FileUsed, ...] = ()
-    texts: Mapping[str, str] = field(default_factory=dict)
-    """The vehicle file and the signal map, by name, word for word."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+    texts: Mapping[str, str] = field(default_factory=dict)  # text of the vehicle file and of the signal map, by name
 
 
-def gather(files: Sequence[Path], texts: Mapping[str, str] | None = None, command: Sequence[str] = ()) -> Provenance:
-    """What there is to tell of this run.
+def gather_provenance(
+    files: Sequence[Path], texts: Mapping[str, str] | None = None, command: Sequence[str] = ()
+) -> Provenance:
+    """The provenance of a result.
 
     Args:
-        files: all that was read.
-        texts: what is short enough to be shown whole.
+        files: all files and folders that were read.
+        texts: files that are short enough to be shown, by name.
         command: its arguments.
     """
     return Provenance(
         command=shlex.join(["fifthwheel", *command]) if command else "",
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
         versions=versions(),
-        files=tuple(one for path in files for one in _used(Path(path))),
+        files=tuple(file for path in files for file in _used_files(Path(path))),
         texts=dict(texts or {}),
     )
 
 
-def of_run(
-    logs: Sequence[Path],
-    vehicle: str,
-    signals: Path | None = None,
-    *others: Path | None,
-    command: Sequence[str] = (),
+def provenance_of_run(
+    logs: Sequence[Path], vehicle: str, signals: Path | None = None, *others: Path | None, command: Sequence[str] = ()
 ) -> Provenance:
-    """What there is to tell of a command.
+    """The provenance of a command.
 
     Args:
-        vehicle: the truck's file, or its name in the catalogue.
-        signals: the signal map; the databases that it names were read, too.
-        others: what else was read.
+        vehicle: the vehicle file, or the name of a vehicle of the catalogue.
+        signals: the signal map; the databases that it names are included.
+        others: other files that were read.
     """
     from fifthwheel.logs import SignalMap
     from fifthwheel.vehicle import catalogue
 
     databases = SignalMap.load(signals).databases if signals else ()
-    shipped = vehicle in catalogue.names()
-    small = [path for path in (None if shipped else Path(vehicle), signals) if path is not None]
-    texts = {f"{vehicle}, of the catalogue": catalogue.text(vehicle)} if shipped else {}
-    texts |= {str(path): path.read_text(encoding="utf-8", errors="replace") for path in small}
-    return gather([*logs, *small, *databases, *[path for path in others if path is not None]], texts, command)
+    in_catalogue = vehicle in catalogue.names()
+    shown = [path for path in (None if in_catalogue else Path(vehicle), signals) if path is not None]
+    texts = {f"{vehicle} (catalogue)": catalogue.text(vehicle)} if in_catalogue else {}
+    texts |= {str(path): path.read_text(encoding="utf-8", errors="replace") for path in shown}
+    files = [*logs, *shown, *databases, *[path for path in others if path is not None]]
+    return gather_provenance(files, texts, command)
 
 
 def versions() -> dict[str, str]:
-    """Of fifthwheel, Python, what the numbers depend on, and the machine."""
-    found = {"fifthwheel": fifthwheel.__version__, "Python": platform.python_version()}
+    """Versions of fifthwheel, Python and the packages that the numbers depend on, and the platform."""
+    installed = {"fifthwheel": fifthwheel.__version__, "Python": platform.python_version()}
     for name in PACKAGES:
         try:
-            found[name] = metadata.version(name)
+            installed[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return found | {"platform": platform.platform(), "byte order": sys.byteorder}
+    return installed | {"platform": platform.platform(), "byte order": sys.byteorder}
 
 
-def _used(path: Path) -> list[FileUsed]:
-    """A file, or all files of a folder."""
+def _used_files(path: Path) -> list[FileUsed]:
+    """A file, or all files of a folder; nothing for a path that does not exist."""
     if path.is_dir():
-        return [one for inner in sorted(path.rglob("*")) if inner.is_file() for one in _used(inner)]
+        return [file for inner in sorted(path.rglob("*")) if inner.is_file() for file in _used_files(inner)]
     if not path.is_file():
         return []
-    digest, size = hashlib.sha256(), 0
     with path.open("rb") as stream:
-        while block := stream.read(BLOCK):
-            digest.update(block)
-            size += len(block)
-    return [FileUsed(path=str(path), size=size, sha256=digest.hexdigest())]
+        digest = hashlib.file_digest(stream, "sha256")
+    return [FileUsed(path=str(path), size=path.stat().st_size, sha256=digest.hexdigest())]

@@ -1,13 +1,13 @@
-"""What a truck is: units, axles, suspensions, couplings and payload, as validated data with a path to every number."""
+"""The description of a vehicle: units, axles, suspensions, couplings and payload, with a path to every number."""
 
 from fifthwheel.vehicle import catalogue
 from fifthwheel.vehicle.catalogue import get, names
 from fifthwheel.vehicle.files import dump, load, save
-from fifthwheel.vehicle.loads import with_axle_loads
 from fifthwheel.vehicle.paths import unit_of
 from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Coupling, Vehicle
+from fifthwheel.vehicle.weighing import with_axle_loads
 
 __all__ = [
     "Axle",

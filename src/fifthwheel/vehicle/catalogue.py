@@ -1,28 +1,31 @@
-"""Trucks whose numbers are published; each file says value by value what is published and what was chosen."""
+"""Vehicles with published numbers; the comments of each file give the origin of every value."""
 
 from functools import lru_cache
 from importlib.resources import files
 
-from fifthwheel.errors import VehicleError
+from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.vehicle.files import loads
-from fifthwheel.vehicle.part import suggestion
 from fifthwheel.vehicle.vehicle import Vehicle
 
 
 def names() -> tuple[str, ...]:
-    """Names of all vehicles in the catalogue."""
-    here = files(__package__) / "catalogue"
-    return tuple(sorted(file.name.removesuffix(".toml") for file in here.iterdir() if file.name.endswith(".toml")))
+    """Names of all vehicles in the catalogue, sorted."""
+    folder = files(__package__) / "catalogue"
+    return tuple(sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")))
 
 
 def get(name: str) -> Vehicle:
-    """A vehicle of the catalogue."""
+    """A vehicle of the catalogue.
+
+    Raises:
+        VehicleError: the catalogue has no vehicle of that name.
+    """
     return loads(text(name))
 
 
 @lru_cache
 def text(name: str) -> str:
-    """Its file, with the comments that tell the origin of each value; a start for one's own."""
+    """The TOML file of a vehicle with its comments, a template for other vehicles; errors as in `get`."""
     if name not in names():
         raise VehicleError(f"{name}: no such vehicle in the catalogue; {suggestion(name, names())}")
     return (files(__package__) / "catalogue" / f"{name}.toml").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A vehicle as a TOML file: units written out, '475 kN/rad', plain numbers taken as SI.
+"""Vehicle files: TOML with quantities such as "475 kN/rad"; a number without a unit is SI.
 
 name = "my truck"
 source = "workshop, 3 May"
@@ -11,7 +11,7 @@ mass = "7.2 t"
 ...
 [[unit.axle_group]]
 name = "front"
-position = "0 m"          # one axle; several are axles = [{ name = "front", position = "-6.7 m" }, ...]
+position = "0 m"          # a single axle; several are axles = [{ name = "front", position = "-6.7 m" }, ...]
 steerable = true
 ...
 [[coupling]]
@@ -25,26 +25,30 @@ from typing import Any
 
 import tomli_w
 
-from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle.part import suggestion
+from fifthwheel._atomic import atomic_write
+from fifthwheel.errors import UnitError, VehicleError, suggestion
+from fifthwheel.units import quantity
+from fifthwheel.vehicle.component import Component
 from fifthwheel.vehicle.paths import SI_UNITS
-from fifthwheel.vehicle.quantity import quantity
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Coupling, Vehicle
-from fifthwheel.whole import whole
 
 Table = dict[str, Any]
 
-IN_FILE = {"units": "unit", "couplings": "coupling", "axle_groups": "axle_group"}
-"""Fields whose key in a file is the singular, since TOML repeats the header for each of them."""
+FILE_KEYS = {"units": "unit", "couplings": "coupling", "axle_groups": "axle_group"}
+"""Key in a file of each field with several tables: the singular, because TOML repeats the header for each table."""
 
 
 def load(path: str | Path) -> Vehicle:
-    """The vehicle in a TOML file."""
+    """Read a vehicle from a TOML file.
+
+    Raises:
+        VehicleError: the file is not readable, not TOML, or not a valid vehicle; the message begins with the path.
+    """
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise VehicleError(f"{path}: expected a readable TOML file of UTF-8, got {error}; check the path") from None
+        raise VehicleError(f"{path}: expected a readable TOML file in UTF-8, got {error}; check the path") from None
     try:
         return loads(text)
     except VehicleError as error:
@@ -52,7 +56,7 @@ def load(path: str | Path) -> Vehicle:
 
 
 def loads(text: str) -> Vehicle:
-    """The vehicle in a TOML text."""
+    """Read a vehicle from a TOML text; errors as in `load`."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -67,41 +71,47 @@ def loads(text: str) -> Vehicle:
 
 
 def save(vehicle: Vehicle, path: str | Path) -> None:
-    """Write the vehicle to a TOML file that load() reads back equal."""
-    with whole(path) as part:
-        part.write_text(dump(vehicle), encoding="utf-8")
+    """Write a vehicle to a TOML file, from which `load` reads an equal vehicle.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    with atomic_write(path) as temporary:
+        temporary.write_text(dump(vehicle), encoding="utf-8")
 
 
 def dump(vehicle: Vehicle) -> str:
-    """The vehicle as TOML, SI units written out; loads() reads it back equal."""
-    table: Table = _written(vehicle.model_dump(exclude_none=True))
+    """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""
+    table: Table = _file_value(vehicle.model_dump(exclude_none=True))
     return tomli_w.dumps(table)
 
 
-def _written(value: Any, key: str = "") -> Any:
-    """Fields as a file has them: singular headers, values with their units."""
+def _file_value(value: Any, key: str = "") -> Any:
+    """Fields in the form of a file: singular headers, values with their units."""
     if isinstance(value, dict):
-        return {IN_FILE.get(k, k): _written(v, k) for k, v in value.items()}
+        return {FILE_KEYS.get(k, k): _file_value(v, k) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_written(item) for item in value]
+        return [_file_value(item) for item in value]
     return f"{value!r} {SI_UNITS[key]}" if key in SI_UNITS else value
 
 
-def _unit(table: Table, where: str) -> Table:
-    path = _name(table, where)
+def _unit(table: Table, label: str) -> Table:
+    """Fields of a unit; `label` names it in messages if it has no name."""
+    path = _name(table, label)
     fields = _fields(table, path, Unit)
     for key, kind in (("sprung", SprungMass), ("payload", Payload)):
         if key in fields:
             fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind)
     groups = _tables(fields, "axle_groups", path)
-    fields["axle_groups"] = [_group(group, path, alone=len(groups) == 1) for group in groups]
+    fields["axle_groups"] = [_group(group, path, only=len(groups) == 1) for group in groups]
     return fields
 
 
-def _group(written: Table, unit: str, *, alone: bool) -> Table:
-    path = unit if alone else f"{unit}.{_name(written, 'axle_group')}"
-    axle: Table = {key: written[key] for key in ("position", "steerable") if key in written}
-    table: Table = {key: value for key, value in written.items() if key not in axle}
+def _group(file_table: Table, unit: str, *, only: bool) -> Table:
+    """Fields of an axle group; `only` where the unit has no other, so that its paths do not contain its name."""
+    path = unit if only else f"{unit}.{_name(file_table, 'axle_group')}"
+    axle: Table = {key: file_table[key] for key in ("position", "steerable") if key in file_table}
+    table: Table = {key: value for key, value in file_table.items() if key not in axle}
     if axle and "axles" in table:
         raise VehicleError(f"{path}: expected either axles or {' and '.join(axle)}, got both; keep one")
     fields = _fields(table, path, AxleGroup)
@@ -110,34 +120,56 @@ def _group(written: Table, unit: str, *, alone: bool) -> Table:
     return fields
 
 
-def _fields(
-    table: Table, path: str, kind: type[Vehicle | Unit | SprungMass | Payload | AxleGroup | Axle | Coupling]
-) -> Table:
-    """A table with the keys of the model and its quantities in SI."""
-    known = {IN_FILE.get(field, field): field for field in kind.model_fields}
+def _fields(table: Table, path: str, kind: type[Component]) -> Table:
+    """The table of a component with the keys of its fields and its quantities in SI."""
+    fields = {FILE_KEYS.get(field, field): field for field in kind.model_fields}
     prefix = f"{path}." if path else ""
     for key in table:
-        if key not in known:
-            raise VehicleError(f"{prefix}{key}: no such key; {suggestion(key, known)}")
+        if key not in fields:
+            raise VehicleError(f"{prefix}{key}: no such key; {suggestion(key, fields)}")
     return {
-        known[key]: quantity(value, unit=SI_UNITS[key], path=f"{prefix}{key}") if key in SI_UNITS else value
+        fields[key]: read_quantity(value, SI_UNITS[key], f"{prefix}{key}") if key in SI_UNITS else value
         for key, value in table.items()
     }
 
 
-def _name(table: Mapping[str, Any], otherwise: str) -> str:
-    """How a message calls a table: its name if it has one."""
+_CURES = {
+    "N/rad": "give the side force per slip angle, the total of the group's axles",
+    "N m/rad": "give the roll moment per roll angle; two springs of k N/m, each y m from the middle, have 2 k y^2",
+}
+
+
+def read_quantity(value: Any, si: str, path: str) -> float:
+    """A value of a vehicle file in the SI unit `si`. An angle is a dimension: N is not accepted for N/rad.
+
+    Args:
+        value: a number in `si`, or a text of a number and a unit.
+        si: the SI unit.
+        path: of the value, for the message.
+
+    Raises:
+        VehicleError: the value is not a number with a suitable unit.
+    """
+    try:
+        return quantity(value, si, strict=True)
+    except UnitError as error:
+        cure = f"; {_CURES[si]}" if si in _CURES else ""
+        raise VehicleError(f"{path}: {error}{cure}") from None
+
+
+def _name(table: Mapping[str, Any], label: str) -> str:
+    """Name of a table in messages: its own name, or the label if it has none."""
     name = table.get("name")
-    return name if isinstance(name, str) else otherwise
+    return name if isinstance(name, str) else label
 
 
 def _tables(fields: Table, field: str, path: str) -> list[Table]:
-    """The array of tables of a field; none where it is not given."""
-    key, tables = IN_FILE.get(field, field), fields.get(field, [])
-    where = f"{path}.{key}" if path else key
+    """The array of tables of a field; empty if the key is missing."""
+    key, tables = FILE_KEYS.get(field, field), fields.get(field, [])
+    path = f"{path}.{key}" if path else key
     if not isinstance(tables, list):
-        raise VehicleError(f"{where}: expected an array of tables, got {tables!r}; write [[{key}]], or a list")
-    return [_table(table, where) for table in tables]
+        raise VehicleError(f"{path}: expected an array of tables, got {tables!r}; write [[{key}]], or a list")
+    return [_table(table, path) for table in tables]
 
 
 def _table(value: Any, path: str) -> Table:

@@ -1,10 +1,7 @@
-"""Every scalar of a vehicle has a path, 'tractor.front.cornering_stiffness', and every path a unit."""
+"""Paths of the scalars of a vehicle, such as 'tractor.front.cornering_stiffness', and their units."""
 
-from collections.abc import Iterable
-
-from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle.part import Part, suggestion
-from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit
+from fifthwheel.errors import VehicleError, suggestion
+from fifthwheel.names import ParameterPath
 
 SI_UNITS = {
     "mass": "kg",
@@ -26,37 +23,16 @@ SI_UNITS = {
     "leading_position": "m",
     "trailing_position": "m",
 }
-"""Unit of each scalar, by the last word of its path."""
-
-Place = tuple[str | int, ...]
-"""Where a scalar is in the nested fields: ('units', 0, 'sprung', 'mass')."""
+"""SI unit of each quantity, the last word of a path."""
 
 
 def unit_of(path: str) -> str:
-    """SI unit of a parameter, for people: 'N/rad', 'kg m^2', 'm'."""
-    word = path.rpartition(".")[2]
-    if word not in SI_UNITS:
-        raise VehicleError(f"{path}: expected the path of a parameter; {suggestion(word, SI_UNITS)}")
-    return SI_UNITS[word]
+    """SI unit of a parameter: 'N/rad', 'kg m^2', 'm'.
 
-
-def places(units: Iterable[Unit], couplings: Iterable[Part]) -> dict[str, Place]:
-    """Path -> place of every scalar, in the order of the vehicle."""
-    found: dict[str, Place] = {}
-
-    def add(prefix: str, kind: type[Part], place: Place) -> None:
-        found.update({f"{prefix}.{word}": (*place, word) for word in kind.model_fields if word in SI_UNITS})
-
-    for i, unit in enumerate(units):
-        here: Place = ("units", i)
-        add(unit.name, Unit, here)
-        add(f"{unit.name}.sprung", SprungMass, (*here, "sprung"))
-        if unit.payload is not None:
-            add(f"{unit.name}.payload", type(unit.payload), (*here, "payload"))
-        for j, group in enumerate(unit.axle_groups):
-            add(unit.group_path(group), AxleGroup, (*here, "axle_groups", j))
-            for k, axle in enumerate(group.axles):
-                add(f"{unit.name}.{axle.name}", type(axle), (*here, "axle_groups", j, "axles", k))
-    for i, coupling in enumerate(couplings):
-        add(str(getattr(coupling, "name")), type(coupling), ("couplings", i))  # noqa: B009
-    return found
+    Raises:
+        VehicleError: the path does not end with the name of a quantity.
+    """
+    quantity = ParameterPath.of(path).quantity
+    if quantity not in SI_UNITS:
+        raise VehicleError(f"{path}: expected the path of a parameter; {suggestion(quantity, SI_UNITS)}")
+    return SI_UNITS[quantity]

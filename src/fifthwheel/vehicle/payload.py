@@ -1,7 +1,7 @@
-"""What a payload does to the sprung body: equations (8) and (9) of Cheng and Cebon (2011).
+"""Mass, CoG height and roll inertia of the laden sprung body: equations (8) and (9) of Cheng and Cebon (2011).
 
 C. Cheng, D. Cebon, "Parameter and state estimation for articulated heavy vehicles", Vehicle System Dynamics 49 (2011).
-Plain functions of + - * / only: floats, NumPy arrays and CasADi symbols alike.
+The functions use only + - * /, so they accept floats, NumPy arrays and CasADi symbols.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from fifthwheel.vehicle.unit import Unit
 
 
 class Arithmetic(Protocol):
-    """Something that adds, subtracts, multiplies and divides."""
+    """A number, an array or a symbol."""
 
     def __add__(self, other: Any, /) -> Self: ...
     def __sub__(self, other: Any, /) -> Self: ...
@@ -36,7 +36,11 @@ class Laden(NamedTuple, Generic[T]):
 def laden_cog_height(*, mass: T, cog_height: T, payload_mass: T, payload_height: T, floor_height: T) -> T:
     """CoG height of the laden sprung body above the ground, m; equation (8).
 
-    mass and cog_height are those of the unladen sprung body (m_se, h_se); payload_height (h_p) counts from the floor.
+    Args:
+        mass, cog_height: of the unladen sprung body, m_se in kg and h_se in m.
+        payload_mass: kg.
+        payload_height: h_p, from the floor to the top of the load, m.
+        floor_height: h_f, above the ground, m.
     """
     payload_cog = floor_height + payload_height / 2
     return (cog_height * mass + payload_cog * payload_mass) / (mass + payload_mass)
@@ -54,8 +58,12 @@ def laden_roll_inertia(
 ) -> T:
     """Roll inertia of the laden sprung body about the roll axis, kg m^2; equation (9).
 
-    roll_inertia is that of the unladen sprung body about the roll axis (I_sx'x'_e), not about its own CoG. A payload
-    that is not uniform is a point at half its height on the centre line: the term (D_p^2 + h_p^2) / 12 falls away.
+    Args:
+        roll_inertia: of the unladen sprung body about the roll axis (I_sx'x'_e), not about its own CoG, kg m^2.
+        payload_mass: kg.
+        payload_height, payload_width: h_p and D_p, m.
+        floor_height, roll_axis_height: h_f and h_r, above the ground, m.
+        uniform: False for a point mass at half the height on the centre line, without the term (D_p^2 + h_p^2) / 12.
     """
     lever = floor_height + payload_height / 2 - roll_axis_height
     total = roll_inertia + payload_mass * (lever * lever)
@@ -65,9 +73,11 @@ def laden_roll_inertia(
 
 
 def laden(p: Mapping[str, T], unit: Unit) -> Laden[T]:
-    """Laden sprung mass, CoG height and roll inertia of a unit from parameters keyed by their paths.
+    """Laden sprung mass, CoG height and roll inertia of a unit.
 
-    The values of p may be symbols; from the unit itself come only its name and whether and how it is loaded.
+    Args:
+        p: parameters by path; numbers, arrays or symbols.
+        unit: gives the name and the shape of the payload; its numbers are not used.
     """
     mass, height = p[f"{unit.name}.sprung.mass"], p[f"{unit.name}.sprung.cog_height"]
     roll_axis = p[f"{unit.name}.roll_axis_height"]
@@ -76,7 +86,7 @@ def laden(p: Mapping[str, T], unit: Unit) -> Laden[T]:
     if unit.payload is None:
         return Laden(mass, height, inertia)
     payload_mass, payload_height, width, floor = (
-        p[f"{unit.name}.payload.{word}"] for word in ("mass", "height", "width", "floor_height")
+        p[f"{unit.name}.payload.{key}"] for key in ("mass", "height", "width", "floor_height")
     )
     return Laden(
         mass + payload_mass,

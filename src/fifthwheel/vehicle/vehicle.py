@@ -1,45 +1,50 @@
-"""A vehicle: units in a chain, one coupling between each and the next."""
+"""A vehicle: a chain of units, with one coupling between each unit and the next."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from itertools import pairwise
 from typing import Any, Self
 
 from pydantic import Field, model_validator
 
-from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle.part import Name, NotNegative, Number, Part, suggestion
-from fifthwheel.vehicle.paths import Place, places
+from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.vehicle.axle_loads import static_axle_loads
+from fifthwheel.vehicle.component import Component, Name, NonNegative, Number
+from fifthwheel.vehicle.paths import SI_UNITS
 from fifthwheel.vehicle.payload import laden
-from fifthwheel.vehicle.statics import group_loads
-from fifthwheel.vehicle.unit import Unit, reject_doubles
+from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit, require_unique
 
-REACH_BEHIND = 10.0  # m: no coupling is farther behind the last axle of the unit in front
-REACH_AHEAD = 25.0  # m: nor farther ahead of the last axle of the unit behind
+MAX_COUPLING_OVERHANG = 10.0
+"""Largest distance of a coupling behind the last axle of the unit in front, m."""
+MAX_COUPLING_LEAD = 25.0
+"""Largest distance of a coupling ahead of the last axle of the unit behind, m."""
+
+FieldLocation = tuple[str | int, ...]
+"""Keys from the vehicle's fields to a scalar: ('units', 0, 'sprung', 'mass')."""
 
 
-class Coupling(Part):
-    """A fifth wheel or a drawbar eye between a unit and the one behind it; it carries side force and roll moment."""
+class Coupling(Component):
+    """A fifth wheel or a drawbar eye between a unit and the unit behind it; it transmits side force and roll moment."""
 
     name: Name = "fifth_wheel"
     leading_position: Number = Field(description="x on the unit in front, from that unit's origin, m.")
     trailing_position: Number = Field(description="x on the unit behind, from that unit's origin, m.")
-    height: NotNegative = Field(description="Above the ground, m.")
-    roll_stiffness: NotNegative = Field(description="Between the two sprung bodies, N m/rad; a drawbar eye has none.")
-    roll_damping: NotNegative = Field(default=0.0, description="Between the two sprung bodies, N m s/rad.")
+    height: NonNegative = Field(description="Above the ground, m.")
+    roll_stiffness: NonNegative = Field(description="Between the two sprung bodies, N m/rad; 0 for a drawbar eye.")
+    roll_damping: NonNegative = Field(default=0.0, description="Between the two sprung bodies, N m s/rad.")
 
 
-class Vehicle(Part):
-    """Units from front to rear, and the couplings between them. Every scalar has a path; see parameters()."""
+class Vehicle(Component):
+    """Units from front to rear, and the couplings between them. Every scalar has a path; see `parameters`."""
 
     name: str
-    source: str = Field(default="", description="Where the numbers come from.")
+    source: str = Field(default="", description="Origin of the numbers.")
     units: tuple[Unit, ...] = Field(min_length=1)
     couplings: tuple[Coupling, ...] = ()
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:
-        return ""  # paths begin with the unit, not with the name of the vehicle
+        return ""  # a path begins with the unit, not with the name of the vehicle
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -48,12 +53,14 @@ class Vehicle(Part):
                 f"couplings: expected {len(self.units) - 1} between {len(self.units)} units,"
                 f" got {len(self.couplings)}; give one for each pair of neighbours"
             )
-        reject_doubles("names of units and couplings", [u.name for u in self.units] + [c.name for c in self.couplings])
+        require_unique("names of units and couplings", [u.name for u in self.units] + [c.name for c in self.couplings])
         for coupling, (front, rear) in zip(self.couplings, pairwise(self.units), strict=True):
             x, supports = coupling.leading_position, self._supports(front)
-            reject_out_of_reach(f"{coupling.name}.leading_position", x, min(supports) - REACH_BEHIND, max(supports))
+            _require_within(
+                f"{coupling.name}.leading_position", x, min(supports) - MAX_COUPLING_OVERHANG, max(supports)
+            )
             x, last = coupling.trailing_position, min(axle.position for axle in rear.axles)
-            reject_out_of_reach(f"{coupling.name}.trailing_position", x, last, last + REACH_AHEAD)
+            _require_within(f"{coupling.name}.trailing_position", x, last, last + MAX_COUPLING_LEAD)
         for unit in self.units:
             supports = self._supports(unit)
             if not min(supports) <= unit.cog <= max(supports):
@@ -66,11 +73,15 @@ class Vehicle(Part):
     def _supports(self, unit: Unit) -> list[float]:
         """x of the axles of a unit and of its front coupling, m."""
         i = self.units.index(unit)
-        ahead = [self.couplings[i - 1].trailing_position] if i else []
-        return [axle.position for axle in unit.axles] + ahead
+        front_coupling = [self.couplings[i - 1].trailing_position] if i else []
+        return [axle.position for axle in unit.axles] + front_coupling
 
     def unit(self, name: str) -> Unit:
-        """The unit of that name."""
+        """The unit of that name.
+
+        Raises:
+            VehicleError: there is no such unit.
+        """
         for unit in self.units:
             if unit.name == name:
                 return unit
@@ -83,37 +94,93 @@ class Vehicle(Part):
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
         fields = self.model_dump()
-        return {path: _owner(fields, place)[place[-1]] for path, place in places(self.units, self.couplings).items()}
+        return {path: _owner(fields, location)[location[-1]] for path, location in self._locations().items()}
+
+    def _locations(self) -> dict[str, FieldLocation]:
+        """Location of every scalar by its path, in the order of the vehicle."""
+        locations: dict[str, FieldLocation] = {}
+
+        def add(prefix: str, kind: type[Component], location: FieldLocation) -> None:
+            locations.update({f"{prefix}.{key}": (*location, key) for key in kind.model_fields if key in SI_UNITS})
+
+        for i, unit in enumerate(self.units):
+            of_unit: FieldLocation = ("units", i)
+            add(unit.name, Unit, of_unit)
+            add(f"{unit.name}.sprung", SprungMass, (*of_unit, "sprung"))
+            if unit.payload is not None:
+                add(f"{unit.name}.payload", type(unit.payload), (*of_unit, "payload"))
+            for j, group in enumerate(unit.axle_groups):
+                add(unit.group_path(group), AxleGroup, (*of_unit, "axle_groups", j))
+                for k, axle in enumerate(group.axles):
+                    add(f"{unit.name}.{axle.name}", type(axle), (*of_unit, "axle_groups", j, "axles", k))
+        for i, coupling in enumerate(self.couplings):
+            add(coupling.name, Coupling, ("couplings", i))
+        return locations
 
     def replace(self, values: Mapping[str, float]) -> "Vehicle":
-        """The same vehicle with other values at some paths, validated again."""
-        fields, known = self.model_dump(), places(self.units, self.couplings)
+        """The same vehicle with other values of some parameters, validated again.
+
+        Args:
+            values: by path, SI.
+
+        Raises:
+            VehicleError: a path does not exist, or a value is not valid.
+        """
+        fields, locations = self.model_dump(), self._locations()
         for path, value in values.items():
-            if path not in known:
-                raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, known)}")
-            _owner(fields, known[path])[known[path][-1]] = value
+            if path not in locations:
+                raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, locations)}")
+            _owner(fields, locations[path])[locations[path][-1]] = value
         return Vehicle(**fields)
 
     def lumped(self) -> "Vehicle":
-        """The same vehicle with every payload made a part of its sprung body, about that body's own CoG: a load of any
-        shape, whose CoG height and roll inertia are then two parameters."""
+        """The same vehicle with each payload lumped into its sprung body.
+
+        The load may then have any shape: CoG height and roll inertia of the body are two independent parameters.
+        """
         p, fields = self.parameters(), self.model_dump()
         for unit in fields["units"]:
             if unit["payload"] is not None:
                 body = laden(p, self.unit(unit["name"]))
                 lever = body.cog_height - unit["roll_axis_height"]
-                own = body.roll_inertia - body.mass * lever**2
-                unit["sprung"] |= {"mass": body.mass, "cog_height": body.cog_height, "roll_inertia": own}
+                about_cog = body.roll_inertia - body.mass * lever**2
+                unit["sprung"] |= {"mass": body.mass, "cog_height": body.cog_height, "roll_inertia": about_cog}
                 unit["payload"] = None
         return Vehicle(**fields)
 
+    def with_logged_steering(self, signals: Container[str], source: str) -> "Vehicle":
+        """The same vehicle with every axle locked whose steer angle is not among the signals.
+
+        Args:
+            signals: names of the signals.
+            source: name of what contains the signals, for the message.
+
+        Raises:
+            VehicleError: no axle is steerable.
+            SignalError: the signals contain no steer angle of the vehicle.
+        """
+        inputs = self.steer_signals()
+        if not inputs:
+            raise VehicleError(f"{self.name}: no axle is steerable; set steerable = true on the front axle")
+        if not any(name in signals for name in inputs):
+            raise SignalError(f"{inputs[0]}: not in {source}; map the road-wheel angle of a steered axle to it")
+        fields = self.model_dump()
+        for unit in fields["units"]:
+            for axle in (axle for group in unit["axle_groups"] for axle in group["axles"]):
+                axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
+        return Vehicle(**fields)
+
     def axle_loads(self) -> dict[str, float]:
-        """Static vertical load of each axle group by its path, N, on level ground; see statics.group_loads."""
-        return group_loads(self.units, [(c.leading_position, c.trailing_position) for c in self.couplings])
+        """Static vertical load of each axle group by its path, N, on level ground.
+
+        Raises:
+            VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
+        """
+        return static_axle_loads(self.units, [(c.leading_position, c.trailing_position) for c in self.couplings])
 
     @property
     def wheelbase(self) -> float:
-        """From the first axle of the first unit to the mean of its other groups' axles, m."""
+        """Distance of the first axle of the first unit and the mean position of its other groups' axles, m."""
         front, *others = self.units[0].axle_groups
         rear = [axle.position for group in others for axle in group.axles] or [self.units[0].axles[-1].position]
         return front.axles[0].position - sum(rear) / len(rear)
@@ -123,18 +190,21 @@ class Vehicle(Part):
         return tuple(f"steer.{unit.name}.{axle.name}" for unit in self.units for axle in unit.axles if axle.steerable)
 
     def derived(self) -> dict[str, float]:
-        """For each unit, with its payload: <unit>.cog_height of the sprung body above the ground, m, and
-        <unit>.roll_inertia of the sprung body about the roll axis, kg m^2; equations (8) and (9)."""
-        p, found = self.parameters(), {}
+        """CoG height and roll inertia of each laden sprung body; equations (8) and (9) of Cheng and Cebon (2011).
+
+        Returns:
+            <unit>.cog_height above the ground, m, and <unit>.roll_inertia about the roll axis, kg m^2, for each unit.
+        """
+        p, values = self.parameters(), {}
         for unit in self.units:
             body = laden(p, unit)
-            found[f"{unit.name}.cog_height"] = body.cog_height
-            found[f"{unit.name}.roll_inertia"] = body.roll_inertia
-        return found
+            values[f"{unit.name}.cog_height"] = body.cog_height
+            values[f"{unit.name}.roll_inertia"] = body.roll_inertia
+        return values
 
 
-def reject_out_of_reach(path: str, position: float, low: float, high: float) -> None:
-    """Raise where a coupling is not between low and high on a unit."""
+def _require_within(path: str, position: float, low: float, high: float) -> None:
+    """Raise a VehicleError where a coupling is not between low and high on a unit, m."""
     if not low <= position <= high:
         raise VehicleError(
             f"{path}: expected between {low:g} and {high:g} m, given the unit's axles, got {position:g} m;"
@@ -142,8 +212,8 @@ def reject_out_of_reach(path: str, position: float, low: float, high: float) -> 
         )
 
 
-def _owner(fields: Any, place: Place) -> Any:
-    """The innermost mapping that holds the scalar at a place."""
-    for key in place[:-1]:
+def _owner(fields: Any, location: FieldLocation) -> Any:
+    """The innermost mapping that contains the scalar at a location."""
+    for key in location[:-1]:
         fields = fields[key]
     return fields

@@ -79,7 +79,7 @@ def test_every_signal_is_as_cantools_decodes_it(signal, data):
 def test_a_short_frame_lacks_just_the_signals_that_cantools_lacks(signal, length):
     bits = Bits(start=signal.start, length=signal.length, little=signal.byte_order == "little_endian")
     theirs = Message(1, "m", 8, [signal]).decode(bytes(length), allow_truncated=True)
-    assert bits.there(np.array([length], np.int32)).tolist() == ["s" in theirs]
+    assert bits.present(np.array([length], np.int32)).tolist() == ["s" in theirs]
 
 
 def database(tmp_path, text=DBC, name="a.dbc"):

@@ -1,13 +1,13 @@
 """Frames with known values, and files of every format that hold them."""
 
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import can
 import numpy as np
 
-from fifthwheel.errors import SignalError
-from fifthwheel.logs.can.frames import Frames, no_frames, read_frames
+from fifthwheel.logs.readers.can import read_frames
 
 FORMATS = ("asc", "blf", "log", "trc")
 
@@ -35,38 +35,30 @@ def write(path: Path, messages: list[can.Message]) -> Path:
     return path
 
 
-def read(path: Path) -> Frames:
+@dataclass
+class Found:
     """All frames of a file, and all notes."""
-    batches = [frames for frames, _ in read_frames(path)]
-    return joined(batches)
+
+    time: np.ndarray
+    id: np.ndarray
+    extended: np.ndarray
+    bus: np.ndarray
+    payloads: list[bytes]
+    notes: list[str]
+
+    def __len__(self) -> int:
+        return self.time.size
 
 
-def read_or_refuse(path: Path) -> Frames | None:
-    """All frames; None where the file is refused with its name."""
-    try:
-        return read(path)
-    except SignalError as error:
-        if path.name not in str(error):
-            raise
-        return None
-
-
-def joined(batches: list[Frames]) -> Frames:
-    width = max((frames.data.shape[1] for frames in batches), default=8)
-    parts = [no_frames(), *batches]
-    return Frames(
-        time=np.concatenate([frames.time for frames in parts]),
-        id=np.concatenate([frames.id for frames in parts]),
-        extended=np.concatenate([frames.extended for frames in parts]),
-        bus=np.concatenate([frames.bus for frames in parts]),
-        data=np.concatenate([np.pad(frames.data, ((0, 0), (0, width - frames.data.shape[1]))) for frames in parts]),
-        length=np.concatenate([frames.length for frames in parts]),
-        notes=tuple(note for frames in parts for note in frames.notes),
-    )
-
-
-def payloads(frames: Frames) -> list[bytes]:
-    return [bytes(row[:size]) for row, size in zip(frames.data, frames.length, strict=True)]
+def read(path: Path) -> Found:
+    notes: list[str] = []
+    batches = [frames for frames, _ in read_frames(path, notes)]
+    arrays = [
+        np.concatenate([np.empty(0), *(getattr(frames, name) for frames in batches)])
+        for name in ("time", "id", "extended", "bus")
+    ]
+    payloads = [bytes(row[:size]) for frames in batches for row, size in zip(frames.data, frames.length, strict=True)]
+    return Found(*arrays, payloads, notes)
 
 
 def vdc2(yaw_rate: float, lateral: float = 0.0) -> bytes:

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.logs.log import Log
+from fifthwheel.logs.source import LogSource
 
 
-def read(log: Log, *names: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def read(log: LogSource, *names: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Time and values of some columns, or of all."""
     parts: dict[str, list[tuple[Any, Any]]] = {}
     for piece in log.pieces(names or tuple(log.columns)):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs import read
+from fifthwheel.logs import read_log
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.readers import text as module
 
@@ -91,7 +91,7 @@ def test_a_date_is_the_time_whatever_its_unit_row_says(tmp_path, name):
     rows = "".join(f"19.06.2025 10:11:{k:02d},50;{k},5;Halt\n" for k in range(12))
     path = tmp_path / "log.csv"
     path.write_text(f"{name};speed;Bemerkung\n-;km/h;-\n{rows}")
-    record = read(path)
+    record = read_log(path)
     assert record.time - record.time[0] == pytest.approx(np.arange(12))
     assert record.signals["speed"] == pytest.approx((np.arange(12) + 0.5) / 3.6)
 
@@ -100,15 +100,15 @@ def test_a_bad_date_among_good_ones_costs_its_row(tmp_path):
     rows = "".join(f"2025-06-19 10:11:{k:02d},{k}\n" for k in range(20)).replace("10:11:07", "10:V1:07")
     path = tmp_path / "log.csv"
     path.write_text(f"time,speed\n{rows}")
-    assert len(read(path)) == 19
+    assert len(read_log(path)) == 19
 
 
 def test_a_stamp_whose_digit_has_flipped_costs_its_row(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("time,speed\n" + "".join(f"{k / 10},{k}\n" for k in range(50)).replace("2.5,25", "72.5,25"))
-    record = read(path)
+    record = read_log(path)
     assert len(record) == 49
-    assert record.notes == ("time: 1 rows left out that have none",)
+    assert record.notes == ("time: 1 row without a time left out",)
 
 
 @pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"7z\xbc\xaf\x27\x1c"])

@@ -1,4 +1,4 @@
-"""Numbers in the payload of many frames at once."""
+"""Numbers in the payloads of many frames at once."""
 
 from dataclasses import dataclass
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True)
 class Bits:
-    """Where a number lies in a payload, as a DBC says it: bit k is bit k % 8 of byte k // 8."""
+    """Position of a number in a payload, as in a DBC: bit k is bit k % 8 of byte k // 8."""
 
     start: int
-    """Its lowest bit; or, big endian, its highest."""
+    """Its lowest bit; its highest bit when it is big endian."""
     length: int
     """1 to 64."""
     little: bool = True
@@ -21,18 +21,18 @@ class Bits:
 
     @property
     def span(self) -> tuple[int, int]:
-        """First byte, and the byte behind the last."""
+        """First byte, and the byte after the last."""
         first = self.start >> 3
         if self.little:
             return first, (self.start + self.length - 1 >> 3) + 1
         return first, (8 * first + 7 - (self.start & 7) + self.length - 1 >> 3) + 1
 
-    def there(self, length: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """(n,) whether payloads of these lengths hold it."""
+    def present(self, length: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """(n,) whether payloads of these lengths contain it."""
         return length >= self.span[1]
 
     def raw(self, data: NDArray[np.uint8]) -> NDArray[np.uint64] | NDArray[np.int64] | NDArray[np.floating]:
-        """(n,) numbers in payloads (n, width): unsigned, signed or floating; zeros where the width does not hold it."""
+        """(n,) numbers in payloads (n, width): unsigned, signed or floating; zeros where the width is too small."""
         first, end = self.span
         if end > data.shape[1]:
             return np.zeros(len(data), np.uint64)

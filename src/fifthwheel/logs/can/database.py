@@ -1,4 +1,4 @@
-"""Databases of CAN messages: those the user gives, then J1939; which message a frame is."""
+"""Databases of CAN messages by cantools: those of the user, then J1939; and which message a frame is."""
 
 import warnings
 from collections.abc import Iterable, Sequence
@@ -7,12 +7,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import cantools.database
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.bits import Bits
+from fifthwheel.logs.source import reason
 
+Gates = tuple[tuple[str, Bits, frozenset[int]], ...]
+"""The multiplexers of a signal by name, from the outermost, and their values with which it is present."""
 _PLACEHOLDER = "VECTOR__INDEPENDENT_SIG_MSG"
 _FORMATS = ("dbc", "arxml", "kcd", "sym")
 _ENCODINGS = {"dbc": "cp1252", "sym": "cp1252"}
@@ -28,25 +32,24 @@ class Signal:
     offset: float
     unit: str | None
     about: str
-    gates: tuple[tuple[str, Bits, frozenset[int]], ...] = ()
-    """Present in frames where each of these multiplexers, by name, has one of these values."""
+    gates: Gates = ()
     highest: int | None = None
-    """Raw values above it mean an error or no value; None where all are values."""
+    """Raw values above it mean an error or not available; None where all are values."""
 
     def present(self, data: NDArray[np.uint8], length: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """(n,) whether payloads (n, width) of these lengths (n,) hold it, by their multiplexers."""
-        there = np.ones(len(data), np.bool_)
+        """(n,) whether payloads (n, width) of these lengths (n,) contain it, by their multiplexers."""
+        present = np.ones(len(data), np.bool_)
         for _, bits, values in self.gates:
-            there &= bits.there(length) & np.isin(bits.raw(data), np.array(sorted(values)))
-        return there
+            present &= bits.present(length) & np.isin(bits.raw(data), np.array(sorted(values)))
+        return present
 
     def values(self, data: NDArray[np.uint8], length: NDArray[np.int32]) -> NDArray[np.float64]:
-        """(n,) in its unit, NaN where the payload is too short or its value means none."""
+        """(n,) in its unit, NaN where the payload is too short or the value means not available."""
         raw = self.bits.raw(data)
-        good = self.bits.there(length)
+        good = self.bits.present(length)
         if self.highest is not None:
             good &= raw <= self.highest
-        with np.errstate(all="ignore"):  # floating signals may be anything
+        with np.errstate(all="ignore"):  # floating signals may have any value
             values = raw.astype(np.float64) * self.scale + self.offset
         return np.where(good & np.isfinite(values), values, np.nan)
 
@@ -56,15 +59,13 @@ class Message:
     """One message of a database."""
 
     name: str
-    extended: bool
     signals: tuple[Signal, ...]
-    about: str
     source: str
     """Name of the file that defines it."""
 
 
 class Databases:
-    """Some databases in the order in which they are asked."""
+    """Some databases in the order in which they are searched."""
 
     def __init__(self, tables: Iterable[Sequence[tuple[int, bool, Message]]]) -> None:
         self._exact: dict[tuple[int, bool], Message] = {}
@@ -76,7 +77,7 @@ class Databases:
                     self._groups.setdefault(group(number), message)
 
     def message(self, number: int, extended: bool) -> Message | None:
-        """What a frame with this id is: by the id, else, with 29 bits, by its parameter group from whatever source."""
+        """The message with this id; with 29 bits, else that of its parameter group, from any source."""
         exact = self._exact.get((number, extended))
         if exact is None and extended:
             return self._groups.get(group(number))
@@ -84,83 +85,70 @@ class Databases:
 
 
 def group(number: int) -> int:
-    """J1939 parameter group number of a 29-bit id: neither priority, source nor destination address are in it."""
+    """J1939 parameter group number of a 29-bit id: without priority, source and destination address."""
     return number >> 8 & (0x3FFFF if number >> 16 & 0xFF >= 240 else 0x3FF00)
 
 
 def load(paths: Sequence[str | Path]) -> Databases:
     """The databases in some files, DBC, ARXML, KCD or SYM, and then J1939.
 
-    Raises SignalError for a file that cannot be read or is no database of CAN messages, ImportError without cantools.
+    Raises SignalError for a file that cannot be read or is no database of CAN messages.
     """
-    import cantools.database  # noqa: F401  before a missing one is taken for a damaged file
-
     tables = [_file(Path(path)) for path in paths]
     text = files("fifthwheel.logs.can").joinpath("j1939.dbc").read_text("utf-8")
-    return Databases([*tables, _table(_parse(text, "dbc"), "J1939", ours=True)])
+    return Databases([*tables, _table(text, "dbc", "J1939", builtin=True)])
 
 
 def _file(path: Path) -> list[tuple[int, bool, Message]]:
     try:
+        if not path.is_file():
+            raise FileNotFoundError(None, "no such file")
         data = path.read_bytes()
     except OSError as error:
         raise SignalError(f"{path}: the database cannot be read ({error.strerror}); check the path") from error
-    kind = path.suffix[1:].lower()
-    kinds = (kind,) if kind in _FORMATS else _FORMATS
+    ending = path.suffix[1:].lower()
     reasons = []
-    for kind in kinds:
+    for kind in (ending,) if ending in _FORMATS else _FORMATS:
         try:
-            found = _parse(data.decode(_ENCODINGS.get(kind, "utf-8"), "replace").removeprefix("\ufeff"), kind)
-            table = _table(found, path.name, ours=False)
-        except (KeyboardInterrupt, MemoryError):
+            text = data.decode(_ENCODINGS.get(kind, "utf-8"), "replace").removeprefix("\ufeff")
+            if table := _table(text, kind, path.name):
+                return table
+            reasons.append("it defines no message")
+        except MemoryError:
             raise
-        except Exception as error:  # whatever cantools meets in a file that is none
-            reasons.append(" ".join(str(error).split())[:200] or type(error).__name__)
-            continue
-        if table:
-            return table
-        reasons.append("it defines no message")
+        except Exception as error:  # cantools raises many kinds for what is no database
+            reasons.append(reason(error))
     raise SignalError(f"{path.name}: no database of CAN messages ({reasons[0]}); give a DBC or ARXML file")
 
 
-def _parse(text: str, kind: str) -> Any:
-    from cantools.database import load_string
-
+def _table(text: str, kind: str, source: str, *, builtin: bool = False) -> list[tuple[int, bool, Message]]:
+    """Id, whether it has 29 bits, and message, of all messages in the text of a database."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return load_string(text, kind, strict=False)
-
-
-def _table(database: Any, source: str, *, ours: bool) -> list[tuple[int, bool, Message]]:
-    """Id, whether it has 29 bits, and message, of all messages of a cantools database."""
+        database: Any = cantools.database.load_string(text, kind, strict=False)
     return [
-        (message.frame_id, bool(message.is_extended_frame), _message(message, source, ours=ours))
+        (message.frame_id, bool(message.is_extended_frame), _message(message, source, builtin=builtin))
         for message in database.messages
         if message.signals and message.name != _PLACEHOLDER
     ]
 
 
-def _message(message: Any, source: str, *, ours: bool) -> Message:
+def _message(message: Any, source: str, *, builtin: bool) -> Message:
     by_name = {signal.name: signal for signal in message.signals}
-    return Message(
-        name=message.name,
-        extended=bool(message.is_extended_frame),
-        signals=tuple(
-            Signal(
-                name=signal.name,
-                bits=_bits(signal),
-                scale=float(signal.scale),
-                offset=float(signal.offset),
-                unit=str(signal.unit) if signal.unit else None,
-                about=" ".join(str(signal.comment or message.comment or "").split()),
-                gates=_gates(signal, by_name),
-                highest=_highest(signal, message, ours=ours),
-            )
-            for signal in message.signals
-        ),
-        about=" ".join(str(message.comment or "").split()),
-        source=source,
+    signals = tuple(
+        Signal(
+            name=signal.name,
+            bits=_bits(signal),
+            scale=float(signal.scale),
+            offset=float(signal.offset),
+            unit=str(signal.unit) if signal.unit else None,
+            about=" ".join(str(signal.comment or message.comment or "").split()),
+            gates=_gates(signal, by_name),
+            highest=_highest(signal, message, builtin=builtin),
+        )
+        for signal in message.signals
     )
+    return Message(name=message.name, signals=signals, source=source)
 
 
 def _bits(signal: Any) -> Bits:
@@ -173,8 +161,7 @@ def _bits(signal: Any) -> Bits:
     )
 
 
-def _gates(signal: Any, by_name: dict[str, Any]) -> tuple[tuple[str, Bits, frozenset[int]], ...]:
-    """The multiplexers of a signal, from the outermost."""
+def _gates(signal: Any, by_name: dict[str, Any]) -> Gates:
     gates: list[tuple[str, Bits, frozenset[int]]] = []
     while signal.multiplexer_ids and signal.multiplexer_signal in by_name and len(gates) < len(by_name):
         parent = by_name[signal.multiplexer_signal]
@@ -183,11 +170,11 @@ def _gates(signal: Any, by_name: dict[str, Any]) -> tuple[tuple[str, Bits, froze
     return tuple(gates)
 
 
-def _highest(signal: Any, message: Any, *, ours: bool) -> int | None:
-    """The largest raw value that J1939 lets a value have: above it are error, not available and reserved codes.
+def _highest(signal: Any, message: Any, *, builtin: bool) -> int | None:
+    """The largest raw value that is a value in J1939: above it are error, not available and reserved codes.
 
-    Of a user's database it holds for 29-bit messages and fields as J1939 has them, whole bytes or two bits; unless the
-    database says a range that goes beyond and does not say that the message is J1939.
+    In a database of the user it holds for 29-bit messages and for fields as J1939 has them, whole bytes or two bits;
+    not where the database gives a range that goes beyond it and does not declare the message as J1939.
     """
     if not message.is_extended_frame or signal.is_signed or signal.is_float or signal.length == 1:
         return None
@@ -197,10 +184,10 @@ def _highest(signal: Any, message: Any, *, ours: bool) -> int | None:
         highest = (0xFB << (signal.length - 8)) - 1
     elif signal.length == 2:
         highest = 1
-    elif ours:
+    elif builtin:
         return (1 << int(signal.length)) - 2
     else:
         return None
-    if ours or message.protocol == "j1939" or signal.maximum is None or not signal.scale:
+    if builtin or message.protocol == "j1939" or signal.maximum is None or not signal.scale:
         return highest
     return highest if abs(signal.maximum - signal.offset) <= abs(signal.scale) * (highest + 0.5) else None

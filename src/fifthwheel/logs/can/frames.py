@@ -1,81 +1,56 @@
 """CAN frames in batches of arrays, as every reader of a bus log gives them."""
 
+import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.errors import SignalError
+TraceKind = Literal["blf", "asc", "trc", "candump"]
+_CANDUMP = re.compile(
+    rb"^[ \t]*\(\d{1,12}\.\d{1,9}\)[ \t]+\S+[ \t]+[^\n#]*?[0-9A-Fa-f]{3,8}(?:#|[ \t]+\[\d)", re.MULTILINE
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frames:
-    """Consecutive data frames; error frames and remote frames are not among them."""
+    """Consecutive data frames, without error frames and remote frames."""
 
     time: NDArray[np.float64]
-    """(n,) s, finite, as the log has it: from its beginning, or since 1970."""
+    """(n,) s, finite, as in the log: since its start or since 1970."""
     id: NDArray[np.uint32]
     """(n,) 11 or 29 bits, without flags."""
     extended: NDArray[np.bool_]
     """(n,) whether the id has 29 bits."""
     bus: NDArray[np.int32]
-    """(n,) number of the bus as the log counts."""
+    """(n,) number of the bus as in the log."""
     data: NDArray[np.uint8]
     """(n, width) payload, zeros beyond its length; width >= 8."""
     length: NDArray[np.int32]
     """(n,) bytes of payload."""
-    notes: tuple[str, ...] = ()
-    """What to tell the user of the reading so far; a reader says it once, with its last batch."""
 
     def __len__(self) -> int:
         return int(self.time.size)
 
-
-Batches = Callable[[], Iterator[tuple[Frames, float]]]
-"""Reads a log from its beginning whenever it is called: batches, and the share of the log read with each, 0 to 1."""
-
-
-def no_frames(notes: tuple[str, ...] = ()) -> Frames:
-    """A batch without frames, for notes."""
-    return Frames(
-        time=np.empty(0),
-        id=np.empty(0, np.uint32),
-        extended=np.empty(0, np.bool_),
-        bus=np.empty(0, np.int32),
-        data=np.empty((0, 8), np.uint8),
-        length=np.empty(0, np.int32),
-        notes=notes,
-    )
+    def take(self, rows: NDArray[np.intp]) -> "Frames":
+        """Some of the frames."""
+        return Frames(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
 
 
-def counted(*said: tuple[int, str]) -> tuple[str, ...]:
-    """Notes of how many of what were left out, where there were any."""
-    return tuple(f"{count} {what}{'s' * (count > 1)} left out" for count, what in said if count)
+Batches = Callable[[list[str]], Iterator[tuple[Frames, float]]]
+"""Each call reads the log from its start: batches of frames, and the fraction of the log read with each, 0 to 1. The
+argument gets a sentence for all that is left out, once all is read."""
 
 
-def read_frames(path: Path) -> Iterator[tuple[Frames, float]]:
-    """The frames of a BLF, ASC, PCAN or candump file, told by its content, about 50 000 at a time.
-
-    What is damaged is left out and told in the notes of the last batch. Raises SignalError for a file that is none of
-    these or cannot be read; one that holds no frame gives one empty batch.
-    """
-    from fifthwheel.logs.can.blf import read_blf
-    from fifthwheel.logs.can.dialects import dialect_of
-    from fifthwheel.logs.can.text import read_text
-
-    try:
-        with path.open("rb") as file:
-            head = file.read(1 << 16)
-        if head.startswith(b"LOGG"):
-            yield from read_blf(path)
-            return
-        dialect = dialect_of(head)
-        if dialect is None:
-            raise SignalError(
-                f"{path.name}: no CAN log, it begins with {head[:20]!r}; expected BLF, ASC, candump or PCAN trace"
-            )
-        yield from read_text(path, dialect)
-    except OSError as error:
-        raise SignalError(f"{path.name}: cannot be read ({error.strerror or error}); check the file") from error
+def trace_kind(head: bytes) -> TraceKind | None:
+    """The format of a CAN trace that begins with these bytes; None for any other file."""
+    start = head.lstrip()
+    if head.startswith(b"LOGG"):
+        return "blf"
+    if start.startswith((b"date ", b"base hex", b"base dec")):
+        return "asc"
+    if start.startswith((b";$FILEVERSION", b";##")):
+        return "trc"
+    return "candump" if _CANDUMP.search(head) else None

@@ -1,52 +1,56 @@
-"""Where in a text file the table stands: preamble, names, units, first row, separator and decimal mark."""
+"""Layout of a text table: preamble, names, units, first row, separator and decimal mark."""
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.names import split_header
-from fifthwheel.logs.readers import dates
-from fifthwheel.logs.readers.cells import BLANK
-from fifthwheel.logs.units import is_unit
+from fifthwheel.logs.readers.cells import BLANK, DATE_STYLES, DateStyle, date_style
+from fifthwheel.record.signal_names import split_header
+from fifthwheel.units import is_unit
 
 SEPARATORS = (";", "\t", ",", "|", " ")
 """In the order in which they are tried; " " stands for runs of blanks."""
+_LINES = 200
+"""Lines of the head that are examined."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How to read the table of a text file."""
+    """How to read the table in a text file."""
 
     names: tuple[str, ...]
     """Headers without their units."""
     units: tuple[str | None, ...]
     separator: str
     decimal: str
-    dates: tuple[dates.Style | None, ...]
-    """How each column writes dates or times of day; None where it does not."""
+    dates: tuple[DateStyle | None, ...]
+    """Notation of dates or times of day in each column; None where it has none."""
     start: int
     """Bytes before the first row."""
     quoted: bool
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...]
 
 
-def find_layout(head: str, size: int, source: str) -> Layout:
-    """The layout of a file that begins with `head`, cut at a line's end unless it is the whole file.
+def find_layout(head: str, source: str) -> Layout:
+    r"""The layout of a file that begins with `head`, which ends at the end of a line unless it is the whole file.
 
     Args:
-        head: text with "\\n" as line ends, decoded so that character and byte are the same (Latin-1).
-        size: cells a row are looked for in so many lines of the head.
+        head: text with "\n" as line ends.
         source: file name, for messages.
+
+    Raises:
+        SignalError: it is no table, has no rows or no header.
     """
     lines = head.split("\n")
-    table = [k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")][:size]
+    table = [k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")][:_LINES]
     if not table:
         raise SignalError(f"{source}: empty, not a single line of a table")
-    separator, width, first = _best(lines, table, source)
+    separator, width, first = _separator(lines, table, source)
     cells = [_cells(lines[k], separator) for k in table]
     rows = [row for k, row in zip(table, cells, strict=True) if k >= first and len(row) == width]
     above = [k for k in table if k < first]
@@ -59,42 +63,41 @@ def find_layout(head: str, size: int, source: str) -> Layout:
                 f"{source}: begins with numbers; put a first line with the names of the columns above them"
             )
     split = [split_header(name) for name in names]
-    decimal = "," if _commas(rows) else "."
     rest = len(above) - used
     return Layout(
         names=_distinct([name or f"column {k}" for k, (name, _) in enumerate(split, 1)]),
         units=tuple(unit or below for (_, unit), below in zip(split, units, strict=True)),
         separator=separator,
-        decimal=decimal,
-        dates=tuple(dates.style([row[k] for row in rows]) for k in range(width)),
+        decimal="," if _decimal_commas(rows) else ".",
+        dates=tuple(date_style([row[k] for row in rows]) for k in range(width)),
         start=sum(len(line.encode()) + 1 for line in lines[:first]),
         quoted='"' in head,
         notes=(f"{rest} line{'s' * (rest > 1)} above the table left out",) if rest else (),
     )
 
 
-def _best(lines: Sequence[str], table: Sequence[int], source: str) -> tuple[str, int, int]:
-    """Separator, cells a row and first row of the reading under which the most lines are rows of numbers."""
-    best, found = 0, None
+def _separator(lines: Sequence[str], table: Sequence[int], source: str) -> tuple[str, int, int]:
+    """Separator, cells in a row and first row, such that the most lines are rows of numbers."""
+    most, best = 0, None
     for separator in SEPARATORS:
         cells = {k: _cells(lines[k], separator) for k in table}
-        widths = [len(row) for row in cells.values() if len(row) > 1 and _is_row(row)]
+        widths = Counter(len(row) for row in cells.values() if len(row) > 1 and _is_row(row))
         if not widths:
             continue
-        width = max(set(widths), key=widths.count)
-        rows = [k for k in table if len(cells[k]) == width and _is_row(cells[k])]
-        if len(rows) > best:
-            best, found = len(rows), (separator, width, rows[0])
-    if found is None:
-        first = lines[table[0]].strip()
-        if any(mark in first for mark in ";\t,"):
+        width = max(widths, key=widths.__getitem__)
+        if widths[width] > most:
+            first = next(k for k in table if len(cells[k]) == width and _is_row(cells[k]))
+            most, best = widths[width], (separator, width, first)
+    if best is None:
+        first_line = lines[table[0]].strip()
+        if any(mark in first_line for mark in ";\t,"):
             raise SignalError(f"{source}: a header but no rows; the log is empty or was cut short")
-        raise SignalError(f"{source}: not a table, its first line {first[:40]!r} has one column; expected CSV")
-    return found
+        raise SignalError(f"{source}: not a table, its first line {first_line[:40]!r} has one column; expected CSV")
+    return best
 
 
 def _header(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str | None], int]:
-    """Names and units from the lines directly above the first row that are as wide, and how many lines those are."""
+    """Names and units in the lines above the first row that are as wide as it, and the number of lines they take."""
     block: list[list[str]] = []
     for row in reversed(above):
         cells = row[:-1] if len(row) == width + 1 and not row[-1] else row  # one separator too many
@@ -103,7 +106,7 @@ def _header(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str
         block.insert(0, cells)
     if not block:
         return [], [None] * width, 0
-    names = max(block, key=lambda row: len({cell for cell in row if cell}))  # the first of those that differ most
+    names = max(block, key=lambda row: len({cell for cell in row if cell}))  # the most distinct cells, the first such
     units = next((row for row in block[block.index(names) + 1 :] if _is_units(row)), None)
     if units is None:
         return names, [None] * width, 1
@@ -111,7 +114,7 @@ def _header(above: Sequence[list[str]], width: int) -> tuple[list[str], list[str
 
 
 def _is_row(row: Sequence[str]) -> bool:
-    """Whether cells are samples: half of those that hold something are numbers, or instants."""
+    """Whether cells are samples: half of those that are not empty are numbers or instants."""
     filled = [cell for cell in row if cell.lower() not in BLANK]
     return bool(filled) and 2 * sum(map(_is_sample, filled)) >= len(filled)
 
@@ -120,7 +123,7 @@ def _is_sample(cell: str) -> bool:
     try:
         float(cell.replace(",", "."))
     except ValueError:
-        return any(style.matches(cell) for style in dates.STYLES)
+        return any(style.matches(cell) for style in DATE_STYLES)
     return "_" not in cell
 
 
@@ -129,7 +132,7 @@ def _is_units(row: Sequence[str]) -> bool:
     return bool(filled) and 2 * sum(map(is_unit, filled)) >= len(filled)
 
 
-def _commas(rows: Sequence[Sequence[str]]) -> bool:
+def _decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
     cells = [cell for row in rows for cell in row]
     return any(map(_DECIMAL_COMMA.fullmatch, cells)) and not any(map(_DECIMAL_POINT.fullmatch, cells))
 
@@ -144,13 +147,10 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _distinct(names: Sequence[str]) -> tuple[str, ...]:
-    """Every name once: those that are there again get "@2", "@3"."""
-    seen: dict[str, int] = {}
+    """Unique names: those that occur several times get "@1", "@2"."""
+    total, count = Counter(names), Counter[str]()
+    unique = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-    count: dict[str, int] = {}
-    made = []
-    for name in names:
-        count[name] = count.get(name, 0) + 1
-        made.append(name if seen[name] == 1 else f"{name}@{count[name]}")
-    return tuple(made)
+        count[name] += 1
+        unique.append(name if total[name] == 1 else f"{name}@{count[name]}")
+    return tuple(unique)

@@ -1,146 +1,258 @@
-"""MATLAB's .mat files, version 5 to 7.3: vectors beside a time vector, structs, and what Simulink and dSPACE save."""
+"""MATLAB's .mat files by scipy.io (version 5 to 7) and h5py (7.3, and other HDF5 files)."""
 
+import io
+import struct
+import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.io import loadmat
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
+from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.log import Array, Column, Log, Piece, Progress, quiet
-from fifthwheel.logs.readers.asked import by_clock
-from fifthwheel.logs.readers.mat_five import load_five
-from fifthwheel.logs.readers.mat_signals import Clock, Search, Signal
-from fifthwheel.logs.readers.mat_tree import DAMAGE
-from fifthwheel.logs.stamps import Stamps, add_notes
+from fifthwheel.logs.readers.mat_signals import Node, Numbers, Opaque, Search, Signal, listed
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
+from fifthwheel.record.timestamps import TimestampFilter, add_notes
 
-_FIVE = b"MATLAB 5.0 MAT"
+try:
+    import h5py
+except ModuleNotFoundError:  # only needed for version 7.3
+    h5py = None
+
 _PIECE_ROWS = 100_000
-_EPOCH = 719529
-"""Days of a datenum at the beginning of 1970."""
+_KEPT_BYTES = 1 << 20
+"""A variable of version 5 that is larger is read again when its samples are asked for."""
+_DEEPEST = 16
+_MOST_ITEMS = 20_000
 _DATENUMS = (650_000, 900_000)
+_DATENUM_1970 = 719529
 _LONGEST_STEP = 1e-4
-"""Days: a datenum that steps slower is more likely a time in seconds."""
-_AS_STRUCT = "save them as structs of vectors, such as s.time = x.Time; s.data = x.Data; save('log.mat', 's')"
+"""Days: a datenum with larger steps is more likely a time in seconds."""
 
 
-def open_log(path: Path, databases: Sequence[str | Path] = (), progress: Progress = quiet) -> Log:
-    """Open a .mat file; SignalError when it holds no signal with a time."""
-    path = Path(path)
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
+    """Open a .mat file; SignalError where it holds no signal with a time."""
     notes: list[str] = []
-    close: Callable[[], None] = file.close
-    try:
-        if file.read(len(_FIVE)) == _FIVE:
-            file.seek(0)
-            variables = load_five(file, path.stat().st_size, notes)
-            file.close()
-        else:
-            file.close()
-            from fifthwheel.logs.readers.mat_hdf import load_hdf
-
-            variables, close = load_hdf(path, notes)
-        search = Search(variables)
-    except ImportError:
-        raise
-    except DAMAGE as error:
-        close()
-        raise SignalError(f"{path.name}: cannot be read ({error}); save it again") from error
+    with path.open("rb") as file:
+        version_5 = file.read(14) == b"MATLAB 5.0 MAT"
+    variables, close = (_variables_5 if version_5 else _variables_hdf)(path, notes)
+    search = Search()
+    search.struct("", variables, [])
     if not search.signals:
         close()
-        raise SignalError(f"{path.name}: {_nothing(search, notes)}")
-    return MatLog(path.name, search, notes, close)
+        raise SignalError(f"{path.name}: {search.reason(notes)}")
+    log = MatLog(path.name, search.signals, close)
+    log.notes += [*notes, *search.notes()]
+    return log
 
 
-class MatLog(Log):
+class MatLog(LogSource):
     """The signals of a .mat file."""
 
-    def __init__(self, name: str, search: Search, notes: list[str], close: Callable[[], None]) -> None:
+    def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], None]) -> None:
         super().__init__(name)
         self._close = close
-        counts = Counter(signal.name for signal in search.signals)
+        counts = Counter(signal.name for signal in signals)
         self._signals: dict[str, Signal] = {}
-        for signal in search.signals:
+        for signal in signals:
             label = signal.name if counts[signal.name] == 1 else f"{signal.name}@{signal.clock.name}"
             while label in self._signals:
                 label += "'"
             self._signals[label] = signal
-        self._columns = {
-            label: Column(name=label, unit=signal.unit, clock=signal.clock.name)
-            for label, signal in self._signals.items()
-        }
-        self.notes += notes
-        if search.timeless:
-            names = [label for label, _ in search.timeless]
-            self.notes.append(f"{len(names)} vectors left out, no time of their length: {_some(names)}")
-        if search.wide:
-            self.notes.append(f"{len(search.wide)} matrices of many columns left out: {_some(search.wide)}")
-        if search.opaque:
-            kinds = [f"{label} ({kind})" for label, kind in search.opaque]
-            self.notes.append(f"{len(kinds)} objects left out, only MATLAB reads them: {_some(kinds)}; {_AS_STRUCT}")
+        self._columns = {n: Column(name=n, unit=s.unit, clock=s.clock.name) for n, s in self._signals.items()}
 
     @property
     def columns(self) -> Mapping[str, Column]:
         return self._columns
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Piece]:
-        wanted = {
-            clock: {label: self._signals[label] for label in labels}
-            for clock, labels in by_clock(self, columns).items()
-        }
-        stamps = Stamps()
-        total, before = sum(next(iter(s.values())).clock.time.length for s in wanted.values()), 0
-        for clock, signals in wanted.items():
-            own = next(iter(signals.values())).clock
-            for first in range(0, own.time.length, _PIECE_ROWS):
-                last = min(first + _PIECE_ROWS, own.time.length)
-                try:
-                    time = _seconds(own, first, last)
-                    values = {label: s.values.read(s.column, first, last) for label, s in signals.items()}
-                except DAMAGE as error:
-                    add_notes(self.notes, f"broken after {first} samples of {clock!r}: {error}")
-                    break
-                kept = stamps.keep(clock, time)
-                if not kept.all():
-                    time, values = time[kept], {label: column[kept] for label, column in values.items()}
-                if time.size:
-                    yield Piece(values=values, time=time, clock=clock, done=(before + last) / total)
-            before += own.time.length
+    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+        clocks = self.by_clock(columns)
+        stamps = TimestampFilter()
+        for number, (clock, names) in enumerate(clocks.items()):
+            signals = [self._signals[name] for name in names]
+            time, first = signals[0].clock.time, 0
+            try:
+                seconds, arrays = _seconds(time), [signal.values.load() for signal in signals]
+                while first < time.length:
+                    last = min(first + _PIECE_ROWS, time.length)
+                    stamp, values = seconds(first, last), {}
+                    for name, signal, array in zip(names, signals, arrays, strict=True):
+                        rows = signal.values.rows(array, signal.column, first, last)
+                        values[name] = np.pad(rows, (0, stamp.size - rows.size), constant_values=np.nan)
+                    kept, first = stamps.keep(clock, stamp), last
+                    if kept.any():
+                        done = (number + last / time.length) / len(clocks)
+                        values = {name: column[kept] for name, column in values.items()}
+                        yield Chunk(values=values, time=stamp[kept], clock=clock, done=done)
+            except MemoryError:
+                raise
+            except Exception as error:
+                add_notes(self.notes, f"broken after {first} samples of {clock!r}: {reason(error)}")
         add_notes(self.notes, *stamps.notes)
 
     def close(self) -> None:
         self._close()
 
 
-def _seconds(clock: Clock, first: int, last: int) -> Array:
-    """Stamps, s; days since the year 0, as MATLAB's datenum gives them, become seconds since 1970."""
-    time = clock.time.read(0, first, last)
-    head = clock.time.read(0, 0, min(1000, clock.time.length))
-    steps = np.diff(head)
-    low, high = _DATENUMS
+def _seconds(time: Numbers) -> Callable[[int, int], Array]:
+    """What gives the times of some rows, s; a datenum of MATLAB, days since the year 0, becomes seconds since 1970."""
+    array, head = time.load(), time.head()
+    steps, (low, high) = np.diff(head), _DATENUMS
     if ((head > low) & (head < high)).all() and steps.size and 0 < np.median(steps) < _LONGEST_STEP:
-        return (time - _EPOCH) * 86400
-    return time
+        return lambda first, last: (time.rows(array, 0, first, last) - _DATENUM_1970) * 86400
+    return partial(time.rows, array, 0)
 
 
-def _nothing(search: Search, notes: list[str]) -> str:
-    if search.opaque:
-        kinds = [f"{label} ({kind})" for label, kind in search.opaque]
-        return f"no signals, but {len(kinds)} objects that only MATLAB reads: {_some(kinds)}; {_AS_STRUCT}"
-    if search.timeless:
-        length, count = Counter(length for _, length in search.timeless).most_common(1)[0]
-        names = [label for label, size in search.timeless if size == length]
-        return (
-            f"no time: {count} vectors of {length} values ({_some(names)}), none of them called time or t; "
-            f"save a vector 'time' of {length} values in s beside them"
-        )
-    if notes:
-        return f"nothing can be read of this MATLAB file, {notes[0]}; save it again"
-    return "no vectors of numbers; save the signals as vectors beside one called 'time', in s"
+def _numbers(shape: tuple[int, ...], dtype: np.dtype[Any], load: Callable[[], Any]) -> Numbers | None:
+    """An array of real numbers with at most two sides; None for any other."""
+    if dtype.kind not in "biuf" or 0 in shape or sum(side > 1 for side in shape) > 2:
+        return None
+    return Numbers(shape=shape, load=load)
 
 
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:10]) + (" ..." if len(names) > 10 else "")
+def _variables_5(path: Path, notes: list[str]) -> tuple[dict[str, Node], Callable[[], None]]:
+    """Variables of version 5 by name, read one by one; those that are damaged are left out with a note."""
+    variables: dict[str, Node] = {}
+    broken: list[str] = []
+    size, at = path.stat().st_size, 128
+    with path.open("rb") as file:
+        order = "<" if file.read(128)[126:] == b"IM" else ">"
+        while at + 8 <= size:
+            file.seek(at + 4)
+            (length,) = struct.unpack(f"{order}I", file.read(4))
+            if at + 8 + length > size:
+                break
+            try:
+                name, value = _variable_5(path, at, length)
+                variables[name] = _node_5(value, partial(_value_5, path, at, length))
+            except MemoryError:
+                raise
+            except Exception as error:
+                broken.append(f"at byte {at} ({reason(error)})")
+            at += 8 + length
+    if at < size:
+        notes.append(f"broken after {len(variables) + len(broken)} variables, at byte {at}: the file is cut short")
+    if broken:
+        notes.append(f"broken: {len(broken)} variables cannot be read, the first {broken[0]}")
+    return variables, lambda: None
+
+
+def _variable_5(path: Path, at: int, length: int) -> tuple[str, Any]:
+    """Name and value of the variable at a byte of a file."""
+    with path.open("rb") as file:
+        header = file.read(128)
+        file.seek(at)
+        data = header + file.read(8 + length)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        loaded = loadmat(io.BytesIO(data), simplify_cells=True)
+    name, value = next((name, value) for name, value in reversed(loaded.items()))
+    return value["s0"][0].decode() if isinstance(value, MatlabOpaque) else name, value
+
+
+def _value_5(path: Path, at: int, length: int) -> Any:
+    return _variable_5(path, at, length)[1]
+
+
+def _node_5(value: Any, load: Callable[[], Any] | None = None) -> Node:
+    """What scipy.io gives as a node; `load` reads it again."""
+    if isinstance(value, MatlabOpaque):
+        return Opaque(value["s2"][0].decode())
+    if isinstance(value, MatlabObject | MatlabFunction):
+        return Opaque(getattr(value, "classname", "function"))
+    if isinstance(value, dict):
+        return {name: _node_5(item) for name, item in value.items()}
+    if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype.kind == "O"):
+        return [_node_5(item) for item in np.ravel(value).tolist()[:_MOST_ITEMS]]
+    if isinstance(value, np.ndarray):
+        again = load is not None and value.nbytes > _KEPT_BYTES
+        return _numbers(value.shape, value.dtype, load if load is not None and again else lambda: value)
+    if isinstance(value, bool | int | float | np.number):
+        return float(value) if np.isreal(value) else None
+    return str(value) if isinstance(value, str) else None
+
+
+def _variables_hdf(path: Path, notes: list[str]) -> tuple[dict[str, Node], Callable[[], None]]:
+    """Variables of version 7.3 by name, and what closes the file; those that are damaged are left out with a note."""
+    if h5py is None:
+        raise ModuleNotFoundError(name="h5py")
+    file = h5py.File(path, "r", locking=False)
+    tree = _Tree(file)
+    variables = tree.fields(file, ())
+    if tree.broken:
+        notes.append(f"broken: {len(tree.broken)} variables cannot be read, the first {tree.broken[0]}")
+    if tree.outside:
+        notes.append(f"{len(tree.outside)} variables left out, their data is in other files: {listed(tree.outside)}")
+    return variables, file.close
+
+
+@dataclass
+class _Tree:
+    """The objects of an HDF5 file as nodes. Nothing outside of the file is read, and no object within itself."""
+
+    file: Any
+    items: int = 0
+    broken: list[str] = field(default_factory=list)
+    """Names of what cannot be read, with the reason."""
+    outside: list[str] = field(default_factory=list)
+    """Names of external links, and of data sets with external or virtual storage."""
+
+    def fields(self, group: Any, within: tuple[int, ...]) -> dict[str, Node]:
+        """The objects of a group by name; `within` are the addresses of the objects around it."""
+        nodes: dict[str, Node] = {}
+        for name in group:
+            try:
+                if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+                    self.outside.append(name)
+                elif not name.startswith("#"):
+                    nodes[name] = self.node(name, group[name], within)
+            except MemoryError:
+                raise
+            except Exception as error:
+                self.broken.append(f"{name} ({reason(error)})")
+        return nodes
+
+    def node(self, name: str, item: Any, within: tuple[int, ...]) -> Node:
+        """An object as a node."""
+        self.items += 1
+        address = h5py.h5o.get_info(item.id).addr
+        if address in within or len(within) > _DEEPEST or self.items > _MOST_ITEMS:
+            return None
+        within = (*within, address)
+        kind = item.attrs.get("MATLAB_class", b"")
+        kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+        if "MATLAB_object_decode" in item.attrs:
+            return Opaque(kind or "object")
+        if isinstance(item, h5py.Group):
+            return _struct_array(item, self.fields(item, within))
+        if not isinstance(item, h5py.Dataset) or "MATLAB_empty" in item.attrs or item.shape is None:
+            return None
+        if item.external or item.is_virtual:
+            self.outside.append(name)
+            return None
+        if h5py.check_ref_dtype(item.dtype) is not None:
+            refs = np.ravel(item[()])[:_MOST_ITEMS]
+            return [self.node(name, self.file[ref], within) if ref else None for ref in refs]
+        if kind == "char" and item.dtype.kind == "u":
+            return "".join(map(chr, np.ravel(item[()]).tolist())) if item.size < _MOST_ITEMS else None
+        if h5py.check_string_dtype(item.dtype) is not None:
+            text = item[()] if item.shape == () else None
+            return text.decode("latin-1") if isinstance(text, bytes) else text
+        if item.size == 1 and item.dtype.kind in "biuf":
+            return float(np.ravel(item[()])[0])
+        return _numbers(item.shape, item.dtype, lambda: item)
+
+
+def _struct_array(group: Any, fields: dict[str, Node]) -> Node:
+    """A struct array is stored as one list for each field."""
+    lists = [value for value in fields.values() if isinstance(value, list)]
+    of_cells = all("MATLAB_class" in group[name].attrs for name in fields)
+    if of_cells or len(lists) < len(fields) or len({len(value) for value in lists}) > 1:
+        return fields
+    return [dict(zip(fields, values, strict=True)) for values in zip(*lists, strict=True)]

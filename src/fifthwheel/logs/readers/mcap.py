@@ -1,185 +1,249 @@
-"""MCAP recordings, of ROS and others. Topics are clocks; numbers in their messages are columns."""
+"""MCAP recordings by mcap, of ROS and others. Topics are clocks; numbers in their messages are columns."""
 
+import importlib
+import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.reader import NonSeekingReader
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.log import Column, Log, Piece, Progress, quiet
-from fifthwheel.logs.readers.asked import by_clock
-from fifthwheel.logs.readers.mcap_fields import LONGEST, Decode, Decoders, is_stamp, leaves, stamp
-from fifthwheel.logs.readers.mcap_stream import Stream
-from fifthwheel.logs.stamps import LONGEST_SLIP, Stamps, add_notes
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
+from fifthwheel.record.timestamps import MAX_BACKWARD_STEP, TimestampFilter, add_notes
 
 _FIRST = 100
-"""Messages of a topic that say which fields it has, and whether its stamps can be used."""
+"""Messages of a topic that decide which fields it has, and whether its own timestamps can be used."""
 _PIECE_ROWS = 20_000
 _SAME_CLOCK = 60.0
-"""s between a message's stamp and its recording; more, and they are told by two clocks."""
-_STEPS = 1000
+"""s between a message's own timestamp and its recording; more, and they come from two time bases."""
+_LONGEST = 16
+"""Elements of a list that become columns."""
+_DEEPEST = 12
+_STAMP = re.compile(r"(?:header\.stamp|stamp|timestamp)\.(?:(secs?|seconds)|(nanosec|nsecs?|nanos|nanoseconds))")
+_DECODERS = {
+    "cdr": ("mcap_ros2.decoder", "mcap-ros2-support"),
+    "protobuf": ("mcap_protobuf.decoder", "mcap-protobuf-support"),
+    "ros1": ("mcap_ros1.decoder", "mcap-ros1-support"),
+}
+
+Decode = Callable[[bytes], Any]
 
 
-def open_log(path: Path, databases: Sequence[str | Path] = (), progress: Progress = quiet) -> Log:
-    """Open an MCAP file; SignalError when nothing of it is intact or can be decoded."""
-    path = Path(path)
-    try:
-        stream = Stream(path=path, size=path.stat().st_size)
-        log = McapLog(path.name, stream, progress)
-    except OSError as error:
-        raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+@dataclass
+class Topic:
+    """What the first messages of a topic show."""
+
+    about: str = ""
+    decode: Decode | None = None
+    trouble: str = ""
+    """Why its messages cannot be decoded."""
+    seen: int = 0
+    fields: dict[str, None] = field(default_factory=dict)
+    stamped: bool = True
+    """Whether its messages have timestamps of their own, of the time base of the recording, that increase."""
+    last: float = -math.inf
+    lists: set[str] = field(default_factory=set)
+    """Fields that are too long."""
+
+    def add(self, values: Mapping[str, float], log_time: float) -> None:
+        """Take the fields of a message into account."""
+        self.seen += 1
+        self.fields |= dict.fromkeys(values)
+        time = _stamp(values)
+        self.stamped = self.stamped and abs(time - log_time) < _SAME_CLOCK and time > self.last
+        self.last = time
+
+
+def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
+    """Open an MCAP file; SignalError where nothing in it is intact or can be decoded."""
+    topics: dict[str, Topic] = {}
+    broken: list[str] = []
+    for schema, channel, message, done in _messages(path, broken):
+        topic = topics.get(channel.topic)
+        if topic is None:
+            topic = topics[channel.topic] = Topic(about=schema.name if schema else "")
+            topic.decode, topic.trouble = _decoder(channel.message_encoding, schema)
+        if topic.decode is not None and topic.seen < _FIRST:
+            values = _decoded(topic, message)
+            if values is not None:
+                topic.add(values, message.log_time * 1e-9)
+        progress(done)
+    log = McapLog(path, topics)
+    for name, topic in topics.items():
+        if topic.lists:
+            lists = ", ".join(sorted(topic.lists)[:10])
+            log.notes.append(f"lists of more than {_LONGEST} numbers in {name!r} left out: {lists}")
+        if topic.trouble:
+            log.notes.append(f"topic {name!r} left out: {topic.trouble}")
     if not log.columns:
-        trouble = "; ".join(log.notes) or "it has no messages with numbers"
+        trouble = "; ".join([*log.notes, *broken]) or "it has no messages with numbers"
         raise SignalError(
             f"{path.name}: nothing can be read of this MCAP file: {trouble}; try 'mcap recover {path.name}'"
         )
     return log
 
 
-@dataclass
-class _Topic:
-    """What the first messages of a topic told."""
-
-    about: str = ""
-    seen: int = 0
-    fields: dict[str, None] = field(default_factory=dict)
-    stamped: bool = True
-    """Its messages have stamps of their own, of the same clock as the recording, that rise."""
-    last: float = -math.inf
-    long: set[str] = field(default_factory=set)
-
-
-class McapLog(Log):
+class McapLog(LogSource):
     """The topics of an MCAP file."""
 
-    def __init__(self, name: str, stream: Stream, progress: Progress) -> None:
-        super().__init__(name)
-        self._stream = stream
-        self._decoders = Decoders()
-        self._decode: dict[int, tuple[Any, Decode | str]] = {}
-        self._topics: dict[str, _Topic] = {}
+    def __init__(self, path: Path, topics: Mapping[str, Topic]) -> None:
+        super().__init__(path.name)
+        self._path, self._topics = path, topics
         self._columns: dict[str, Column] = {}
         self._places: dict[str, tuple[str, str]] = {}
-        self._undecoded: dict[str, str] = {}
-        self._failed: dict[str, int] = {}
-        self._list(progress)
+        for name, topic in topics.items():
+            clock = name.lstrip("/") or name
+            for key in topic.fields:
+                if topic.stamped and _STAMP.fullmatch(key):
+                    continue
+                column = f"{clock}.{key}" if key else clock
+                while column in self._columns:
+                    column += "'"
+                self._columns[column] = Column(name=column, clock=clock, about=topic.about)
+                self._places[column] = (name, key)
 
     @property
     def columns(self) -> Mapping[str, Column]:
         return self._columns
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Piece]:
+    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         wanted: dict[str, dict[str, str]] = {}
-        for names in by_clock(self, columns).values():
+        for names in self.by_clock(columns).values():
             for name in names:
-                topic, path = self._places[name]
-                wanted.setdefault(topic, {})[path] = name
-        stamps, done = Stamps(), 0.0
-        rows: dict[str, list[list[float]]] = {topic: [] for topic in wanted}
-        self._failed.clear()
-        count, last = 0, math.nan
-        for channel, message, done in self._stream.messages():
+                title, key = self._places[name]
+                wanted.setdefault(title, {})[key] = name
+        stamps, done, last, count = TimestampFilter(), 0.0, 0.0, 0
+        rows: dict[str, list[list[float]]] = {title: [] for title in wanted}
+        failed: Counter[str] = Counter()
+        broken: list[str] = []
+        for _, channel, message, done in _messages(self._path, broken, wanted):
             count, last = count + 1, message.log_time * 1e-9
-            if channel.topic not in wanted:
-                continue
-            values = self._values(channel, message, self._topics[channel.topic].long)
+            topic = self._topics[channel.topic]
+            values = _decoded(topic, message)
             if values is None:
+                failed[channel.topic] += 1
                 continue
-            time = stamp(values) if self._topics[channel.topic].stamped else last
             own = rows[channel.topic]
-            own.append([time, *(values.get(path, math.nan) for path in wanted[channel.topic])])
+            time = _stamp(values) if topic.stamped else last
+            own.append([time, *(values.get(key, math.nan) for key in wanted[channel.topic])])
             if len(own) >= _PIECE_ROWS:
-                yield from self._piece(channel.topic, wanted[channel.topic], own, stamps, done)
+                yield from _piece(channel.topic, wanted[channel.topic].values(), own, stamps, done)
                 own.clear()
-        for topic, own in rows.items():
+        for title, own in rows.items():
             if own:
-                yield from self._piece(topic, wanted[topic], own, stamps, done)
+                yield from _piece(title, wanted[title].values(), own, stamps, done)
         add_notes(self.notes, *stamps.notes)
-        if self._stream.broken:
-            at = f", at {last:.1f} s" if count else ""
-            add_notes(self.notes, f"broken after {count} messages{at}: {self._stream.broken}")
-        for topic, failed in self._failed.items():
-            add_notes(self.notes, f"{failed} messages of {topic!r} left out, they cannot be decoded")
+        for trouble in broken:
+            add_notes(self.notes, f"broken after {count} messages{f', at {last:.1f} s' if count else ''}: {trouble}")
+        for title, number in failed.items():
+            add_notes(self.notes, f"{number} messages of {title!r} left out, they cannot be decoded")
 
-    def _list(self, progress: Progress) -> None:
-        first = self._stream.first_messages(_FIRST)
-        if first is None:
-            self._scan(progress)
-        else:
-            for channel, message in first:
-                self._look(channel, message)
-        for topic, told in self._topics.items():
-            clock = topic.lstrip("/") or topic
-            for path in told.fields:
-                if told.stamped and is_stamp(path):
-                    continue
-                name = f"{clock}.{path}" if path else clock
-                while name in self._columns:
-                    name += "'"
-                self._columns[name] = Column(name=name, clock=clock, about=told.about)
-                self._places[name] = (topic, path)
-            if told.long:
-                lists = ", ".join(sorted(told.long)[:10])
-                self.notes.append(f"lists of more than {LONGEST} numbers in {topic!r} left out: {lists}")
-        for topic, trouble in self._undecoded.items():
-            self.notes.append(f"topic {topic!r} left out: {trouble}")
 
-    def _scan(self, progress: Progress) -> None:
-        """Without an index: the whole file."""
-        told = 0.0
-        count = 0
-        for channel, message, done in self._stream.messages():
-            count += 1
-            self._look(channel, message)
-            if done - told > 1 / _STEPS:
-                told = done
-                progress(done)
-        if self._stream.broken and not self._topics:
-            self.notes.append(f"broken after {count} messages: {self._stream.broken}")
-
-    def _look(self, channel: Any, message: Any) -> None:
-        topic = self._topics.setdefault(channel.topic, _Topic())
-        if topic.seen >= _FIRST:
-            return
-        values = self._values(channel, message, topic.long)
-        if values is None:
-            return
-        schema = self._stream.schemas.get(channel.schema_id)
-        topic.about = schema.name if schema else ""
-        topic.seen += 1
-        topic.fields |= dict.fromkeys(values)
-        time = stamp(values)
-        near = abs(time - message.log_time * 1e-9) < _SAME_CLOCK
-        topic.stamped = topic.stamped and near and time > topic.last
-        topic.last = time
-
-    def _values(self, channel: Any, message: Any, long: set[str]) -> dict[str, float] | None:
-        known = self._decode.get(channel.id)
-        if known is None or known[0] is not channel:
-            schema = self._stream.schemas.get(channel.schema_id)
-            self._decode[channel.id] = known = (channel, self._decoders.make(channel.message_encoding, schema))
-        decode = known[1]
-        if isinstance(decode, str):
-            self._undecoded[channel.topic] = decode
-            return None
+def _messages(
+    path: Path, broken: list[str], topics: Collection[str] | None = None
+) -> Iterator[tuple[Any, Any, Any, float]]:
+    """Schema, channel, message, and the fraction of the file read; `broken` gets the reason where it ends early."""
+    size, at = path.stat().st_size, 0
+    with path.open("rb") as file:
         try:
-            return leaves(decode(message.data), long)
-        except (Exception, MemoryError):  # damaged bytes can cause any
-            self._failed[channel.topic] = self._failed.get(channel.topic, 0) + 1
-            return None
+            reader = NonSeekingReader(file, validate_crcs=True)
+            for schema, channel, message in reader.iter_messages(topics, log_time_order=False):
+                at = file.tell()
+                yield schema, channel, message, at / size
+        except Exception as error:
+            broken.append(f"after byte {at}: {reason(error)}")
 
-    def _piece(
-        self, topic: str, paths: Mapping[str, str], rows: list[list[float]], stamps: Stamps, done: float
-    ) -> Iterator[Piece]:
-        table = np.array(rows, dtype=np.float64)
-        backward = np.diff(table[:, 0]).min(initial=0.0)
-        if -LONGEST_SLIP < backward < 0:
-            table = table[table[:, 0].argsort(kind="stable")]
-        clock = topic.lstrip("/") or topic
-        table = table[stamps.keep(clock, table[:, 0])]
-        if len(table):
-            values = {name: table[:, k].copy() for k, name in enumerate(paths.values(), 1)}
-            yield Piece(values=values, time=table[:, 0].copy(), clock=clock, done=done)
+
+def _decoder(encoding: str, schema: Any) -> tuple[Decode | None, str]:
+    """What decodes the messages of a channel, or why nothing does."""
+    if encoding == "json":
+        return json.loads, ""
+    if encoding not in _DECODERS:
+        return None, f"message encoding {encoding!r} is not supported"
+    module, package = _DECODERS[encoding]
+    try:
+        decode = importlib.import_module(module).DecoderFactory().decoder_for(encoding, schema)
+    except ImportError:
+        return None, f"pip install {package}"
+    except Exception as error:
+        return None, f"its schema is not understood ({reason(error)})"
+    return decode, "" if decode else f"its schema is in {schema.encoding if schema else 'no language'!r}, not supported"
+
+
+def _decoded(topic: Topic, message: Any) -> dict[str, float] | None:
+    """Numbers of a message by their paths, such as "pose.position.x" or "covariance[3]"; None for a damaged one."""
+    values: dict[str, float] = {}
+    try:
+        assert topic.decode is not None
+        _collect(topic.decode(message.data), "", values, topic.lists, 0)
+    except Exception:  # damaged bytes can cause any
+        return None
+    return values
+
+
+def _stamp(fields: Mapping[str, float]) -> float:
+    """Timestamp in the header of a message, s; NaN where it has none."""
+    seconds, fraction = math.nan, 0.0
+    for name, value in fields.items():
+        match = _STAMP.fullmatch(name)
+        if match and match[1]:
+            seconds = value
+        elif match:
+            fraction = value * 1e-9
+    return seconds + fraction
+
+
+def _collect(value: Any, path: str, values: dict[str, float], lists: set[str], depth: int) -> None:
+    """Add the numbers in a decoded value; `lists` gets the paths of lists that are too long."""
+    if isinstance(value, bool | int | float | np.number | np.bool_):
+        try:
+            values[path] = float(value)
+        except OverflowError:
+            values[path] = math.nan
+        return
+    if value is None or isinstance(value, str | bytes | bytearray) or depth > _DEEPEST:
+        return
+    fields = _fields(value)
+    if fields is None:
+        if not hasattr(value, "__len__"):
+            return
+        if len(value) > _LONGEST:
+            lists.add(path)
+            return
+        fields = {f"[{k}]": item for k, item in enumerate(value)}
+    for name, item in fields.items():
+        _collect(item, f"{path}.{name}" if path and name[0] != "[" else f"{path}{name}", values, lists, depth + 1)
+
+
+def _fields(value: Any) -> Mapping[str, Any] | None:
+    """Fields of a struct by name, of ROS 1 and 2, protobuf or JSON; None for any other value."""
+    if isinstance(value, Mapping):
+        return {str(name): item for name, item in value.items()}
+    descriptor = getattr(value, "DESCRIPTOR", None)
+    if descriptor is not None:
+        names = [f.name for f in descriptor.fields if not f.has_presence or value.HasField(f.name)]
+        return {name: getattr(value, name) for name in names}
+    if slots := getattr(value, "__slots__", None):
+        return {name.lstrip("_"): getattr(value, name, None) for name in slots}
+    own = getattr(value, "__dict__", None)
+    return {name: item for name, item in own.items() if not name.startswith("_")} if own is not None else None
+
+
+def _piece(
+    topic: str, names: Collection[str], rows: list[list[float]], stamps: TimestampFilter, done: float
+) -> Iterator[Chunk]:
+    """Rows of a topic as a piece; messages that are a little late are put in order."""
+    table = np.array(rows, dtype=np.float64)
+    if -MAX_BACKWARD_STEP < np.diff(table[:, 0]).min(initial=0.0) < 0:
+        table = table[table[:, 0].argsort(kind="stable")]
+    clock = topic.lstrip("/") or topic
+    table = table[stamps.keep(clock, table[:, 0])]
+    if len(table):
+        values = {name: table[:, k].copy() for k, name in enumerate(names, 1)}
+        yield Chunk(values=values, time=table[:, 0].copy(), clock=clock, done=done)

@@ -1,5 +1,7 @@
-"""Text tables: CSV as loggers and spreadsheets write it, whatever its size, separator, decimal mark and encoding."""
+"""Text tables: CSV as loggers and spreadsheets write it, of any size, separator, decimal mark and encoding."""
 
+import codecs
+import io
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -8,107 +10,92 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.log import Column, Log, Piece, Progress, quiet
-from fifthwheel.logs.readers import dates
 from fifthwheel.logs.readers.cells import Cells
-from fifthwheel.logs.readers.layout import find_layout
-from fifthwheel.logs.readers.lines import Lines
+from fifthwheel.logs.readers.layout import Layout, find_layout
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 _HEAD = 1 << 18
 _BLOCK = 1 << 20
-_RUBBISH = 0.01
-"""Share of control characters above which a file is no text; fewer are damage."""
+_LONGEST_LINE = 1 << 22
+_MOST_CONTROL = 0.01
+"""Fraction of control characters above which a file is no text; fewer are damage."""
 _NO_UNIT = ("", "-", "--", "n/a", "none")
-_LOOKED_AT = 200
-"""Lines of the head from which the layout is told."""
 
 
-def open_log(path: Path, databases: Sequence[str | Path] = (), progress: Progress = quiet) -> Log:
-    """A text table, of which only the head is read now."""
-    return TextLog(path)
+def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
+    """A text table. Only its head is read now."""
+    with _Lines(path) as lines:
+        head = lines.read(_HEAD) or lines.unfinished.encode()
+    if len(_CONTROL.findall(head)) > _MOST_CONTROL * len(head):
+        raise SignalError(f"{path.name}: not a table, it holds binary data; expected CSV or another known format")
+    if len(head) == _HEAD and b"\n" in head:
+        head = head[: head.rindex(b"\n") + 1]
+    return TextLog(path, find_layout(head.decode("utf-8", "replace"), path.name))
 
 
-class TextLog(Log):
-    """A CSV file; whole lines only, so one cut short in its last line loses that line."""
+class TextLog(LogSource):
+    """A CSV file; a last line without line end is left out."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, layout: Layout) -> None:
         super().__init__(path.name)
-        self._path = path
-        with Lines(path) as lines:
-            head = lines.read(_HEAD)
-            self._left_over = lines.left_over
-        if len(_CONTROL.findall(head)) > _RUBBISH * len(head):
-            raise SignalError(f"{self.name}: not a table, it holds binary data; expected CSV or another known format")
-        whole = head if len(head) < _HEAD else head[: head.rindex(b"\n") + 1] if b"\n" in head else head
-        self._layout = find_layout(whole.decode("utf-8", "replace"), _LOOKED_AT, self.name)
-        self._first_notes = [*self._layout.notes]
-        if self._left_over:
-            self._first_notes.append(f"last line left out: no line end after {self._left_over!r}, it may be cut short")
-        self.notes = [*self._first_notes]
-        names = [_proper(name) for name in self._layout.names]
-        units = [None if unit is None or unit.strip() in _NO_UNIT else _proper(unit) for unit in self._layout.units]
-        units = ["s" if date else unit for date, unit in zip(self._layout.dates, units, strict=True)]
-        self._columns = {name: Column(name=name, unit=unit) for name, unit in zip(names, units, strict=True)}
+        self._path, self._layout = path, layout
+        self.notes += layout.notes
+        self._columns = {}
+        for name, unit, date in zip(map(_utf8, layout.names), layout.units, layout.dates, strict=True):
+            named = None if unit is None or unit.strip() in _NO_UNIT else _utf8(unit)
+            self._columns[name] = Column(name=name, unit="s" if date else named)
 
     @property
     def columns(self) -> Mapping[str, Column]:
         return self._columns
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Piece]:
+    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Rows of some columns; dates and times of day in s.
 
         Lines with another number of cells are left out and counted; where they are the most, that is a SignalError
-        once all is read.
+        at the end of the file.
         """
-        layout = self._layout
-        self.notes = [*self._first_notes]
-        wanted = [k for k, name in enumerate(self._columns) if name in columns]
+        layout, names = self._layout, list(self._columns)
+        self.notes = [*layout.notes]
+        wanted = [k for k, name in enumerate(names) if name in columns]
         if not wanted:
             return
-        names = list(self._columns)
-        cells = {
-            k: Cells(source=self.name, name=names[k], decimal=layout.decimal, dates=layout.dates[k]) for k in wanted
-        }
-        last = dict.fromkeys(wanted, float("nan"))
-        rows = crooked = 0
+        cells = [Cells(source=self.name, name=names[k], decimal=layout.decimal, dates=layout.dates[k]) for k in wanted]
+        rows = uneven = 0
 
         def skip(row: pacsv.InvalidRow) -> str:
-            nonlocal crooked
-            crooked += not (row.text or "").lstrip().startswith("#")
+            nonlocal uneven
+            uneven += not (row.text or "").lstrip().startswith("#")
             return "skip"
 
-        with Lines(self._path) as lines:
+        with _Lines(self._path) as lines:
             try:
                 lines.skip(layout.start)
                 if layout.separator == " ":
                     lines.collapse()
                 for batch in self._batches(lines, wanted, skip):
-                    values = {}
-                    for k, column in zip(wanted, batch.columns, strict=True):
-                        values[names[k]] = cells[k].numbers(column)
-                        style = layout.dates[k]
-                        if style is not None and not style.dated:
-                            values[names[k]] = dates.unwrapped(values[names[k]], last[k])
-                            last[k] = float(values[names[k]][-1]) if batch.num_rows else last[k]
+                    converted = zip(cells, batch.columns, strict=True)
                     rows += batch.num_rows
-                    yield Piece(values=values, done=lines.done)
+                    yield Chunk(values={c.name: c.numbers(column) for c, column in converted}, done=lines.done)
             except pa.ArrowException as error:
                 if not rows:
                     raise SignalError(f"{self.name}: not a table that can be read ({error})") from error
-                self.notes.append(f"broken after {rows} rows ({error}); what is before them is used")
-        if crooked > rows:
+                self.notes.append(f"broken after {rows} rows ({error}); the rows before are used")
+            if last := lines.unfinished[-20:]:
+                self.notes.append(f"last line left out: no line end after {last!r}, it may be cut short")
+        if uneven > rows:
             raise SignalError(
-                f"{self.name}: not a table, {crooked} lines have not the {len(names)} cells of the first; expected CSV"
+                f"{self.name}: not a table, {uneven} lines have not the {len(names)} cells of the first; expected CSV"
             )
-        self.notes += [f"{crooked} lines left out: not {len(names)} cells as in the header"] * bool(crooked)
-        self.notes += [note for one in cells.values() if (note := one.finish()) is not None]
-        self.unusable |= {one.name: one.fault for one in cells.values() if one.fault is not None}
+        self.notes += [f"{uneven} lines left out: not {len(names)} cells as in the header"] * bool(uneven)
+        self.notes += [note for c in cells if (note := c.finish()) is not None]
+        self.unusable |= {c.name: c.fault for c in cells if c.fault is not None}
 
-    def _batches(self, lines: "Lines", wanted: Sequence[int], skip: object) -> Iterator[pa.RecordBatch]:
+    def _batches(self, lines: "_Lines", wanted: Sequence[int], skip: object) -> Iterator[pa.RecordBatch]:
         names = [str(k) for k in range(len(self._columns))]
         mark = "\t" if self._layout.separator == " " else self._layout.separator
-        reader = pacsv.open_csv(
+        yield from pacsv.open_csv(
             pa.PythonFile(lines, mode="r"),
             read_options=pacsv.ReadOptions(column_names=names, use_threads=False, block_size=_BLOCK),
             parse_options=pacsv.ParseOptions(
@@ -118,12 +105,70 @@ class TextLog(Log):
                 column_types=dict.fromkeys(names, pa.string()), include_columns=[str(k) for k in wanted]
             ),
         )
-        yield from reader
 
 
-def _proper(text: str) -> str:
-    """What was UTF-8 and was taken for Latin-1."""
+def _utf8(text: str) -> str:
+    """Text that is UTF-8 but was decoded as Latin-1."""
     try:
         return text.encode("latin-1").decode("utf-8")
     except UnicodeError:
         return text
+
+
+class _Lines(io.RawIOBase):
+    r"""The finished lines of a text file as bytes that pyarrow reads: UTF-8, "\n" as line ends, no byte order mark."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._size = max(path.stat().st_size, 1)
+        self._file = path.open("rb")
+        mark = self._file.read(len(codecs.BOM_UTF8))
+        wide = mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        self._file.seek(len(mark) if mark == codecs.BOM_UTF8 else 0)
+        # UTF-8 too is read byte by byte, which cannot fail, and put right by _utf8 where it matters
+        self._text = io.TextIOWrapper(self._file, "utf-16" if wide else "latin-1", errors="replace")
+        self._ready = b""
+        self._collapsing = False
+        self.unfinished = ""
+        """What is after the last line end read so far."""
+
+    @property
+    def done(self) -> float:
+        """Fraction of the file that has been read."""
+        return 1.0 if self.closed else min(1.0, self._file.tell() / self._size)
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        """About `size` bytes, at least one; b"" at the end."""
+        while len(self._ready) < max(size, 1) or size < 0:
+            piece = self._text.read(_BLOCK)
+            if not piece:
+                break
+            lines, end, self.unfinished = (self.unfinished + piece).rpartition("\n")
+            if len(self.unfinished) > _LONGEST_LINE:
+                lines, self.unfinished = lines + end + self.unfinished, ""
+            self._ready += self._plain((lines + end).encode())
+        size = len(self._ready) if size < 0 else size
+        given, self._ready = self._ready[:size], self._ready[size:]
+        return given
+
+    def skip(self, size: int) -> None:
+        """Leave out the first bytes."""
+        while size > 0 and (given := self.read(min(size, _BLOCK))):
+            size -= len(given)
+
+    def collapse(self) -> None:
+        """From here on a run of blanks is one tab, and none begins or ends a line."""
+        self._collapsing = True
+        self._ready = self._plain(self._ready)
+
+    def close(self) -> None:
+        self._text.close()
+        super().close()
+
+    def _plain(self, lines: bytes) -> bytes:
+        if not self._collapsing:
+            return lines
+        return re.sub(rb"[ \t]+", b"\t", re.sub(rb"^[ \t]+|[ \t]+$", b"", lines, flags=re.MULTILINE))

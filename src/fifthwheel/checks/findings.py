@@ -1,0 +1,72 @@
+"""Faults of signals, and findings that name the signal, the fault and the cure."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+from fifthwheel.errors import SignalError
+
+Severity = Literal["error", "warning"]
+
+
+class Fault(Enum):
+    """Faults that `check` looks for."""
+
+    DROPOUT = "dropout"
+    """Missing samples."""
+    SPIKE = "spike"
+    """Single samples far from their neighbours."""
+    STUCK = "stuck"
+    """A constant value while the truck turns."""
+    ZERO_SPEED = "zero speed"
+    """A speed too low for lateral dynamics."""
+    OUT_OF_RANGE = "out of range"
+    """A magnitude that a truck cannot reach."""
+    DEGREES = "degrees"
+    """Degrees read as radians."""
+    UNIT = "unit"
+    """Another wrong unit: km/h, g."""
+    STEERING_WHEEL = "steering wheel"
+    """The steering-wheel angle read as the road-wheel angle."""
+    GAIN = "gain"
+    """A wrong steering ratio, or a speed in another unit."""
+    SWAPPED_SIGN = "swapped sign"
+    """Positive to the right instead of to the left."""
+    WRONG_COLUMN = "wrong column"
+    """No relation to the other signals."""
+    UNKNOWN_UNIT = "unknown unit"
+    """A unit or steered axle that the vehicle does not have."""
+    OFFSET = "offset"
+    """A mean that is not zero where the other signals are zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One fault of one signal."""
+
+    signal: str
+    """Name of the signal, or "time"."""
+    fault: Fault
+    severity: Severity
+    """An error is certain and makes estimates wrong; a warning is uncertain, or an estimator tolerates the fault."""
+    message: str
+    """The signal, the expected and the actual value, and the cure."""
+    remedy: Mapping[str, str | float] = field(default_factory=dict)
+    """Keys of signals.toml whose values remove the fault; empty where the user must decide."""
+
+    def __str__(self) -> str:
+        return f"{self.severity}: {self.message}"
+
+
+def remedy_text(remedy: Mapping[str, str | float]) -> str:
+    """The instruction in a message: {"unit": "deg"} -> 'set unit = "deg" in signals.toml'."""
+    keys = (f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:.3g}" for key, value in remedy.items())
+    return f"set {' and '.join(keys)} in signals.toml"
+
+
+def raise_errors(findings: Iterable[Finding]) -> None:
+    """Raise one SignalError with the messages of all errors among the findings, if there are any."""
+    errors = [finding.message for finding in findings if finding.severity == "error"]
+    if errors:
+        raise SignalError("\n".join(errors))

@@ -1,0 +1,176 @@
+"""Plausibility of a record, checked before an estimator turns faults of signals into wrong parameters."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fifthwheel.checks.findings import Fault, Finding, Severity, remedy_text
+from fifthwheel.checks.kinematics import kinematic_findings
+from fifthwheel.checks.samples import dropouts, limit_of, present_samples, spikes, stuck
+from fifthwheel.errors import suggestion
+from fifthwheel.names import SignalName
+from fifthwheel.record.record import Record
+
+MIN_SPEED = 5.0
+"""m/s; below it the lateral equations, which divide by speed, are inaccurate."""
+_DEGREE = np.pi / 180
+_MAX_STEERING_WHEEL = 16.0
+"""rad; a steering wheel turns by up to 2.5 revolutions to either side."""
+_MAX_RATE = 2e4
+"""Hz; no log of a truck has a higher sampling rate."""
+_DEFAULT_WHEELBASE = 4.5
+"""m"""
+
+
+def check(
+    record: Record, *, wheelbase: float | None = None, units: Sequence[str] = (), steered: Sequence[str] = ()
+) -> tuple[Finding, ...]:
+    """Findings on the signals of a record, errors first. Reference signals are not checked.
+
+    Each channel is checked on its own (missing samples, spikes, constant values, range) and against the others by the
+    kinematics of a turn (sign, degrees, steering-wheel angle, wrong column, offset). A signal that varies too little is
+    not judged.
+
+    Args:
+        record: the record.
+        wheelbase: of the leading unit, m; makes the relation of steer angle to yaw rate more accurate. Default: 4.5 m.
+        units: names of the vehicle's units; signals of other units are errors. Default: not checked.
+        steered: steer signals that the vehicle can have; others are errors. Default: not checked.
+    """
+    kinematic = list(
+        kinematic_findings(
+            record, wheelbase=_DEFAULT_WHEELBASE if wheelbase is None else wheelbase, min_speed=MIN_SPEED
+        )
+    )
+    explained = {finding.signal for finding in kinematic if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
+    findings = [*_unknown_units(record, units, steered), *_speed(record), *_wheel_speeds(record), *kinematic]
+    for name in record.signals:
+        findings += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
+        findings += [] if name in explained else _range(record, name)
+    findings += _time(record)
+    distinct: dict[tuple[str, Fault], Finding] = {}
+    for finding in findings:
+        distinct.setdefault((finding.signal, finding.fault), finding)
+    return tuple(sorted(distinct.values(), key=lambda finding: finding.severity))
+
+
+def _unknown_units(record: Record, units: Sequence[str], steered: Sequence[str]) -> Iterator[Finding]:
+    """Signals of units, and steer angles of axles, that the vehicle does not have."""
+    for name in record.signals if units else ():
+        signal = SignalName.of(name)
+        if signal.unit and signal.unit not in units:
+            problem, similar = f"the vehicle has no unit {signal.unit!r}", suggestion(signal.unit, list(units))
+        elif signal.quantity == "steer" and steered and name not in steered:
+            problem, similar = "the vehicle has no such steered axle", suggestion(name, list(steered))
+        else:
+            continue
+        message = f"{name}: {problem}; rename the signal in signals.toml, {similar}"
+        yield Finding(signal=name, fault=Fault.UNKNOWN_UNIT, severity="error", message=message)
+
+
+def _speed(record: Record) -> Iterator[Finding]:
+    if "speed" not in record.signals:
+        return
+    time, speed = present_samples(record, "speed")
+    if not speed.size:
+        return
+
+    def finding(fault: Fault, severity: Severity, message: str) -> Finding:
+        remedy = {"sign": -1} if fault is Fault.SWAPPED_SIGN else {}
+        return Finding(signal="speed", fault=fault, severity=severity, message=f"speed: {message}", remedy=remedy)
+
+    slow = float(np.mean(speed < MIN_SPEED))
+    if float(np.median(speed)) < -1.0:
+        message = f"median {np.median(speed):.1f} m/s, positive expected (forward); set sign = -1 in signals.toml"
+        yield finding(Fault.SWAPPED_SIGN, "error", message)
+    elif float(np.quantile(speed, 0.99)) < MIN_SPEED:
+        message = (
+            f"at most {speed.max():.1f} m/s, above {MIN_SPEED:g} m/s expected; correct column or unit in signals.toml, "
+            "or log a faster run"
+        )
+        yield finding(Fault.ZERO_SPEED, "error", message)
+    elif slow > 0.02:
+        first, last = time[speed >= MIN_SPEED][[0, -1]]
+        message = (
+            f"{slow:.0%} of the samples below {MIN_SPEED:g} m/s; set start and stop in [time] of signals.toml, the run "
+            f"is faster within {first:.2f} to {last:.2f} s"
+        )
+        yield finding(Fault.ZERO_SPEED, "warning", message)
+
+
+def _wheel_speeds(record: Record) -> Iterator[Finding]:
+    """Wheel speeds that differ from the vehicle's speed."""
+    wheels = [name for name in record.signals if SignalName.of(name).quantity == "wheel_speed"]
+    if not wheels or "speed" not in record.signals:
+        return
+    speed_time, speed = present_samples(record, "speed")
+    for name in wheels:
+        time, values = present_samples(record, name)
+        if speed_time.size < 2 or not time.size:
+            continue
+        vehicle_speed = np.interp(time, speed_time, speed)
+        fast = (vehicle_speed > 0.5) & (values > 0.5)
+        if fast.sum() < 10:
+            continue
+        ratio = float(np.median(values[fast] / vehicle_speed[fast]))
+        if 0.85 < ratio < 1.18:
+            continue
+        signal, remedy = "speed", {}
+        cure = f"correct the units of both, or the column of {name}, in signals.toml"
+        if 3.2 < ratio < 4.0:
+            signal, remedy = name, {"unit": "km/h"}
+            cure = f"the wheel speed looks like km/h; {remedy_text(remedy)}"
+        elif 0.25 < ratio < 0.31:
+            remedy = {"unit": "km/h"}
+            cure = f"speed looks like km/h; {remedy_text(remedy)}"
+        message = f"{signal}: {name} is {ratio:.2f} times the speed, 1 expected; {cure}"
+        yield Finding(signal=signal, fault=Fault.UNIT, severity="error", message=message, remedy=remedy)
+
+
+def _range(record: Record, name: str) -> Iterator[Finding]:
+    """More than 1 % of the samples beyond what a truck can do; fewer are spikes."""
+    _, values = present_samples(record, name)
+    limit = limit_of(name)
+    if limit is None or not values.size:
+        return
+    largest, unit = float(np.quantile(np.abs(values), 0.99)), limit.unit
+    if largest <= limit.magnitude:
+        return
+    steer = SignalName.of(name).quantity == "steer"
+    remedy: dict[str, str | float] = {}
+    if steer and largest <= _MAX_STEERING_WHEEL:
+        fault = Fault.STEERING_WHEEL
+        cure = (
+            'looks like the steering-wheel angle; set gain = 1 / steering ratio in signals.toml, or unit = "deg" if it '
+            "is in degrees"
+        )
+    elif unit.startswith("rad") and largest * _DEGREE <= limit.magnitude:
+        fault, remedy = Fault.DEGREES, {"unit": unit.replace("rad", "deg")}
+        cure = f"looks like degrees; {remedy_text(remedy)}"
+        if steer:
+            cure += ", and gain = 1 / steering ratio if it is the steering-wheel angle"
+    elif name == "speed" and largest / 3.6 <= limit.magnitude:
+        fault, remedy = Fault.UNIT, {"unit": "km/h"}
+        cure = f"looks like km/h; {remedy_text(remedy)}"
+    else:
+        fault, cure = Fault.OUT_OF_RANGE, "correct column or unit in signals.toml"
+    message = f"{name}: up to {largest:.3g} {unit}, at most {limit.magnitude:g} {unit} expected; {cure}"
+    yield Finding(signal=name, fault=fault, severity="error", message=message, remedy=remedy)
+
+
+def _time(record: Record) -> Iterator[Finding]:
+    """Gaps in the time base, and an implausible sampling rate."""
+    steps = np.diff(record.time)
+    if steps.max() > max(0.5, 5 * float(np.median(steps))):
+        start = record.time[steps.argmax()]
+        message = (
+            f"time: gap of {steps.max():.2f} s after {start:.2f} s; the segments on either side are used separately"
+        )
+        yield Finding(signal="time", fault=Fault.DROPOUT, severity="warning", message=message)
+    if record.rate > _MAX_RATE:
+        duration = record.span[1] - record.span[0]
+        message = (
+            f"time: {record.rate:.3g} samples/s over {duration:.3g} s, at most {_MAX_RATE:g} expected; correct unit in "
+            "[time] of signals.toml"
+        )
+        yield Finding(signal="time", fault=Fault.UNIT, severity="error", message=message)

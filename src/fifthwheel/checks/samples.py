@@ -1,0 +1,209 @@
+"""Faults that a channel shows on its own: missing samples, spikes and constant values."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.checks.findings import Fault, Finding, Severity
+from fifthwheel.names import SignalName
+from fifthwheel.record.record import Record
+from fifthwheel.record.signal_names import is_input
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """What a heavy vehicle can do in one quantity, SI."""
+
+    magnitude: float
+    """Never exceeded."""
+    jump: float
+    """Never exceeded within 0.1 s; a larger change is a spike."""
+    turn: float
+    """Change within a second that distinguishes a turn from straight-line driving."""
+    unit: str
+
+
+LIMITS: dict[str, Limit] = {
+    "speed": Limit(magnitude=45.0, jump=2.0, turn=np.inf, unit="m/s"),
+    "steer": Limit(magnitude=1.2, jump=0.15, turn=0.01, unit="rad"),
+    "yaw_rate": Limit(magnitude=1.5, jump=0.15, turn=0.03, unit="rad/s"),
+    "articulation": Limit(magnitude=1.7, jump=0.06, turn=0.02, unit="rad"),
+    "lateral_acceleration": Limit(magnitude=12.0, jump=3.0, turn=1.0, unit="m/s^2"),
+    "lateral_velocity": Limit(magnitude=10.0, jump=1.0, turn=np.inf, unit="m/s"),
+    "sideslip": Limit(magnitude=1.0, jump=0.1, turn=np.inf, unit="rad"),
+    "roll": Limit(magnitude=0.5, jump=0.05, turn=0.02, unit="rad"),
+    "roll_rate": Limit(magnitude=2.0, jump=0.4, turn=np.inf, unit="rad/s"),
+    "wheel_speed": Limit(magnitude=45.0, jump=2.0, turn=np.inf, unit="m/s"),
+    "longitudinal_acceleration": Limit(magnitude=12.0, jump=3.0, turn=np.inf, unit="m/s^2"),
+    "axle_load": Limit(magnitude=5e5, jump=1e5, turn=np.inf, unit="N"),
+}
+
+_MAY_BE_CONSTANT = ("speed", "wheel_speed", "axle_load")
+"""Quantities that may be constant in a turn."""
+_MAX_BINS = 100_000
+_ANY_LIMIT = 1e9
+"""SI; no quantity of a truck is as large."""
+_MAX_SPIKES = 0.1
+"""Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
+
+
+def limit_of(name: str) -> Limit | None:
+    """The limit of a signal's quantity."""
+    return LIMITS.get(SignalName.of(name).quantity)
+
+
+def present_samples(record: Record, name: str) -> tuple[Array, Array]:
+    """Time (n,) s and values (n,) of the samples that are not missing."""
+    values = record.signals[name]
+    present = ~np.isnan(values)
+    return record.time[present], values[present]
+
+
+def impossible_samples(name: str, values: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of samples beyond ten times what a truck can do, if they are less than 1 %: bit errors, for example.
+
+    If they are more, the unit or the column is wrong, which `check` reports, and only values above 1e9 are masked.
+    """
+    limit = limit_of(name)
+    with np.errstate(invalid="ignore"):
+        magnitude = np.abs(values)
+        impossible = magnitude > (10 * limit.magnitude if limit else _ANY_LIMIT)
+        few = impossible.sum() < 0.01 * impossible.size
+        return impossible if few else np.isfinite(magnitude) & (magnitude > _ANY_LIMIT)
+
+
+def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding]:
+    """A gap above 0.5 s, or more than 5 % missing within `window` s; an error if more than half of all is missing.
+
+    Missing samples are counted against the channel's own sampling period, the 30 % quantile of its steps: a channel of
+    a lower rate than the rows is complete. No sample is missing between two successive instants of the record.
+    """
+    time, values = present_samples(record, name)
+    rows = np.flatnonzero(np.isfinite(record.signals[name]))
+    first, last = record.span
+    if values.size == len(record):
+        return
+    if values.size < 2:
+        problem = f"{values.size} samples in {len(record)} rows, at least 2 expected"
+        message = f"{name}: {problem}; map another column in signals.toml"
+        yield Finding(signal=name, fault=Fault.DROPOUT, severity="error", message=message)
+        return
+    period = float(np.quantile(np.diff(time), 0.3))
+    edges = np.concatenate([[first - period], time, [last + period]])
+    steps = np.diff(edges)
+    apart = np.diff(np.concatenate([[-1], rows, [len(record)]])) > 1
+    missing = np.where(apart & (steps > 1.5 * period), steps - period, 0.0)
+    fraction = float(missing.sum() / (last - first))
+    longest = int(missing.argmax())
+    bins = min(max(1, round((last - first) / window)), _MAX_BINS)
+    per_bin, bin_edges = np.histogram(edges[:-1], bins=bins, range=(first - period, last), weights=missing)
+    worst = int(per_bin.argmax())
+    local = per_bin[worst] / (bin_edges[1] - bin_edges[0])
+    if missing[longest] > 0.5:
+        start, stop = max(edges[longest], first), min(edges[longest + 1], last)
+        where = f"no sample between {start:.2f} and {stop:.2f} s, gaps up to 0.5 s allowed"
+    elif local > 0.05:
+        where = f"{local:.0%} between {max(bin_edges[worst], first):.2f} and {bin_edges[worst + 1]:.2f} s, 5 % allowed"
+    else:
+        return
+    cure = "map another column, or cut the record with start and stop in [time] of signals.toml"
+    message = f"{name}: {fraction:.0%} missing, {where}; {cure}"
+    yield Finding(signal=name, fault=Fault.DROPOUT, severity="error" if fraction > 0.5 else "warning", message=message)
+
+
+def spike_mask(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
+    """Mask (n,) of spikes: samples off the median of five by more than 8 robust sigmas and more than `jump`."""
+    if values.size < 5:
+        return np.zeros(values.size, dtype=bool)
+    padded = np.concatenate([values[[2, 1]], values, values[[-2, -3]]])
+    deviation = np.abs(values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+    jump *= max(1.0, float(np.median(np.diff(time))) / 0.1)
+    mask: NDArray[np.bool_] = deviation > max(8 * 1.4826 * float(np.median(deviation)), jump)
+    return mask
+
+
+def remove_input_spikes(record: Record) -> Record:
+    """The record with the spikes of speed and steer angles marked as missing: no filter gates the inputs of a model."""
+    repaired = {}
+    for name in filter(is_input, record.signals):
+        time, values = present_samples(record, name)
+        mask = spike_mask(time, values, LIMITS[SignalName.of(name).quantity].jump)
+        if mask.any() and np.mean(mask) < _MAX_SPIKES:
+            repaired[name] = np.where(np.isin(record.time, time[mask]), np.nan, record.signals[name])
+    return record.with_signals(repaired) if repaired else record
+
+
+def spikes(record: Record, name: str) -> Iterator[Finding]:
+    """Single outliers; a warning only, since filters gate outliers of measurements."""
+    limit = limit_of(name)
+    if limit is None:
+        return
+    time, values = present_samples(record, name)
+    mask = spike_mask(time, values, limit.jump)
+    if mask.any() and np.mean(mask) < _MAX_SPIKES:
+        first = int(mask.argmax())
+        cure = (
+            "an identification leaves them out, an observer uses them: repair the column, or mark them as missing"
+            if is_input(name)
+            else "filters gate them as outliers; repair the column if there are many"
+        )
+        where = f"the first {values[first]:.3g} {limit.unit} at {time[first]:.2f} s"
+        count = f"{mask.sum()} spike{'s' if mask.sum() > 1 else ''}"
+        message = f"{name}: {count}, {where}; {cure}"
+        yield Finding(signal=name, fault=Fault.SPIKE, severity="warning", message=message)
+
+
+def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
+    """A constant value for over 1 s, and over three times the typical hold time, while other signals show a turn.
+
+    An error if it lasts more than a tenth of the record.
+    """
+    limit = limit_of(name)
+    if limit is None or SignalName.of(name).quantity in _MAY_BE_CONSTANT or "speed" not in record.signals:
+        return
+    time, values = present_samples(record, name)
+    if values.size < 3:
+        return
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1])
+    stops = np.concatenate([starts[1:] - 1, [values.size - 1]])
+    hold_times = time[stops] - time[starts]
+    typical = float(np.median(hold_times[:-1])) if hold_times.size > 2 else 0.0
+    long = hold_times > max(1.0, 3 * typical)
+    frozen = [
+        (time[start], time[stop])
+        for start, stop in zip(starts[long], stops[long], strict=True)
+        if _turns(record, name, time[start], time[stop], min_speed)
+    ]
+    if not frozen:
+        return
+    total = sum(stop - start for start, stop in frozen)
+    first, last = record.span
+    start, stop = max(frozen, key=lambda span: span[1] - span[0])
+    value = values[np.searchsorted(time, start)]
+    message = (
+        f"{name}: constant at {value:.4g} {limit.unit} from {start:.2f} to {stop:.2f} s while other signals show a "
+        "turn; map another column, or cut the record with start and stop in [time] of signals.toml"
+    )
+    severity: Severity = "error" if total > 0.1 * (last - first) else "warning"
+    yield Finding(signal=name, fault=Fault.STUCK, severity=severity, message=message)
+
+
+def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:
+    """Whether the vehicle moves from start to stop (s) and a signal other than `name` changes as in a turn."""
+    rows = slice(*np.searchsorted(record.time, [start, stop + 1e-9]))
+    speed = record.signals["speed"][rows]
+    if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:
+        return False
+    factor = 2.0 if is_input(name) else 1.0  # steer is constant in a steady turn, and other signals follow it late
+    for other, values in record.signals.items():
+        limit = limit_of(other)
+        within = values[rows]
+        within = within[~np.isnan(within)]
+        if other != name and limit is not None and within.size > 3:
+            low, high = np.quantile(within, [0.1, 0.9])
+            if high - low > factor * limit.turn:
+                return True
+    return False

@@ -1,0 +1,158 @@
+"""Options that several commands share, and their texts as data."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from fifthwheel.identify import OneStage
+    from fifthwheel.vehicle import Vehicle
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(help="Logs of one vehicle: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces.", show_default=False),
+]
+VehicleOption = Annotated[
+    str,
+    typer.Option("--vehicle", "-v", help="The vehicle: a TOML file, or a name from `fifthwheel vehicle`."),
+]
+SignalsOption = Annotated[
+    Path | None,
+    typer.Option("--signals", "-s", help="A signals.toml, if the columns do not have the names of signals."),
+]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; created if it does not exist.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
+CheckOption = Annotated[bool, typer.Option("--check/--no-check", help="Refuse logs with implausible signals.")]
+
+
+class FigureFormat(StrEnum):
+    """File format of figures."""
+
+    svg = "svg"
+    png = "png"
+    pdf = "pdf"
+
+
+FiguresOption = Annotated[
+    FigureFormat | None,
+    typer.Option("--figures", help="Also write every figure of the report to OUT/figures; needs matplotlib."),
+]
+
+FixOption = Annotated[
+    list[str] | None,
+    typer.Option("--fix", help="A parameter that keeps its value and counts as exact; may be repeated."),
+]
+FreeOption = Annotated[
+    list[str] | None,
+    typer.Option("--free", help="A parameter to estimate in addition to the default ones; may be repeated."),
+]
+PriorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--prior",
+        help="NAME=FRACTION: also estimate NAME, with this prior sigma as a fraction of its value, such as "
+        "relaxation_length=20%. NAME is a path or the end of one. 0 means exact. May be repeated.",
+    ),
+]
+ConsiderOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--consider",
+        help="NAME=FRACTION: do not estimate NAME, but include its uncertainty in every sigma, such as "
+        "roll_stiffness=10%. NAME is a path or the end of one. 0 means exact. May be repeated.",
+    ),
+]
+SensorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--sensor",
+        help="NAME=SIGMA: prior sigma of a sensor error, such as steer_delay=5ms if all signals have a common time "
+        "base. NAME is steer_offset, steer_gain, steer_delay, rate_offset, rate_gain, articulation_offset or bank. "
+        "May be repeated.",
+    ),
+]
+AnyLoadOption = Annotated[
+    bool,
+    typer.Option(
+        "--any-load", help="Estimate CoG height and roll inertia separately, for a load that is not a uniform block."
+    ),
+]
+
+
+def one_stage(
+    vehicle: "Vehicle",
+    *,
+    fix: list[str] | None,
+    free: list[str] | None,
+    prior: list[str] | None,
+    consider: list[str] | None,
+    any_load: bool,
+    sensor: list[str] | None = None,
+    base: "OneStage | None" = None,
+) -> "OneStage":
+    """Settings of the one-stage method from the texts of the options.
+
+    Raises:
+        FifthwheelError: a text that is not NAME=FRACTION or NAME=SIGMA.
+        VehicleError: a parameter that does not exist.
+    """
+    from fifthwheel.workflow import one_stage_settings
+
+    return one_stage_settings(
+        vehicle,
+        fix=fix or (),
+        free=free or (),
+        prior=fractions("--prior", prior),
+        consider=fractions("--consider", consider),
+        any_load=any_load,
+        sensors=sensor_sigmas(sensor),
+        base=base,
+    )
+
+
+def fractions(option: str, texts: list[str] | None) -> dict[str, float]:
+    """ "name=fraction" as name: fraction; a fraction may be in per cent.
+
+    Raises:
+        FifthwheelError: a text of another form, or a fraction that is not from 0 to below 1.
+    """
+    from fifthwheel.errors import FifthwheelError
+
+    values = {}
+    for text in texts or []:
+        name, _, fraction = text.partition("=")
+        try:
+            values[name] = float(fraction.removesuffix("%")) / (100 if fraction.endswith("%") else 1)
+        except ValueError:
+            values[name] = -1.0
+        if not 0 <= values[name] < 1:
+            size = f"; {fraction} is {100 * values[name]:g} %" if values[name] >= 1 else ""
+            raise FifthwheelError(
+                f"{option} {text}: expected NAME=FRACTION with a fraction from 0 to below 1, such as "
+                f"roll_stiffness=10%{size}"
+            )
+    return values
+
+
+def sensor_sigmas(texts: list[str] | None) -> dict[str, float]:
+    """ "name=sigma" as name: sigma in SI.
+
+    Raises:
+        FifthwheelError: a text of another form, or a unit that does not fit.
+    """
+    from fifthwheel.errors import FifthwheelError, SignalError
+    from fifthwheel.units import quantity
+    from fifthwheel.workflow import SENSOR_PRIORS
+
+    values = {}
+    for text in texts or []:
+        name, _, sigma = text.partition("=")
+        if name not in SENSOR_PRIORS:
+            raise FifthwheelError(f"--sensor {text}: expected NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}")
+        try:
+            values[name] = quantity(sigma, SENSOR_PRIORS[name])
+        except SignalError as error:
+            raise FifthwheelError(f"--sensor {text}: {error}") from None
+    return values

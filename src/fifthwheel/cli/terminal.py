@@ -1,0 +1,92 @@
+"""Reading inputs and writing messages on a terminal, with progress bars."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from fifthwheel.record import Record
+    from fifthwheel.vehicle import Vehicle
+
+_LARGE = 20_000_000
+"""Bytes of all logs from which reading shows its progress."""
+
+
+def load_records(paths: list[Path], signals: Path | None) -> "list[Record]":
+    """The records of logs, with a progress bar if they are large."""
+    from fifthwheel.logs import SignalMap
+    from fifthwheel.workflow import read_records
+
+    with reading_bar(paths) as progress:
+        return read_records(paths, SignalMap.load(signals) if signals else None, progress=progress)
+
+
+def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:
+    """Print the axle loads in the logs that are not those of the vehicle file."""
+    from fifthwheel.workflow import axle_load_differences
+
+    for difference in axle_load_differences(vehicle, records):
+        typer.echo(str(difference), err=True)
+
+
+def make_folder(path: Path) -> Path:
+    """Make a folder for results.
+
+    Raises:
+        FifthwheelError: it cannot be made.
+    """
+    from fifthwheel.errors import FifthwheelError
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FifthwheelError(f"{path}: {error.strerror}; choose another folder with --out") from error
+    return path
+
+
+def print_json(contents: Any) -> None:
+    """Print data as JSON."""
+    print(json.dumps(contents, indent=2))
+
+
+def print_files(files: Mapping[str, Path]) -> None:
+    """Print the paths of the files that were written."""
+    typer.echo("Written: " + ", ".join(map(str, files.values())))
+
+
+def as_text(files: Mapping[str, Path]) -> dict[str, str]:
+    """Paths as text, for JSON."""
+    return {name: str(path) for name, path in files.items()}
+
+
+@contextmanager
+def reading_bar(paths: list[Path]) -> "Iterator[Callable[[str, int, int], None]]":
+    """A progress bar for reading logs, shown if they are large together."""
+    size = sum(path.stat().st_size for path in paths if path.is_file())
+    with progress_bar(quiet=size < _LARGE) as show:
+        yield show
+
+
+@contextmanager
+def progress_bar(*, quiet: bool) -> "Iterator[Callable[[str, int, int], None]]":
+    """A progress bar on the terminal, called with title, work done and total; nothing without a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda title, done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        tasks: dict[str, Any] = {}
+
+        def show(title: str, done: int, total: int) -> None:
+            if title not in tasks:
+                tasks[title] = bar.add_task(title, total=total)
+            bar.update(tasks[title], completed=done, total=total)
+
+        yield show

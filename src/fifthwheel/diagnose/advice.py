@@ -1,0 +1,159 @@
+"""What to do next after an identification, the most useful step first."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fifthwheel.diagnose.cautions import has_wide_sigma
+from fifthwheel.diagnose.fit_quality import predicted_logs
+from fifthwheel.diagnose.thresholds import STRAIGHT
+from fifthwheel.diagnose.variance_budget import dominant_terms
+from fifthwheel.formatting import enumerated, percent, relative
+from fifthwheel.names import ParameterPath, is_sensor_error
+
+if TYPE_CHECKING:
+    from fifthwheel.diagnose.run_summary import RunSummary
+    from fifthwheel.identify import Identification
+    from fifthwheel.identify.design.assess import InformationAssessment
+    from fifthwheel.identify.design.remedies import Remedy
+
+LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
+EXCITATION = {
+    "cornering_stiffness": f"add a log with a lane change ({LANE_CHANGE}), or with bends at another speed. One speed "
+    "does not separate the axles and the steering ratio.",
+    "yaw_inertia": "add fast lane changes or a slalom (0.3 to 0.5 Hz). Slow bends hardly depend on yaw inertia.",
+    "height": f"add lane changes with more roll ({LANE_CHANGE}).",
+}
+"""Quantity of a parameter -> the excitation that it needs."""
+VERDICTS = {
+    "at_bound": "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, axle "
+    "positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
+    "not_converged": "Parameters that did not converge may compensate each other. Add another log of this truck, allow "
+    "more passes, or fix a parameter whose value is known from another source (--fix). If the model does not explain "
+    "the log either, check signs, units and positions of the signals first.",
+}
+"""Verdict -> what to do."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One step that improves an identification."""
+
+    message: str
+    parameters: tuple[str, ...] = ()  # that it improves
+    signals: tuple[str, ...] = ()  # to log
+    logs: tuple[str, ...] = ()  # to identify on
+
+
+def next_steps(
+    identification: "Identification", runs: "Sequence[RunSummary]" = (), outlook: "InformationAssessment | None" = None
+) -> list[Advice]:
+    """What to do next, the most useful step first.
+
+    Args:
+        runs: how the logs were driven.
+        outlook: information at the identified truck, for the effect of a change.
+    """
+    poor = tuple(p.log for p in predicted_logs(identification) if p.poor)
+    steps = [Advice(f"Identify on {enumerated(poor)} too: the prediction is poor there.", logs=poor)] if poor else []
+    steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
+    steps += [*_predicted_improvements(identification, outlook)] if outlook else []
+    steps += [*_separation(identification), *_dominant_uncertainties(identification)]
+    for verdict, message in VERDICTS.items():
+        names = tuple(e.name for e in identification.parameters if e.verdict == verdict)
+        steps += [Advice(message, names)] if names else []
+    converged = any(e.verdict == "converged" for e in identification.parameters)
+    if converged and all(fit.identified_on for fit in identification.fits):
+        steps.append(Advice("Validate the result: only predict one log (--validate), and identify on the others."))
+    return steps
+
+
+def describe_remedy(remedy: "Remedy", lane_change: str = "one more lane change") -> str:
+    """A change as the end of a sentence: "if x is known (--fix)", "with roll_rate.x logged"."""
+    if remedy.known:
+        verb = "is" if len(remedy.known) == 1 else "are"
+        sensors = sum(is_sensor_error(name) for name in remedy.known)
+        how = "calibrate it" if sensors == len(remedy.known) else "--fix, calibrate" if sensors else "--fix"
+        return f"if {' and '.join(remedy.known)} {verb} known ({how})"
+    changes = [f"{remedy.channel} logged"] if remedy.channel else []
+    if remedy.drive:
+        changes.append("the same run repeated" if remedy.drive == "again" else lane_change)
+    return f"with {' and '.join(changes)}"
+
+
+def _more_excitation(identification: "Identification", runs: "Sequence[RunSummary]") -> Iterator[Advice]:
+    elsewhere = {term.parameter for term in dominant_terms(identification)}  # another run would not help
+    missing = tuple(
+        e.name
+        for e in identification.parameters
+        if (has_wide_sigma(e) and e.name not in elsewhere) or (e.verdict == "not_excited" and e.sigma is not None)
+    )
+    used = {log.name for log in identification.logs}
+    accelerations = [run.acceleration for run in runs if run.name in used and np.isfinite(run.acceleration)]
+    if missing and accelerations and max(accelerations) < STRAIGHT:
+        yield Advice(
+            f"Drive two or more lane changes ({LANE_CHANGE}) and add that log. The present logs reach a lateral "
+            f"acceleration of only {max(accelerations):.2f} m/s²: this is almost straight running.",
+            missing,
+        )
+        return
+    for quantity, excitation in EXCITATION.items():
+        names = tuple(name for name in missing if ParameterPath.of(name).quantity == quantity)
+        if names:
+            yield Advice(f"To improve {enumerated(names)}, {excitation}", names)
+
+
+def _roll_rates(identification: "Identification") -> Iterator[Advice]:
+    missing: dict[str, list[str]] = {}
+    for e in identification.parameters:
+        without_channel = e.verdict == "not_identifiable" and not e.correlated_with
+        if without_channel or (e.verdict == "not_excited" and e.sigma is None):
+            missing.setdefault(ParameterPath.of(e.name).unit, []).append(e.name)
+    for unit, names in missing.items():
+        yield Advice(
+            f"Log the roll rate of the {unit} (roll_rate.{unit}) and identify again. Without it, the logs do not "
+            f"determine {enumerated(names)}, nor the CoG height and the roll inertia.",
+            tuple(names),
+            signals=(f"roll_rate.{unit}",),
+        )
+
+
+def _predicted_improvements(identification: "Identification", outlook: "InformationAssessment") -> Iterator[Advice]:
+    """What another run or channel would bring for parameters that the logs do not determine.
+
+    Converged parameters are left out: the prediction rests on the sensor noise, which is not what limits their sigma.
+    """
+    missing = {e.name for e in identification.parameters if e.verdict in ("not_excited", "not_identifiable")}
+    lane_change = f"one more lane change (SAE J2179) at {3.6 * outlook.speed:.0f} km/h"
+    effects: dict[str, dict[str, str]] = {}
+    for assessment in outlook.parameters:
+        for remedy in assessment.remedies:
+            if assessment.name in missing and not remedy.known:
+                effect = f"{assessment.name} ±{relative(assessment.value, remedy.sigma)}"
+                effects.setdefault(describe_remedy(remedy, lane_change), {})[assessment.name] = effect
+    for change, sigmas in effects.items():
+        yield Advice(f"Predicted {change}, at best: {enumerated(list(sigmas.values()))}.", tuple(sigmas))
+
+
+def _separation(identification: "Identification") -> Iterator[Advice]:
+    for e in identification.parameters:
+        if e.verdict == "not_identifiable" and e.correlated_with:
+            other = e.correlated_with[0]
+            cure = f"determine {other} by calibration, or add a run with another manoeuvre."
+            if other in identification.initial_vehicle.parameters():
+                cure = f"fix {other} at a value from another source (--fix)."
+            yield Advice(f"To identify {e.name}, {cure}", (e.name,))
+
+
+def _dominant_uncertainties(identification: "Identification") -> Iterator[Advice]:
+    uncertain = {e.name: e for e in identification.uncertain}
+    for term in dominant_terms(identification):
+        source = uncertain[term.source]
+        known = percent((source.sigma or 0.0) / abs(source.value))
+        yield Advice(
+            f"Measure {term.source}, known to ±{known}, or give a smaller uncertainty if you know it better "
+            f"(--consider): {percent(term.fraction)} of the variance of {term.parameter} comes from it.",
+            (term.parameter,),
+        )

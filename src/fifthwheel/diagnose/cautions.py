@@ -1,0 +1,237 @@
+"""Cautions: what makes the results of an identification or of a state estimation doubtful, and what to do."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fifthwheel.diagnose import thresholds
+from fifthwheel.diagnose.fit_quality import fit_quality
+from fifthwheel.diagnose.state_summary import innovation_size
+from fifthwheel.formatting import approximate, digits, enumerated, kmh, percent, with_sigma
+from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
+from fifthwheel.record.signal_names import si_unit
+
+if TYPE_CHECKING:
+    from fifthwheel.checks.findings import Severity
+    from fifthwheel.diagnose.run_summary import RunSummary
+    from fifthwheel.identify import CommonSettings, Estimate, Identification, SensorError
+    from fifthwheel.observe import States
+
+
+class CautionKind(StrEnum):
+    """Kinds of cautions."""
+
+    UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
+    DELAY = "delay"  # a significant or unusual delay of a sensor
+    GAIN = "gain"  # an unusual gain of a sensor
+    OFFSET = "offset"  # an unusual offset of a sensor
+    UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck
+    POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
+    REJECTED_SAMPLES = "rejected samples"  # many samples of a channel are outside the gate
+    NONLINEAR_RANGE = "nonlinear range"  # a run beyond the range of the linear model
+    EXTRAPOLATION = "extrapolation"  # a predicted run at other speeds than the identified ones
+    LARGE_INNOVATIONS = "large innovations"  # of a state filter, larger than it expects
+
+
+@dataclass(frozen=True)
+class Caution:
+    """One reason to doubt a result."""
+
+    kind: CautionKind
+    message: str  # what was estimated or measured, and what was expected
+    cure: str  # what to do
+    value: float  # the number that exceeds its threshold, SI
+    severity: "Severity" = "warning"  # an error makes results wrong that depend on the signal; a warning is a doubt
+    parameters: tuple[str, ...] = ()  # whose estimates it concerns
+    signals: tuple[str, ...] = ()
+    log: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.cure}"
+
+
+def identification_cautions(
+    identification: "Identification", runs: "Sequence[RunSummary]" = (), states: "Sequence[States]" = ()
+) -> list[Caution]:
+    """All cautions of an identification.
+
+    Args:
+        runs: how the logs were driven.
+        states: of the identified truck.
+    """
+    return [
+        *estimate_cautions(identification),
+        *sensor_cautions(identification),
+        *fit_cautions(identification),
+        *run_cautions(identification, runs),
+        *[caution for s in states for caution in state_cautions(s, "identified truck")],
+    ]
+
+
+def has_wide_sigma(estimate: "Estimate") -> bool:
+    """Whether an estimate converged, but to a sigma that is a large fraction of its value."""
+    if estimate.verdict != "converged" or estimate.sigma is None:
+        return False
+    return estimate.sigma > thresholds.WIDE_SIGMA * abs(estimate.value)
+
+
+def sensor_error_prior(settings: "CommonSettings", name: str) -> tuple[float, float]:
+    """Prior mean and standard deviation of a sensor error, SI."""
+    signal, kind = SensorErrorName.of(name) or (name, "")
+    quantity = SignalName.of(signal).quantity
+    if kind == "gain":
+        rate_gain: float = getattr(settings, "rate_gain_prior", thresholds.UNUSUAL_GAIN)
+        return 1.0, settings.steer_gain_prior if quantity == "steer" else rate_gain
+    if kind == "delay":
+        return 0.0, settings.steer_delay_prior
+    if quantity == "steer":
+        return 0.0, settings.steer_offset_prior
+    return 0.0, settings.articulation_offset_prior if quantity == "articulation" else settings.rate_offset_prior
+
+
+def is_unusual(settings: "CommonSettings", error: "SensorError") -> bool:
+    """Whether a sensor error is far from its prior mean, or a steer gain far from 1."""
+    mean, sigma = sensor_error_prior(settings, error.name)
+    signal, kind = SensorErrorName.of(error.name) or (error.name, "")
+    if kind == "gain" and SignalName.of(signal).quantity == "steer":
+        return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
+    return abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
+
+
+def estimate_cautions(identification: "Identification") -> Iterator[Caution]:
+    """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
+    prior = identification.settings.prior
+    for e in identification.parameters:
+        if e.verdict != "converged" or ParameterPath.of(e.name).is_payload_height:
+            continue
+        ratio = e.value / e.initial
+        if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
+            message = (
+                f"{e.name} is {digits(ratio, 2)} times the value of the vehicle file; ±{percent(prior)} was assumed."
+            )
+            cure = "Check masses, axle positions and the steer angle. Confirm the estimate with another log."
+            yield Caution(CautionKind.UNUSUAL_ESTIMATE, message, cure, ratio, parameters=(e.name,))
+
+
+def sensor_cautions(identification: "Identification") -> Iterator[Caution]:
+    """Sensors with a significant delay or an unusual error."""
+    estimated = [e.name for e in identification.parameters if e.verdict != "fixed"]
+    stiffnesses = tuple(n for n in estimated if ParameterPath.of(n).quantity == "cornering_stiffness")
+    for error in identification.sensors:
+        signal, kind = SensorErrorName.of(error.name) or (error.name, "")
+        significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
+        delayed = kind == "delay" and abs(error.value) > significant
+        if not delayed and not is_unusual(identification.settings, error):
+            continue
+        steer_gain = kind == "gain" and SignalName.of(signal).quantity == "steer"
+        value = with_sigma(error.value, error.sigma, error.unit)
+        if kind == "delay":
+            text = f"the estimated delay is {value}. The stiffness estimates depend on it."
+            cure = (
+                "Check the delay. If all channels have a common time base, give it (--sensor steer_delay=5ms) and "
+                "identify again."
+            )
+        elif steer_gain:
+            text = (
+                f"the road wheels turn by {value} times the logged angle. A wrong steering ratio has the same effect "
+                "as wrong tyre stiffnesses, so the stiffness estimates depend on this gain."
+            )
+            cure = "Measure the ratio of the road-wheel angle to the logged angle, and correct it in the signal map."
+        elif kind == "gain":
+            text = f"the estimated gain is {value}; 1 is expected."
+            cure = "Check the unit, calibrate the sensor, and correct its gain in the signal map."
+        else:
+            text = f"the estimated offset is {value}, more than such a sensor usually has."
+            cure = "Check the mounting and the calibration of the sensor."
+        message = f"{signal} in {error.log}: {text}" if error.log else f"{signal}: {text}"
+        parameters = stiffnesses if kind == "delay" or steer_gain else ()
+        yield Caution(
+            CautionKind(kind), message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log
+        )
+
+
+def fit_cautions(identification: "Identification") -> Iterator[Caution]:
+    """Channels that the identified truck predicts poorly, and channels with many rejected samples."""
+    excited = {fit.log for fit in identification.fits if fit.explained > thresholds.EXCITED_CHANNEL}
+    for fit in identification.fits:
+        quality, unit = fit_quality(fit), si_unit(fit.signal)
+        place = f"{fit.signal} in {fit.log}{'' if fit.identified_on else ' (predicted only)'}"
+        severity: Severity = "warning"
+        if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL:
+            kind, severity = CautionKind.UNRELATED_CHANNEL, "error"
+            text = "speed and steer angle explain almost none of this channel."
+            cure = "Check that the column is mapped to the right signal. Do not use results that depend on it."
+        elif not quality.good:
+            kind, explained = CautionKind.POOR_FIT, percent(max(fit.explained, 0.0), round_down=True)
+            noise = f", sensor noise about {approximate(quality.noise, unit)}" if np.isfinite(quality.noise) else ""
+            text = f"only {explained} of the variance is explained; residual {approximate(fit.rms, unit)} rms{noise}."
+            cure = "Check sign, unit and position of the sensor, and the vehicle file."
+        else:
+            continue
+        message = f"{place}: {text}"
+        yield Caution(kind, message, cure, fit.explained, severity=severity, signals=(fit.signal,), log=fit.log)
+    for log in identification.logs:
+        yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES)
+
+
+def run_cautions(identification: "Identification", runs: "Sequence[RunSummary]") -> Iterator[Caution]:
+    """Runs outside the range of the linear model or of the identification."""
+    identified = {log.name for log in identification.logs}
+    speeds = [run.speed for run in runs if run.name in identified and np.isfinite(run.speed[0])]
+    for run in runs:
+        if run.acceleration > thresholds.NONLINEAR:
+            message = (
+                f"{run.name}: the lateral acceleration reaches {run.acceleration:.1f} m/s². The model of tyres and "
+                f"suspensions is linear, which holds up to about {thresholds.NONLINEAR:g} m/s²."
+            )
+            cure = "Use a log with a smaller lateral acceleration."
+            yield Caution(CautionKind.NONLINEAR_RANGE, message, cure, run.acceleration, log=run.name)
+        if run.name in identified or not speeds or not np.isfinite(run.speed[0]):
+            continue
+        low, high = min(s[0] for s in speeds), max(s[1] for s in speeds)
+        if run.speed[0] < (1 - thresholds.EXTRAPOLATION) * low or run.speed[1] > (1 + thresholds.EXTRAPOLATION) * high:
+            message = (
+                f"{run.name}: the speed is {kmh(run.speed)}; the truck was identified at {kmh((low, high))}. The "
+                "prediction is an extrapolation."
+            )
+            value = run.speed[0] if run.speed[0] < low else run.speed[1]
+            cure = "Identify on a log at this speed too."
+            yield Caution(CautionKind.EXTRAPOLATION, message, cure, value, log=run.name)
+
+
+def state_cautions(states: "States", blamed: str) -> Iterator[Caution]:
+    """Innovations that do not fit the filter's expectation.
+
+    Args:
+        blamed: what may be wrong besides the noise: "vehicle file" or "identified truck".
+    """
+    sizes = {name: innovation_size(states, name) for name in states.innovation}
+    large = {name: size.rms for name, size in sizes.items() if size.rms > thresholds.LARGE_INNOVATION}
+    if large:
+        channels = enumerated([f"{name} ({rms:.1f} times)" for name, rms in large.items()])
+        cure = "Check the vehicle file against this truck, and the noise of these channels."
+        if blamed == "vehicle file":
+            cure = (
+                f"Check the vehicle file, or identify this truck from {states.name}. If it was identified, give "
+                "identification.json too (-i): it contains the sensor errors."
+            )
+        message = (
+            f"{states.name}: the innovations are larger than the filter expects: {channels}. The {blamed} or the "
+            "assumed sensor noise is wrong, and the bands of the states are too narrow."
+        )
+        value = max(large.values())
+        yield Caution(CautionKind.LARGE_INNOVATIONS, message, cure, value, signals=tuple(large), log=states.name)
+    rejected = {name: size.rejected for name, size in sizes.items()}
+    yield from _rejected_samples(states.name, rejected, thresholds.REJECTED_INNOVATIONS)
+
+
+def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float) -> Iterator[Caution]:
+    """Channels of a log of which a larger fraction than the limit was rejected."""
+    for signal, fraction in rejected.items():
+        if fraction > limit:
+            message = f"{signal} in {log}: {percent(fraction)} of the samples are outside the gate and rejected."
+            cure = "Check the channel for spikes and dropouts."
+            yield Caution(CautionKind.REJECTED_SAMPLES, message, cure, fraction, signals=(signal,), log=log)

@@ -1,0 +1,135 @@
+"""How much information the logs contain on each parameter, what limits its sigma, and what would reduce it."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fifthwheel.diagnose import thresholds
+from fifthwheel.diagnose.advice import describe_remedy
+from fifthwheel.diagnose.variance_budget import VarianceTerm, variance_budget
+from fifthwheel.formatting import approximate, digits, enumerated, percent, relative
+from fifthwheel.names import ParameterPath, split_log
+
+if TYPE_CHECKING:
+    from fifthwheel.identify import Estimate, Identification
+    from fifthwheel.identify.design.assess import InformationAssessment
+    from fifthwheel.identify.design.remedies import Remedy
+
+
+class Improvement(NamedTuple):
+    """A change and its predicted effect."""
+
+    remedy: "Remedy"
+    relative_sigma: float  # as a fraction of the parameter's value
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterInformation:
+    """What the logs contribute to one parameter."""
+
+    estimate: "Estimate"
+    noise_sigma: float | None = None  # sigma from the sensor noise alone, where it is much smaller, SI
+    correlation: tuple[str, float] | None = None  # the largest notable correlation of a separable estimate
+    budget: tuple[VarianceTerm, ...] = ()  # the largest terms of its variance
+    improvements: tuple[Improvement, ...] = ()
+
+    @property
+    def remaining(self) -> float | None:
+        """Fraction of the prior sigma that remains, 0 to 1; None without a prior."""
+        e = self.estimate
+        if not e.prior:
+            return None
+        if e.sigma is None:
+            return 1.0
+        is_height = ParameterPath.of(e.name).is_payload_height
+        scale = abs(e.initial / e.value) if e.value and not is_height else 1.0
+        return min(scale * e.sigma / e.prior, 1.0)
+
+    @property
+    def change(self) -> str:
+        """Prior and resulting sigma: "±30 % → ±4.4 %"; of a height in its unit."""
+        e, is_height = self.estimate, ParameterPath.of(self.estimate.name).is_payload_height
+        prior, result = (
+            "–" if sigma is None else f"±{approximate(sigma, e.unit) if is_height else relative(value, sigma)}"
+            for value, sigma in ((e.initial, e.prior), (e.value, e.sigma))
+        )
+        return f"{prior} → {result}" if e.prior else result
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """What limits sigma and what would reduce it, a sentence each."""
+        e, messages = self.estimate, []
+        if e.correlated_with:
+            precise = e.verdict == "converged" and (e.sigma or np.inf) < thresholds.NOTABLE_SIGMA * abs(e.value)
+            relation = "Identified well; the remaining error is correlated with" if precise else "Hard to separate from"
+            messages.append(f"{relation} {enumerated(e.correlated_with)}.")
+        elif self.correlation:
+            messages.append(f"Correlated with {self.correlation[0]} ({self.correlation[1]:.2f}).")
+        if self.budget:
+            largest, *others = [(percent(term.fraction), term.source) for term in self.budget[:2]]
+            text = f"{largest[0]} of its variance comes from {largest[1]}"
+            text += "".join(f" and {fraction} from {source}" for fraction, source in others)
+            messages.append(f"{text}, which the logs do not determine.")
+        if self.noise_sigma and e.sigma:
+            messages.append(
+                f"Sigma is {digits(e.sigma / self.noise_sigma, 2)} times the sigma from sensor noise alone: the "
+                "residuals are autocorrelated."
+            )
+        if self.improvements:
+            changes = [f"±{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy)}" for i in self.improvements]
+            messages.append(f"Predicted: {'; '.join(changes)}.")
+        return tuple(messages)
+
+
+def information_summary(
+    identification: "Identification", outlook: "InformationAssessment | None" = None
+) -> tuple[ParameterInformation, ...]:
+    """Information on every estimated parameter.
+
+    Args:
+        outlook: information at the identified truck, for the sigma from noise alone and for improvements.
+    """
+    return tuple(_information(identification, e, outlook) for e in identification.parameters if e.verdict != "fixed")
+
+
+def _information(
+    identification: "Identification", e: "Estimate", outlook: "InformationAssessment | None"
+) -> ParameterInformation:
+    assessment = next((p for p in outlook.parameters if p.name == e.name), None) if outlook else None
+    noise_sigma, improvements = None, list[Improvement]()
+    if assessment is not None:
+        estimated = e.verdict in ("converged", "not_converged") and assessment.verdict == "converged"
+        if estimated and e.sigma is not None and e.sigma > thresholds.AUTOCORRELATION_EFFECT * assessment.sigma:
+            noise_sigma = assessment.sigma
+        else:
+            improvements = [
+                Improvement(remedy, remedy.sigma / abs(assessment.value))
+                for remedy in assessment.remedies
+                if e.sigma is None or remedy.sigma < thresholds.USEFUL_REDUCTION * e.sigma
+            ]
+    return ParameterInformation(
+        estimate=e,
+        noise_sigma=noise_sigma,
+        correlation=None if e.correlated_with else _largest_correlation(identification, e),
+        budget=tuple(t for t in variance_budget(identification, e.name) if t.fraction > thresholds.LISTED_FRACTION),
+        improvements=tuple(improvements),
+    )
+
+
+def _largest_correlation(identification: "Identification", e: "Estimate") -> tuple[str, float] | None:
+    """The largest correlation of a converged estimate with another estimated unknown, if it is notable."""
+    covariance = identification.covariance
+    if covariance is None or e.name not in covariance.names or e.verdict != "converged":
+        return None
+    i, P = covariance.names.index(e.name), covariance.covariance
+    scale = np.sqrt(np.diag(P))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        magnitude = np.nan_to_num(np.abs(P[i]) / (scale[i] * scale))
+    fixed = {uncertain.name for uncertain in identification.uncertain if uncertain.verdict == "fixed"}
+    for j, name in enumerate(covariance.names):
+        if j == i or name in fixed or split_log(name)[1] == "":
+            magnitude[j] = 0.0
+    j = int(np.argmax(magnitude))
+    notable = magnitude[j] > thresholds.NOTABLE_CORRELATION
+    return (covariance.names[j], float(magnitude[j])) if notable else None

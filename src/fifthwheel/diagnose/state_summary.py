@@ -1,0 +1,102 @@
+"""Estimated states in a few numbers: status, width of the bands, difference from references, size of innovations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+
+if TYPE_CHECKING:
+    from fifthwheel.observe import States
+    from fifthwheel.record import Record
+
+
+class InnovationSize(NamedTuple):
+    """How large the innovations of a channel are."""
+
+    rms: float  # of the accepted normalised innovations, 1 is expected; NaN where none was accepted
+    rejected: float  # fraction of the measured samples outside the gate
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateSummary:
+    """The states of one record in a few numbers, SI."""
+
+    name: str
+    status: Mapping[str, float]  # fraction of the samples by name of `observe.Status`, where it is above 0
+    band: Mapping[str, float | None]  # median of two sigma by state; None for a state that is never known
+    reference_rms: Mapping[str, float | None]  # rms difference from the reference by state; None without a reference
+    innovations: Mapping[str, InnovationSize]  # by measured channel
+
+    @property
+    def valid(self) -> float:
+        """Fraction of the samples with all inputs and recent measurements."""
+        return self.status.get("OK", 0.0)
+
+
+def summarise_states(states: "States", records: "Sequence[Record]" = ()) -> StateSummary:
+    """Summary of the states of a record; its references are taken from the record of the same name."""
+    from fifthwheel.observe import Status
+
+    record = record_of(states, records)
+    status = {s.name: float((states.status == s).mean()) for s in Status}
+    return StateSummary(
+        name=states.name,
+        status={name: fraction for name, fraction in status.items() if fraction > 0},
+        band={name: _median_band(sigma) for name, sigma in states.sigma.items()},
+        reference_rms={name: _reference_rms(states, record, name) for name in states.values},
+        innovations={name: innovation_size(states, name) for name in states.innovation},
+    )
+
+
+def record_of(states: "States", records: "Sequence[Record]") -> "Record | None":
+    """The record with the name of the states."""
+    return next((record for record in records if record.name == states.name), None)
+
+
+def normalised_innovation(states: "States", name: str) -> Array:
+    """Innovation of a channel divided by its expected standard deviation, (N,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(states.innovation[name] / states.innovation_sigma[name], dtype=np.float64)
+
+
+def rejected_samples(states: "States", name: str) -> NDArray[np.bool_]:
+    """Samples of a channel that were measured and rejected by the gate, (N,)."""
+    return np.asarray(np.isfinite(states.innovation[name]) & ~states.accepted[name], dtype=np.bool_)
+
+
+def innovation_size(states: "States", name: str) -> InnovationSize:
+    """Rms of the accepted normalised innovations of a channel, and the fraction of rejected samples."""
+    values, rejected = normalised_innovation(states, name), rejected_samples(states, name)
+    finite = np.isfinite(values)
+    accepted = finite & ~rejected
+    rms = float(np.sqrt(np.mean(values[accepted] ** 2))) if accepted.any() else float("nan")
+    return InnovationSize(rms, float(rejected.sum() / max(finite.sum(), 1)))
+
+
+def valid_fraction(states: "Sequence[States]") -> float:
+    """Fraction of the samples of all records with all inputs and recent measurements."""
+    return float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
+
+
+def _median_band(sigma: Array) -> float | None:
+    finite = sigma[np.isfinite(sigma)]
+    return float(2 * np.median(finite)) if finite.size else None
+
+
+def _reference_rms(states: "States", record: "Record | None", name: str) -> float | None:
+    if record is None or name not in record.reference:
+        return None
+    difference = states.values[name] - _at_times(record, record.reference[name], states.time)
+    finite = np.isfinite(difference)
+    return float(np.sqrt(np.mean(difference[finite] ** 2))) if finite.any() else None
+
+
+def _at_times(record: "Record", values: Array, time: Array) -> Array:
+    """A channel of a record at other times."""
+    if len(time) == len(record.time) and np.array_equal(time, record.time):
+        return values
+    return np.interp(time, record.time, values, left=np.nan, right=np.nan)

@@ -1,0 +1,52 @@
+"""Response of the linear model to speed and steer angles, without noise."""
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel, steps
+from fifthwheel.native import Scan
+
+
+def linear_response(
+    model: ChainModel, values: Mapping[str, float], time: Array, inputs: Mapping[str, Array], x0: Array | None = None
+) -> tuple[Array, Array]:
+    """States (N, n) and outputs (N, m) of the model.
+
+    Args:
+        model: without free parameters.
+        values: every parameter of the model by name, SI.
+        time: (N,) s.
+        inputs: speed and steer angles by name, (N,) each.
+        x0: state at the first sample (n,); zero by default.
+
+    Raises:
+        SignalError: a gap between samples needs too many steps; see `steps.step_counts`.
+    """
+    columns = steps.input_columns(inputs, model.inputs)
+    vehicle = model.vehicle.replace({name: values[name] for name in model.vehicle.parameters()})
+    limit = steps.step_limit(vehicle, model.roll)(columns[:, 0])
+    fine, columns, indices = steps.subdivide(time, columns, limit)
+    dt, d = steps.step_inputs(fine, columns)
+    start = np.zeros(len(model.states)) if x0 is None else x0
+    _, out = _simulator(model)(start, np.column_stack([dt, d]), model.known_values(values))
+    samples = out[indices]
+    return samples[:, : len(model.states)], samples[:, len(model.states) :]
+
+
+_simulators: dict[ChainModel, Scan] = {}
+
+
+def _simulator(model: ChainModel) -> Scan:
+    """The compiled step: carry = x; sample = [dt, d]; constant = c; output = [x+, y]."""
+    if model not in _simulators:
+        n, k, c = len(model.states), 2 * len(model.inputs), len(model.known)
+        x, row, constant = ca.SX.sym("x", n), ca.SX.sym("row", 1 + k), ca.SX.sym("c", c)
+        no_p = ca.SX(0, 1)
+        later = model.transition(x, row[0], row[1:], no_p, constant)
+        y = model.observation(later, row[1:], no_p, constant)
+        step = ca.Function("simulate", [x, row, constant], [later, ca.vertcat(later, y)], {"cse": True})
+        _simulators[model] = Scan(step)
+    return _simulators[model]

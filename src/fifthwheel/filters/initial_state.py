@@ -1,0 +1,96 @@
+"""State and covariance at the first sample of a record."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.names import SignalName
+from fifthwheel.vehicle import Vehicle
+
+INITIAL_SIGMA = {
+    "lateral_velocity": 0.05,
+    "yaw_rate": 0.01,
+    "articulation": 0.01,
+    "roll": 0.005,
+    "roll_rate": 0.02,
+    "slip_angle": 0.002,
+    "bank": 0.03,
+}
+"""Standard deviation of each state about its steady value at the first sample, without steering, SI."""
+
+TYPICAL_STEER_SIGMA = 0.015
+"""Standard deviation of the steer angles that an on-line observer assumes before the first sample, rad."""
+
+STEER_BANDWIDTH = 0.4
+"""Bandwidth of the steer angles, Hz: that of a lane change."""
+
+
+def steady_initial_state(
+    vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool
+) -> tuple[Array, dynamics.Matrices]:
+    """Steady state (n,) of constant inputs, zero for an unstable vehicle, and the matrices of the vehicle.
+
+    Args:
+        vehicle: with its numbers.
+        inputs: speed, m/s, and measured steer angles, rad, by name.
+        errors: known offsets and gains of the steer sensors, such as "steer.tractor.front.offset", and values of
+            parameters that replace those of the vehicle.
+        roll: yaw and roll, or yaw only.
+    """
+    parameters = vehicle.parameters()
+    changed = {name: value for name, value in errors.items() if name in parameters}
+    m = dynamics.matrices(vehicle, inputs["speed"], roll=roll, changed=changed)
+    steer = np.array(
+        [
+            errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0))
+            for name in vehicle.steer_signals()
+        ]
+    )
+    stable = np.linalg.eigvals(m.A).real.max() < 0
+    return (-np.linalg.solve(m.A, m.B @ steer) if stable else np.zeros(len(m.A))), m
+
+
+def initial_state(
+    vehicle: Vehicle,
+    inputs: Mapping[str, float],
+    errors: Mapping[str, float],
+    *,
+    roll: bool,
+    steer_sigma: float,
+    bank: float | None = None,
+) -> tuple[Array, Array]:
+    """State (n,) at the first sample and its covariance (n, n).
+
+    The state is the steady state of the first steer angles. The record may start within a manoeuvre. Therefore the
+    covariance is the sum of `INITIAL_SIGMA` and the stationary covariance under random steer angles.
+
+    Args:
+        vehicle, inputs, errors, roll: as in `steady_initial_state`; inputs of the first sample.
+        steer_sigma: standard deviation of the steer angles, rad.
+        bank: standard deviation of the bank of the road, rad, if the bank is a state.
+    """
+    x0, m = steady_initial_state(vehicle, inputs, errors, roll=roll)
+    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states])
+    P0 = floor + steer_sigma**2 * random_steer_covariance(m)
+    if bank is None:
+        return x0, P0
+    return np.append(x0, 0.0), np.pad(P0, (0, 1)) + np.diag([*[0.0] * len(x0), bank**2])
+
+
+def random_steer_covariance(m: dynamics.Matrices) -> Array:
+    """Stationary covariance (n, n) of the states per variance of a random first steer angle; zero if unstable.
+
+    The steer angle is white noise through a first-order low-pass of `STEER_BANDWIDTH`. The eigenvectors of A solve the
+    Lyapunov equation A P + P A' + Q = 0 of low-pass and vehicle.
+    """
+    n, rate = len(m.A), 2 * np.pi * STEER_BANDWIDTH
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[:n, n], A[n, n] = m.A, m.B[:, 0], -rate
+    values, vectors = np.linalg.eig(A)
+    if values.real.max() >= 0:
+        return np.zeros((n, n))
+    excitation = np.linalg.solve(vectors, np.eye(n + 1)[:, n])
+    modal = -2 * rate * np.outer(excitation, excitation.conj()) / (values[:, None] + values.conj())
+    return np.asarray((vectors @ modal @ vectors.conj().T).real[:n, :n])

@@ -1,0 +1,238 @@
+"""A joint filter with relinearisation: a second filter repeats the samples of a segment from a better estimate.
+
+An extended Kalman filter that starts far from the truth linearises at a poor estimate, and the error of the linearised
+model remains in its estimate and its covariance. Therefore the samples of each segment with excitation are stored, and
+a second filter processes them again, from the state of the first filter at the beginning of the segment. In its first
+pass it follows the first filter at a distance of some samples and linearises at the first filter's estimate. In each
+further pass it starts again and linearises at its own last result, until the result converges (an iterated filter;
+Bell and Cathey 1993). The first filter then continues from this result.
+
+Later segments are linearised at the same point as long as the result stays near it: gradients from many points appear
+to contain information in directions in which no single one does (Huang, Mourikis and Roumeliotis 2010). Memory and time
+per sample are bounded. The two filters are lanes of one compiled step.
+"""
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.filters import joint
+from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.kalman import Noise
+from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelinearisationSettings:
+    """How often the second filter repeats a segment."""
+
+    max_passes: int = 4
+    """Largest number of passes; with 0 the filter is an extended Kalman filter."""
+    lag: int = 200
+    """Distance of the second filter behind the first one in the first pass, in samples."""
+    samples: int = 1000
+    """Largest number of samples of a segment; then a new segment begins."""
+    first_pass_limit: float = 0.5
+    """The first pass is the last one if its result is within so many standard deviations of the first filter's."""
+    pass_limit: float = 2.0
+    """Another pass follows if a result is more standard deviations away from its point of linearisation."""
+
+
+class RelinearisedFilter:
+    """Both filters of a model.
+
+    The first lane of `carry`, `sample` and `output` belongs to the first filter, the second lane to the second filter.
+    `row` and `out` are the memory of `sample` and `output` as flat C arrays, which Python accesses ten times as fast.
+
+    Args:
+        model: of the samples.
+        c: parameters of the model that are not in z, (n_c,).
+        noise: of process and measurements.
+        scaling: of the parameters z.
+        free: (n_p,) 1 for an estimated z, 0 for a considered z.
+        settings: when the second filter repeats a segment.
+    """
+
+    def __init__(
+        self, model: Model, *, c: Array, noise: Noise, scaling: Scaling, free: Array, settings: RelinearisationSettings
+    ) -> None:
+        n_x, n_d, n_p, _, n_y = sizes(model)
+        self.layout = layout = joint.Layout(n_x, n_p)
+        self.scan = joint.joint_step(model, scaling.logarithmic)
+        self.settings = settings
+        self.carry = carry = np.zeros((layout.size, joint.LANES))
+        self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
+        self.output = output = np.zeros((self.scan.n_output, joint.LANES))
+        self._constant = joint.constants(c, noise, scaling, free)
+        self._addresses = tuple(a.ctypes.data for a in (carry, sample, self._constant, output))
+        self.row: Any = (ctypes.c_double * sample.size).from_buffer(sample.data)
+        self.out: Any = (ctypes.c_double * output.size).from_buffer(output.data)
+        k = 1 + n_d + 2 * n_y + 1  # length of [dt, d, y, weight, learn]
+        self._learn = joint.LANES * (k - 1)
+        self._diverged = joint.LANES * 2 * n_y
+        # views of what is copied between the lanes
+        self._z, self._Pz = carry[layout.z, 0], carry[layout.Pz, 0]
+        self._second_z, self._second_Pz = carry[layout.z, 1], carry[layout.Pz, 1]
+        self._first_sample, self._second_sample, self._second_base = sample[:k, 0], sample[:k, 1], sample[k:, 1]
+        self._d, self._second_d = sample[1 : 1 + n_d, 0], sample[1 : 1 + n_d, 1]
+        self._second_weight_learn = sample[1 + n_d + n_y :, 1]
+        # the segment: carry of the first filter before it, and its samples
+        self._begin = np.zeros(layout.size)
+        self._samples = np.zeros((settings.samples, k))
+        self._sample_views = list(self._samples)
+        self._variances = layout.Pz.start + np.cumsum([0, *range(n_p, 1, -1)])
+        self.set_estimate(np.zeros(n_p), np.eye(n_p))
+
+    def set_estimate(self, z: Array, Pz: Array) -> None:
+        """Set the estimate z (n_p,) and its covariance Pz (n_p, n_p), and discard the segment."""
+        self._z[:], self._Pz[:] = z, pack_array(Pz)
+        self._base: Array | None = None  # point of linearisation of the second filter; None for the first filter's z
+        self._clear_segment()
+
+    def start(self, x: Array, P: Array, V: Array, d: Array) -> None:
+        """End the segment and set the state; the estimate stays.
+
+        Args:
+            x, P: state (n_x,) and covariance (n_x, n_x).
+            V: dx/dz (n_x, n_p).
+            d: inputs (n_d,). `sample` then contains them, with dt = 0 and without measurements.
+        """
+        self.end_segment()
+        self.carry[self.layout.x, 0] = x
+        self.carry[self.layout.P, 0] = pack_array(P)
+        self.carry[self.layout.V, 0] = V.ravel(order="F")
+        self.carry[:, 1] = self.carry[:, 0]
+        self.sample[:, 0] = 0.0
+        self._d[:] = d
+        self._pause_second()
+
+    def estimate(self) -> tuple[Array, Array]:
+        """z (n_p,) and its covariance (n_p, n_p) after all passes over all samples.
+
+        Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples.
+        """
+        z, Pz, _ = self._finish_passes()
+        return z, Pz
+
+    def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:
+        """Process the sample in the first lane of `sample`: [dt, d, y, weight].
+
+        Args:
+            in_segment: whether the sample belongs to a segment with excitation.
+            learn: whether the parameters are estimated from this sample.
+
+        Returns:
+            Whether a measurement was used, and whether the state must be started again. `out` contains the outputs.
+        """
+        self.row[self._learn] = learn
+        restart = False
+        if in_segment and self.settings.max_passes:
+            restart = self._store_sample()
+        else:
+            self._complete = True
+        if self._count:
+            self._advance_second()
+        self.scan.vector(1, 1, *self._addresses)
+        out = self.out
+        if self._count:
+            if out[self._diverged + 1]:
+                self._clear_segment()
+            elif self._complete and self._position == self._count:
+                restart = self._end_pass()
+        return any(out[: self._diverged // 2 : joint.LANES]), restart or out[self._diverged] > 0
+
+    def _store_sample(self) -> bool:
+        """Add the sample to the segment, or begin a segment with it; whether the state must be started again."""
+        if self._count and (self._complete or self._count == self.settings.samples) and self.end_segment():
+            return True
+        if not self._count:
+            self._begin[:] = self.carry[:, 1] = self.carry[:, 0]
+        self._complete = False
+        np.copyto(self._sample_views[self._count], self._first_sample)
+        self._count += 1
+        return False
+
+    def _advance_second(self) -> None:
+        """Give the second filter its next sample."""
+        if self._complete or self._count - self._position > self.settings.lag:
+            np.copyto(self._second_sample, self._sample_views[self._position])
+            np.copyto(self._second_base, self._z if self._base is None else self._base)
+            self._position += 1
+        else:
+            self._pause_second()
+
+    def _pause_second(self) -> None:
+        """Give the second filter a sample without effect: dt = 0 and no measurements."""
+        self.row[1] = 0.0
+        np.copyto(self._second_d, self._d)
+        self._second_weight_learn[:] = 0.0
+
+    def _clear_segment(self) -> None:
+        """Discard the samples of the segment."""
+        self._count = 0  # number of samples of the segment
+        self._position = 0  # number of samples that the second filter has processed in this pass
+        self._pass = 1  # number of this pass
+        self._complete = True  # whether the segment has ended
+        self._pause_second()
+
+    def _end_pass(self) -> bool:
+        """Begin the next pass, or continue from the result of this one; whether the state must be started again."""
+        if self._is_last(self.carry, self._base, self._pass):
+            Pz = unpack_array(self._second_Pz, self.layout.n_p)
+            return self._continue_from(self._second_z.copy(), Pz, self._base)
+        self._base = self._second_z.copy()
+        self._position, self._pass = 0, self._pass + 1
+        self.carry[:, 1] = self._begin
+        return False
+
+    def end_segment(self) -> bool:
+        """End the segment, finish its passes and continue from the result; whether the state must be started again."""
+        return self._continue_from(*self._finish_passes()) if self._count else False
+
+    def _finish_passes(self) -> tuple[Array, Array, Array | None]:
+        """z, its covariance, and the point of linearisation after all passes over the segment."""
+        carry, position, number, base = self.carry.copy(), self._position, self._pass, self._base
+        while self._count:
+            samples = self._samples[position : self._count]
+            if self._run_second(carry, samples, self._z if base is None else base):
+                break
+            z, Pz = carry[self.layout.z, 1].copy(), unpack_array(carry[self.layout.Pz, 1], self.layout.n_p)
+            if self._is_last(carry, base, number):
+                return z, Pz, base
+            position, number, base = 0, number + 1, z
+            carry[:, 1] = self._begin
+        return self._z.copy(), unpack_array(self._Pz, self.layout.n_p), self._base
+
+    def _run_second(self, carry: Array, samples: Array, base: Array) -> bool:
+        """Run the second filter over samples, in place in the second lane of `carry`; whether it diverged."""
+        rows = np.empty((len(samples), *self.sample.shape))
+        rows[:, : samples.shape[1]] = samples[:, :, None]
+        rows[:, samples.shape[1] :] = base[:, None]
+        output = np.empty((len(samples), *self.output.shape))
+        arrays = (carry, rows, self._constant, output)
+        self.scan.vector(len(rows), 1, *[a.ctypes.data for a in arrays])
+        return bool(output[:, -1, 1].any())
+
+    def _is_last(self, carry: Array, base: Array | None, number: int) -> bool:
+        """Whether the result of a pass is near its point of linearisation, or the pass is the last one allowed."""
+        z, sigma = carry[self.layout.z, 1], np.sqrt(carry[self._variances, 1])
+        point, limit = (self._z, self.settings.first_pass_limit) if base is None else (base, self.settings.pass_limit)
+        return number >= self.settings.max_passes or bool((np.abs(z - point) <= limit * sigma).all())
+
+    def _continue_from(self, z: Array, Pz: Array, base: Array | None) -> bool:
+        """Set the estimate of the first filter; whether the change is too large for its state.
+
+        The state changes with z to first order, and its covariance increases by the square of that change.
+        """
+        layout = self.layout
+        V = self.carry[layout.V, 0].reshape(layout.n_x, layout.n_p, order="F")
+        change = V @ (z - self._z)
+        self.carry[layout.x, 0] += change
+        self.carry[layout.P, 0] += pack_array(np.outer(change, change))
+        restart = bool((np.abs(z - self._z) > self.settings.pass_limit * np.sqrt(np.diag(Pz))).any())
+        self.set_estimate(z, Pz)
+        self._base = z if base is None else base
+        return restart

@@ -1,0 +1,166 @@
+"""The data of an identification: checked logs, their usable segments, and the vehicle steered as logged."""
+
+import itertools
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fifthwheel.checks import check, raise_errors
+from fifthwheel.checks.samples import remove_input_spikes
+from fifthwheel.errors import SignalError
+from fifthwheel.filters import noise as variances
+from fifthwheel.identify import parameters
+from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.record import Record
+from fifthwheel.record.segments import segments_above
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogData:
+    """The usable segments of one log, and the estimates of its sensors so far."""
+
+    name: str
+    segments: Sequence[Record]
+    errors: Mapping[str, float] = field(default_factory=dict)  # sensor errors that belong to this log, by name, SI
+    noise: Mapping[str, float] = field(default_factory=dict)  # noise variance of each channel, SI squared
+    autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `residuals`
+
+    def with_noise(self, vehicle: Vehicle, channels: Sequence[str], given: Mapping[str, float]) -> "LogData":
+        """The log with the noise variance of every channel: its own, else the given one, else that of the table."""
+        table = {name: variances.sensor_variance(vehicle, name, given) for name in channels}
+        return replace(self, noise={**table, **self.noise})
+
+    def effective_variance(self, channel: str) -> float:
+        """Noise variance of a channel times its autocorrelation factor."""
+        return self.noise[channel] * self.autocorrelation_factor.get(channel, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dataset:
+    """What `prepare_dataset` makes of logs and vehicle."""
+
+    records: tuple[Record, ...]
+    """The given records, one for each of `logs`."""
+    logs: tuple[LogData, ...]
+    """To identify the vehicle on."""
+    validation: tuple[LogData, ...]
+    """Only predicted."""
+    initial_vehicle: Vehicle
+    """The given vehicle, simplified as the settings demand."""
+    vehicle: Vehicle
+    """The same with the axles locked whose steer angle is not in the logs."""
+    yaw: tuple[str, ...]
+    """Measured yaw rates and articulation angles."""
+    roll: tuple[str, ...]
+    """Measured roll rates."""
+    notes: tuple[str, ...]
+    """For the user."""
+
+    def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
+        """The initial vehicle with estimated values; its source names the logs and their speeds."""
+        low, high = speed_range(self.logs)
+        names = ", ".join(log.name for log in self.logs)
+        source = f"{self.initial_vehicle.source}; identified on {names} at {low:.1f} to {high:.1f} m/s"
+        return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
+
+
+def prepare_dataset(
+    records: Sequence[Record], vehicle: Vehicle, settings: CommonSettings, validate: Sequence[Record] = ()
+) -> Dataset:
+    """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
+
+    Args:
+        records: logs to identify the vehicle on.
+        vehicle: as known before.
+        settings: of the identification.
+        validate: logs that are only predicted.
+
+    Raises:
+        SignalError: a log cannot be used; the message names the signal and the remedy.
+    """
+    everything = (*records, *validate)
+    _require_distinct_names(records, everything)
+    if not settings.relaxation:
+        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in parameters.group_paths(vehicle)})
+    if isinstance(settings, OneStage) and not settings.uniform_payload:
+        vehicle = vehicle.lumped()
+    logged = {name for record in records for name in record.signals}
+    steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
+    notes: list[str] = []
+    for record in everything:
+        notes += _check(record, vehicle, steered, settings)
+    if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
+        notes.append(f"{', '.join(locked)}: not in the logs; the steer angle is taken as 0.")
+    if any(a == b for a, b in itertools.combinations(everything, 2)):
+        raise SignalError("logs: two logs contain the same samples; give every log once")
+    notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
+    logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
+    yaw, roll = usable_channels(records, steered)
+    return Dataset(
+        records=tuple(records),
+        logs=logs,
+        validation=validation,
+        initial_vehicle=vehicle,
+        vehicle=steered,
+        yaw=yaw,
+        roll=roll,
+        notes=tuple(notes),
+    )
+
+
+def usable_channels(records: Sequence[Record], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The measured yaw rates and articulation angles, and the measured roll rates.
+
+    Raises:
+        SignalError: a unit has neither a yaw rate nor an articulation angle in any log.
+    """
+    units = [unit.name for unit in vehicle.units]
+    logged = {name for record in records for name in record.signals}
+    yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
+    present = tuple(name for name in yaw if name in logged)
+    for u in units:
+        if f"yaw_rate.{u}" not in present and f"articulation.{u}" not in present:
+            raise SignalError(f"yaw_rate.{u}: in none of the logs; map the yaw rate gyro of the {u} to it")
+    return present, tuple(f"roll_rate.{u}" for u in units if f"roll_rate.{u}" in logged)
+
+
+def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:
+    """Lowest and highest speed in the usable segments of logs, m/s."""
+    speed = np.concatenate([segment.input("speed") for log in logs for segment in log.segments])
+    return float(speed.min()), float(speed.max())
+
+
+def _require_distinct_names(records: Sequence[Record], everything: Sequence[Record]) -> None:
+    if not records:
+        raise SignalError("logs: none given; identification needs at least one log")
+    counts = Counter(record.name for record in everything)
+    if repeated := sorted(name for name, count in counts.items() if count > 1):
+        raise SignalError(f"logs: {', '.join(repeated)} given more than once; give every log once, with its own name")
+
+
+def _check(record: Record, vehicle: Vehicle, steered: Vehicle, settings: CommonSettings) -> list[str]:
+    """Notes on one record.
+
+    Args:
+        vehicle: as given.
+        steered: with the axles locked that are not in the logs.
+
+    Raises:
+        SignalError: a steer angle is missing, or, if the settings demand the check, a signal is implausible.
+    """
+    for name in steered.steer_signals():
+        if name not in record.signals:
+            raise SignalError(f"{name}: not in {record.name}, but in another log; map it in all logs or in none")
+    units = [unit.name for unit in vehicle.units]
+    findings = check(record, wheelbase=steered.wheelbase, units=units, steered=vehicle.steer_signals())
+    if settings.check:
+        raise_errors(findings)
+    messages = [*[finding.message for finding in findings if finding.severity != "error"], *record.notes]
+    return [f"{record.name}: {message}" for message in messages]
+
+
+def _log_data(record: Record, settings: CommonSettings) -> LogData:
+    return LogData(name=record.name, segments=segments_above(remove_input_spikes(record), settings.min_speed))

@@ -1,0 +1,228 @@
+"""The information in logs, assessed before any fit: predicted sigma and verdict of every parameter, and remedies."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import fifthwheel
+from fifthwheel import dynamics
+from fifthwheel.checks import Finding, check
+from fifthwheel.errors import SignalError
+from fifthwheel.filters import noise as variances
+from fifthwheel.identify.dataset import LogData, prepare_dataset
+from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
+from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import split_log
+from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import estimate_noise_variance
+from fifthwheel.vehicle import Vehicle, unit_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssessmentSettings:
+    """For which parameters remedies are searched, and which remedies are reported."""
+
+    enough: float = 0.05
+    """A parameter with at most this sigma, relative to its value, needs no remedy."""
+    min_reduction: float = 0.2
+    """A remedy must reduce sigma by at least this fraction."""
+    max_remedies: int = 2
+    """Maximum number of remedies for each parameter, of different kinds."""
+    min_speed: float = 15.0
+    """The lane change that is a remedy is driven at the median speed of the logs, but not below this speed, m/s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterAssessment:
+    """One parameter before the fit; all sigmas are standard deviations in SI."""
+
+    name: str
+    value: float
+    """Value of the vehicle file."""
+    unit: str
+    prior: float
+    """Prior sigma."""
+    sigma: float
+    """Predicted sigma after the fit; the prior's if the logs do not contain enough information."""
+    conditional_sigma: float
+    """Predicted sigma if all other parameters were known; the sensors' errors remain unknown."""
+    verdict: Verdict
+    """CONVERGED if the logs contain enough information, else NOT_EXCITED or NOT_IDENTIFIABLE."""
+    correlated_with: tuple[str, ...]
+    """Unknowns that can hardly be separated from this parameter, the worst first."""
+    remedies: tuple[Remedy, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InformationAssessment:
+    """The information in logs, predicted at the values of the vehicle file."""
+
+    vehicle: str
+    logs: tuple[str, ...]
+    speed: float
+    """Speed of the lane change that is a remedy, m/s."""
+    findings: tuple[tuple[str, Finding], ...]
+    """Log and finding of the signal checks, errors first."""
+    parameters: tuple[ParameterAssessment, ...]
+    noise: Mapping[str, Mapping[str, float]]
+    """Assumed noise variance by log and channel, SI squared."""
+    cautions: tuple[str, ...]
+    """Reasons why the assessment itself may be wrong."""
+    notes: tuple[str, ...]
+    version: str
+
+    def __getitem__(self, name: str) -> ParameterAssessment:
+        """The assessment of a parameter by name; KeyError if it is not estimated."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content for JSON."""
+        return {
+            "version": self.version,
+            "vehicle": self.vehicle,
+            "logs": self.logs,
+            "speed": self.speed,
+            "findings": [
+                {"log": log, "signal": f.signal, "fault": f.fault.value, "severity": f.severity, "message": f.message}
+                for log, f in self.findings
+            ],
+            "parameters": [asdict(parameter) for parameter in self.parameters],
+            "noise": {log: dict(noise) for log, noise in self.noise.items()},
+            "cautions": self.cautions,
+            "notes": self.notes,
+        }
+
+    def to_json(self) -> str:
+        """`as_dict` as JSON."""
+        return json.dumps(self.as_dict(), indent=2)
+
+
+def assess_information(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: OneStage | None = None,
+    assessment: AssessmentSettings | None = None,
+) -> InformationAssessment:
+    """Assess the information that logs contain on a truck, before any fit.
+
+    Computes the Cramer-Rao bound with priors at the values of the vehicle file: the better the file, the better the
+    assessment. Model and logs are assumed to be right; errors of the model come in addition, and of faults in the logs
+    only the findings are known. The noise of each channel is estimated from its spectral density between 3 and 10 Hz
+    (`record.noise_estimate`), with a tenth of the article's variance as the lower limit. The article's variance is used
+    where a log is too short for the estimate, and where `settings` say that the noise is known.
+
+    Args:
+        records: logs that would be fitted together.
+        vehicle: what is known of the truck.
+        settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
+        assessment: which remedies are reported.
+
+    Raises:
+        SignalError: a fit cannot use one of the logs; the message lists all findings.
+        VehicleError: a parameter cannot be estimated or fixed; or the truck is unstable at the speeds of the logs.
+    """
+    settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
+    findings = [(r.name, finding) for r in records for finding in check(r, wheelbase=vehicle.wheelbase)]
+    findings.sort(key=lambda item: item[1].severity)
+    try:
+        dataset = prepare_dataset(records, vehicle, replace(settings, check=False))
+    except SignalError as error:
+        raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
+    speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
+    speed = max(float(np.median(speeds)), assessment.min_speed)
+    predictor = InformationPredictor.of(dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed])
+    logs = [replace(log, noise={**log.noise, **_noise_variances(predictor, log)}) for log in dataset.logs]
+    runs = [predictor.run_information(log) for log in logs]
+    noise = {name: variance for log in logs for name, variance in log.noise.items()}
+    rate = logs[0].segments[0].rate
+    lane_change = lane_change_information(predictor, speed=speed, rate=rate, channels=tuple(noise), noise=noise)
+    posterior = predictor.posterior(runs)
+    remedies = PredictedRemedies.of(predictor, runs, lane_change)
+    names = tuple(record.name for record in records)
+    in_findings = {f"{log}: {finding.message}" for log, finding in findings}
+    return InformationAssessment(
+        vehicle=vehicle.name,
+        logs=names,
+        speed=speed,
+        findings=tuple(findings),
+        parameters=tuple(
+            _assess_parameter(predictor, name, posterior, remedies, assessment, names) for name in predictor.estimated
+        ),
+        noise={log.name: {name: log.noise[name] for name in predictor.channels if name in log.noise} for log in logs},
+        cautions=(_unstable_caution(predictor),) if predictor.start else (),
+        notes=tuple(dict.fromkeys(note for note in dataset.notes if note not in in_findings)),
+        version=fifthwheel.__version__,
+    )
+
+
+def _assess_parameter(
+    predictor: InformationPredictor,
+    name: str,
+    posterior: PredictedPosterior,
+    remedies: PredictedRemedies,
+    assessment: AssessmentSettings,
+    logs: Sequence[str],
+) -> ParameterAssessment:
+    value, prior, verdict = predictor.vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
+    sigma, target = posterior.sigma(name) * prior, assessment.enough * abs(value)
+    if verdict is Verdict.CONVERGED and sigma <= target:
+        best: tuple[Remedy, ...] = ()
+    else:
+        best = remedies.best(
+            name, sigma, target=target, min_reduction=assessment.min_reduction, max_count=assessment.max_remedies
+        )
+    return ParameterAssessment(
+        name=name,
+        value=value,
+        unit=unit_of(name),
+        prior=prior,
+        sigma=sigma,
+        conditional_sigma=posterior.conditional_sigma(name) * prior,
+        verdict=verdict,
+        correlated_with=tuple(_with_log_name(other, logs) for other in posterior.correlated_with(name)),
+        remedies=best,
+    )
+
+
+def _with_log_name(name: str, logs: Sequence[str]) -> str:
+    """An unknown's name with the name of its log instead of the log's number."""
+    base, number = split_log(name)
+    return base if number is None else f"{base}@{logs[int(number.partition('.')[0])]}"
+
+
+def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str, float]:
+    """Noise variance of each channel that a log has, SI squared."""
+    result = {}
+    for name in predictor.channels:
+        segments = [s for s in log.segments if name in s.signals and np.isfinite(s.signals[name]).any()]
+        if not segments:
+            continue
+        if not predictor.settings.adapt_noise:
+            result[name] = variances.sensor_variance(predictor.vehicle, name, predictor.settings.noise)
+            continue
+        default = variances.sensor_variance(predictor.vehicle, name, {})
+        estimates = [(len(s), estimate_noise_variance(s.time, s.signals[name])) for s in segments]
+        available = [(size, variance) for size, variance in estimates if variance is not None]
+        weights, values = [size for size, _ in available], [variance for _, variance in available]
+        mean = float(np.average(values, weights=weights)) if available else default
+        result[name] = max(mean, default / 10)
+    return result
+
+
+def _unstable_caution(predictor: InformationPredictor) -> str:
+    vehicle, first = predictor.vehicle, next(iter(predictor.start))
+    axles = " and ".join(name.removesuffix(".cornering_stiffness") for name in predictor.start)
+    factor = predictor.start_vehicle.parameters()[first] / vehicle.parameters()[first]
+    critical_speed = dynamics.critical_speed(vehicle) or float("nan")
+    return (
+        f"{vehicle.name}: with the values of its file unstable from {3.6 * critical_speed:.0f} km/h; check the file. "
+        f"This assessment uses {factor:.2g} times the cornering stiffness of {axles}, where a fit would start."
+    )

@@ -1,0 +1,295 @@
+"""Experiment design: the shortest run that reaches target accuracies, or the obstacles if no run does."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+import fifthwheel
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.filters import noise as variances
+from fifthwheel.identify import parameters
+from fifthwheel.identify.dataset import LogData, prepare_dataset
+from fifthwheel.identify.design.predict import InformationPredictor, is_stable, possible_channels
+from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates
+from fifthwheel.identify.settings import OneStage, Progress
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.manoeuvres.linear import steer_record
+from fifthwheel.names import SignalName
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+DEFAULT_TARGET = 0.05
+"""Default target: relative sigma of every cornering stiffness and of the yaw inertia of every unit behind the first."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProposedRun:
+    """A run, and the sigmas that a fit of it would give."""
+
+    kind: str
+    """lane_change, sweep, random or bend."""
+    frequency: float | None
+    """Frequency of a lane change, Hz."""
+    offset: float | None
+    """Lateral offset of a lane change, m."""
+    speed: float
+    """m/s."""
+    repetitions: int
+    """To the left and to the right in turn."""
+    duration: float
+    """s."""
+    acceleration: float
+    """Largest lateral acceleration of any unit's CoG, m/s^2."""
+    leading: float
+    """Largest lateral acceleration of the first unit's CoG, m/s^2."""
+    steer: Array = field(repr=False)
+    """Steer angle (N,) of the first steered axle, rad."""
+    sigma: Mapping[str, float]
+    """Sigma of every estimated parameter, relative to its value."""
+    verdicts: Mapping[str, Verdict]
+    """Verdict on every estimated parameter."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content for JSON; of the steer angle only the largest."""
+        content = {name: value for name, value in self.__dict__.items() if name != "steer"}
+        return content | {"max_steer": float(np.abs(self.steer).max())}
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnmetTarget:
+    """A target that the best run does not reach; sigmas are relative to the parameter's value."""
+
+    name: str
+    """Parameter."""
+    wanted: float
+    """Target sigma."""
+    sigma: float
+    """Sigma that the best run gives."""
+    verdict: Verdict
+    remedies: tuple[Remedy, ...]
+    """Changes that would reduce sigma; theirs is relative, too."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExperimentDesign:
+    """The proposed run, alternatives, and targets that it does not reach."""
+
+    vehicle: Vehicle
+    targets: Mapping[str, float]
+    """Wanted sigma by parameter, relative to its value."""
+    channels: tuple[str, ...]
+    """Channels that are logged."""
+    rate: float
+    """Sampling rate, Hz."""
+    best: ProposedRun
+    alternatives: tuple[ProposedRun, ...]
+    """The best runs with other kinds of manoeuvres."""
+    unmet: tuple[UnmetTarget, ...]
+    """Empty if the best run reaches all targets."""
+    notes: tuple[str, ...]
+
+    @property
+    def met(self) -> bool:
+        """Whether the best run reaches all targets."""
+        return not self.unmet
+
+    def record(self) -> Record:
+        """Time, speed and steer angle of the best run."""
+        return steer_record(self.vehicle, self.best.speed, self.best.steer, self.rate, self.best.kind)
+
+    def to_json(self, **more: Any) -> str:
+        """The content as JSON, without the samples of the steer angle; `more` adds keys."""
+        content = {
+            "version": fifthwheel.__version__,
+            "vehicle": self.vehicle.name,
+            "targets": dict(self.targets),
+            "channels": self.channels,
+            "met": self.met,
+            "best": self.best.as_dict(),
+            "alternatives": [run.as_dict() for run in self.alternatives],
+            "unmet": [asdict(target) for target in self.unmet],
+            "notes": self.notes,
+        }
+        return json.dumps(content | more, indent=2)
+
+
+def design_experiment(
+    vehicle: Vehicle,
+    targets: Mapping[str, float] | None = None,
+    settings: OneStage | None = None,
+    *,
+    channels: Sequence[str] = (),
+    planning: DesignSettings | None = None,
+    progress: Progress = lambda *_: None,
+) -> ExperimentDesign:
+    """The shortest run after which a one-stage fit reaches all targets; of equally long runs the gentlest.
+
+    Predicted, like `assess_information`, at the values of the vehicle file: the better the file, the better the design.
+    The model is assumed to be exact, the road level, and only the first steered axle steers. A longer or harder run is
+    not always better: with more data, errors of the considered parameters have a larger effect on the estimates.
+
+    Args:
+        vehicle: what is known of the truck.
+        targets: wanted sigma by parameter, relative to its value; by default `DEFAULT_TARGET` for every cornering
+            stiffness and for the yaw inertia of every unit behind the first. A parameter with a target is estimated.
+        settings: settings of the fit.
+        channels: signals that will be logged; by default the yaw and the roll rate of every unit.
+        planning: the candidate runs.
+        progress: called with a title, the number of manoeuvres done and their total.
+
+    Raises:
+        SignalError: a fit cannot use the channels.
+        VehicleError: a target is no parameter, belongs to a fixed parameter or is not above zero; or the truck is
+            unstable at every speed.
+    """
+    settings, planning = settings or OneStage(), planning or DesignSettings()
+    channels = _usable_channels(vehicle, channels)
+    targets = dict(targets) if targets else _default_targets(vehicle, settings)
+    settings = _with_targets_estimated(vehicle, targets, settings)
+    truck = _as_fitted(vehicle, channels, settings)
+    speeds = [speed for speed in planning.speeds if is_stable(truck, speed)]
+    if not speeds:
+        raise VehicleError(
+            f"{truck.name}: unstable at {3.6 * min(planning.speeds):.0f} km/h with the values of its file; check the "
+            "file, or choose a lower speed"
+        )
+    predictor = InformationPredictor.of(truck, settings, speeds)
+    noise = {name: variances.sensor_variance(truck, name, settings.noise) for name in channels}
+    candidates = list(search_candidates(predictor, speeds, targets, noise, planning, progress))
+    best, *others = [_proposed_run(candidate, planning.rate) for candidate in _best_of_each_kind(candidates, planning)]
+    others = [run for run in others if all(run.verdicts[name] is Verdict.CONVERGED for name in targets)]
+    unstable = ", ".join(f"{3.6 * speed:.0f} km/h" for speed in planning.speeds if speed not in speeds)
+    note = f"{truck.name}: with the values of its file unstable at {unstable}; these speeds are left out."
+    return ExperimentDesign(
+        vehicle=truck,
+        targets=targets,
+        channels=channels,
+        rate=planning.rate,
+        best=best,
+        alternatives=tuple(others[: planning.alternatives]),
+        unmet=_unmet_targets(predictor, best, targets, noise, planning.rate),
+        notes=(note,) if unstable else (),
+    )
+
+
+def _best_of_each_kind(candidates: Sequence[CandidateRun], planning: DesignSettings) -> list[CandidateRun]:
+    """The best run of each kind of manoeuvre, the best of all first.
+
+    The shortest run that reaches all targets, of equally long ones the gentlest. If none does: the shortest of those
+    that come nearest to the targets.
+    """
+    smallest = min(candidate.worst_ratio for candidate in candidates)
+    met = smallest <= 1
+    limit = 1.0 if met else planning.near * smallest
+
+    def order(candidate: CandidateRun) -> tuple[float, float]:
+        return round(candidate.duration, 6), candidate.acceleration if met else candidate.worst_ratio
+
+    best: dict[str, CandidateRun] = {}
+    for candidate in sorted((c for c in candidates if c.worst_ratio <= limit), key=order):
+        best.setdefault(candidate.manoeuvre.kind, candidate)
+    return list(best.values())
+
+
+def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ...]:
+    """The given channels or the default ones, in the order of `possible_channels`; a fit must be able to use them."""
+    possible = possible_channels(vehicle)
+    if not channels:
+        return tuple(name for name in possible if SignalName.of(name).quantity != "articulation")
+    for name in channels:
+        if name not in possible:
+            raise SignalError(f"{name}: not a channel that a fit uses; choose from {', '.join(possible)}")
+    for unit in (unit.name for unit in vehicle.units):
+        if not {f"yaw_rate.{unit}", f"articulation.{unit}"} & set(channels):
+            raise SignalError(
+                f"yaw_rate.{unit}: not among the channels; a fit needs a measurement of the {unit}'s yaw motion, add it"
+            )
+    return tuple(name for name in possible if name in channels)
+
+
+def _default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
+    estimated = parameters.estimated_parameters(vehicle, settings)
+    names = [name for name in parameters.stage_1_names(vehicle) if name in estimated]
+    if not names:
+        raise VehicleError("targets: every cornering stiffness and yaw inertia is fixed; give a target (--want)")
+    return dict.fromkeys(names, DEFAULT_TARGET)
+
+
+def _with_targets_estimated(vehicle: Vehicle, targets: Mapping[str, float], settings: OneStage) -> OneStage:
+    """The settings with every parameter estimated that has a target."""
+    for name, target in targets.items():
+        if name in settings.fixed:
+            raise VehicleError(f"{name}: has a target but is fixed; leave out the target, or do not fix it")
+        if not target > 0:
+            raise VehicleError(
+                f"{name}: expected a target sigma above 0, got {target:g}; give a fraction of the value, such as 0.05"
+            )
+    estimated = parameters.estimated_parameters(vehicle, settings)
+    missing = [name for name in targets if name not in estimated]
+    if not missing:
+        return settings
+    settings = replace(settings, free=(*estimated, *missing))
+    parameters.estimated_parameters(vehicle, settings)  # raises an error for a name that is no parameter
+    return settings
+
+
+def _as_fitted(vehicle: Vehicle, channels: Sequence[str], settings: OneStage) -> Vehicle:
+    """The vehicle as a fit of the run uses it; only its first axle steers."""
+    truck = vehicle.with_logged_steering(vehicle.steer_signals()[:1], vehicle.name)
+    straight = steer_record(truck, 20.0, np.zeros(200), 100.0, "design")
+    record = straight.with_signals({name: np.zeros(200) for name in channels})
+    return prepare_dataset([record], truck, replace(settings, check=False)).vehicle
+
+
+def _proposed_run(candidate: CandidateRun, rate: float) -> ProposedRun:
+    manoeuvre = candidate.manoeuvre
+    return ProposedRun(
+        kind=manoeuvre.kind,
+        frequency=manoeuvre.frequency,
+        offset=candidate.offset,
+        speed=manoeuvre.speed,
+        repetitions=candidate.count,
+        duration=candidate.duration,
+        acceleration=candidate.acceleration,
+        leading=candidate.size,
+        steer=np.round(candidate.size * manoeuvre.repeated(candidate.steer, candidate.count, rate), 7) + 0.0,
+        sigma=candidate.sigma,
+        verdicts=candidate.verdicts,
+    )
+
+
+def _unmet_targets(
+    predictor: InformationPredictor,
+    best: ProposedRun,
+    targets: Mapping[str, float],
+    noise: Mapping[str, float],
+    rate: float,
+) -> tuple[UnmetTarget, ...]:
+    """The targets that the best run does not reach, with remedies."""
+    missed = {name: target for name, target in targets.items() if best.sigma[name] > target}
+    if not missed:
+        return ()
+    record = steer_record(predictor.vehicle, best.speed, best.steer, rate, best.kind)
+    log = LogData(name=record.name, segments=[record], noise=dict(noise))
+    run = predictor.run_information(log, list(noise))
+    lane_change = lane_change_information(predictor, speed=best.speed, rate=rate, channels=list(noise), noise=noise)
+    remedies = PredictedRemedies.of(predictor, [run], lane_change, estimated_knowable=False)
+    unmet = []
+    for name, target in missed.items():
+        value = abs(predictor.vehicle.parameters()[name])
+        changes = remedies.best(name, best.sigma[name] * value, target=target * value, min_reduction=0.1, max_count=2)
+        unmet.append(
+            UnmetTarget(
+                name=name,
+                wanted=target,
+                sigma=best.sigma[name],
+                verdict=best.verdicts[name],
+                remedies=tuple(replace(change, sigma=change.sigma / value) for change in changes),
+            )
+        )
+    return tuple(unmet)

@@ -1,0 +1,282 @@
+"""The posterior that a one-stage fit of runs would give, predicted from their Fisher information.
+
+The information of an output-error problem depends on speed, steer angle, logged channels, sampling rate and noise, but
+not on the measured values, and it is a sum over channels and runs. So the derivatives of all channels that a truck can
+have are computed once for each run; the effect of another channel, a fixed parameter or a further run is then a sum of
+small matrices. All weights of Huber's loss are 1. The model is assumed to be exact.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.errors import VehicleError
+from fifthwheel.identify import parameters
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.verdict import Verdict, information_verdicts
+from fifthwheel.names import split_log
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunInformation:
+    """Fisher information (k, k) of one run on k unknowns z ~ N(0, 1), by channel."""
+
+    names: tuple[str, ...]
+    """Names (k,) of the unknowns; those that belong to the run alone end with "@0" or "@0.segment"."""
+    logged: Mapping[str, Array]
+    """Of each channel that is logged."""
+    not_logged: Mapping[str, Array]
+    """Of each other channel, if it were logged whenever any channel is."""
+
+    def information(self, added: Collection[str] = ()) -> Array:
+        """Information (k, k) of the logged channels and of the added ones."""
+        k = len(self.names)
+        channels = (*self.logged.values(), *[self.not_logged[name] for name in added if name in self.not_logged])
+        return sum(channels, np.zeros((k, k)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictedPosterior:
+    """The posterior that a fit would give."""
+
+    all_estimated: Posterior
+    """Every parameter is estimated."""
+    with_fixed: Posterior
+    """Parameters without enough information keep the value of the vehicle file and are considered."""
+    not_identified: Mapping[str, Verdict]
+    """Verdict of each parameter without enough information: NOT_EXCITED or NOT_IDENTIFIABLE."""
+    no_channel: frozenset[str]
+    """Parameters of roll without a roll rate of their unit."""
+
+    def verdict(self, name: str) -> Verdict:
+        """CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE."""
+        return self.not_identified.get(name, Verdict.CONVERGED)
+
+    def sigma(self, name: str) -> float:
+        """Standard deviation of an unknown after the fit, relative to that of its prior."""
+        return float(self.with_fixed.sigma[self.with_fixed.names.index(name)])
+
+    def conditional_sigma(self, name: str) -> float:
+        """The same if all other parameters were known; the sensors' errors remain unknown."""
+        return self.all_estimated.conditional_sigma(self.all_estimated.names.index(name))
+
+    def correlated_with(self, name: str) -> list[str]:
+        """Unknowns that can hardly be separated from this one, the worst first.
+
+        A parameter that is not identifiable has at least one, unless its channel is missing.
+        """
+        if name in self.no_channel:
+            return []
+        result = self.all_estimated if name in self.not_identified else self.with_fixed
+        i = result.names.index(name)
+        places = result.correlated(i)
+        if self.verdict(name) is Verdict.NOT_IDENTIFIABLE and not places:
+            places = [result.most_limiting(i)]
+        return [result.names[j] for j in places]
+
+
+def possible_channels(vehicle: Vehicle) -> tuple[str, ...]:
+    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates."""
+    units = [unit.name for unit in vehicle.units]
+    yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
+    return (*yaw, *[f"roll_rate.{u}" for u in units])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InformationPredictor:
+    """The one-stage problem of a truck at the values of its vehicle file; made by `of`."""
+
+    vehicle: Vehicle
+    settings: OneStage
+    estimated: tuple[str, ...]
+    """Paths of the estimated parameters."""
+    channels: tuple[str, ...]
+    """Every channel that a fit can use."""
+    unknowns: tuple[Unknown, ...]
+    """All unknowns but the initial states."""
+    model: ChainModel
+    """Model with every parameter free."""
+    start: Mapping[str, float]
+    """z of the axles' cornering stiffness where a fit starts, if the vehicle is unstable; else empty."""
+    start_vehicle: Vehicle
+    """The vehicle at `start`, stable at all speeds."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float]) -> "InformationPredictor":
+        """Set up the problem.
+
+        Args:
+            vehicle: what is known of the truck, with the steered axles that the logs have.
+            settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
+            speeds: speeds of all runs, or the lowest and the highest, m/s.
+
+        Raises:
+            VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
+                axles behind the first are.
+        """
+        settings = replace(settings, form="output_error", initial_payload_height=None)
+        estimated = parameters.estimated_parameters(vehicle, settings)
+        if not estimated:
+            raise VehicleError(
+                "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--fix)"
+            )
+        channels = possible_channels(vehicle)
+        unknowns = parameters.one_stage_unknowns(vehicle, channels, settings)
+        free = tuple(dynamics.all_parameters(vehicle, channels))
+        start, start_vehicle = _stable_start(vehicle, unknowns, speeds)
+        return cls(
+            vehicle=vehicle,
+            settings=settings,
+            estimated=tuple(estimated),
+            channels=channels,
+            unknowns=tuple(unknowns),
+            model=dynamics.model(vehicle, channels, roll=True, bank=settings.nuisances, free=free),
+            start=start,
+            start_vehicle=start_vehicle,
+        )
+
+    def prior_sigma(self, name: str) -> float:
+        """Prior standard deviation of an unknown, SI."""
+        unknown = next(u for u in self.unknowns if u.name == split_log(name)[0])
+        return unknown.scale * (unknown.centre if unknown.logarithmic else 1.0)
+
+    def run_information(self, log: LogData, logged: Collection[str] | None = None) -> RunInformation:
+        """Information of one run.
+
+        Args:
+            log: segments of the run, and the noise variance of its channels; the default variance for others.
+            logged: channels that count as logged at every sample; by default those that the segments have.
+
+        Raises:
+            VehicleError: the truck is unstable in this run.
+        """
+        log = LogData(name=log.name, segments=log.segments, noise=dict(log.noise))
+        presence = [self._presence(segment, logged) for segment in log.segments]
+        present = np.any([samples.any(axis=0) for samples in presence], axis=0)
+        problem = Problem(self.model, self.vehicle, [log], self.unknowns, self.settings)
+        z = np.array([self.start.get(name, 0.0) for name in problem.names])
+        information = {name: np.zeros((len(z), len(z))) for name in self.channels}
+        for j, samples in enumerate(presence):
+            first = 0
+            for block in problem.blocks(z, 0, j):
+                in_block, first = samples[first : first + len(block.time)], first + len(block.time)
+                places = np.ix_(block.indices, block.indices)
+                for c, name in enumerate(self.channels):
+                    used = in_block[:, c] if present[c] else in_block.any(axis=1)
+                    scaled = block.jacobian[:, used, c] / np.sqrt(block.variance[used, c])
+                    information[name][places] += scaled @ scaled.T
+        if not all(np.isfinite(matrix).all() for matrix in information.values()):
+            raise VehicleError(
+                f"{self.vehicle.name}: unstable in {log.name}; check masses, axle positions and cornering stiffnesses"
+            )
+        is_logged = dict(zip(self.channels, present.tolist(), strict=True))
+        return RunInformation(
+            names=problem.names,
+            logged={name: matrix for name, matrix in information.items() if is_logged[name]},
+            not_logged={name: matrix for name, matrix in information.items() if not is_logged[name]},
+        )
+
+    def _presence(self, segment: Record, logged: Collection[str] | None) -> NDArray[np.bool_]:
+        """Whether each channel has each sample (N, m)."""
+        if logged is not None:
+            return np.tile([name in logged for name in self.channels], (len(segment), 1))
+        missing = np.full(len(segment), np.nan)
+        return np.column_stack([np.isfinite(segment.signals.get(name, missing)) for name in self.channels])
+
+    def posterior(
+        self, runs: Sequence[RunInformation], *, known: Collection[str] = (), added: Collection[str] = ()
+    ) -> PredictedPosterior:
+        """The posterior that a fit of these runs would give.
+
+        Args:
+            runs: information of each run.
+            known: unknowns that are known exactly; of an unknown that every run has, all of them.
+            added: channels that are logged as well.
+        """
+        names, information = combine_information(runs, known=known, added=added)
+        return self.posterior_of(names, information, {*added, *[name for run in runs for name in run.logged]})
+
+    def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
+        """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
+        considered = [u.name for u in self.unknowns if u.considered and u.name in names]
+        considered = [name for name in considered if name not in self.estimated]
+        of_vehicle = {u.name for u in self.unknowns if not u.nuisance}
+        nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
+        all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
+        estimated = [name for name in self.estimated if name in names]
+        by_place = information_verdicts(
+            all_estimated, [all_estimated.names.index(name) for name in estimated], self.settings.excited
+        )
+        not_identified = {names[i]: verdict for i, verdict in by_place.items() if verdict is not Verdict.CONVERGED}
+        excited = len(not_identified) < len(estimated) or Verdict.NOT_IDENTIFIABLE in not_identified.values()
+        no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
+        not_identified |= dict.fromkeys(no_channel, Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED)
+        return PredictedPosterior(
+            all_estimated=all_estimated,
+            with_fixed=Posterior.from_information(
+                names, information, considered=[*considered, *not_identified], nuisances=nuisances
+            ),
+            not_identified=not_identified,
+            no_channel=no_channel,
+        )
+
+
+def is_stable(vehicle: Vehicle, speed: float) -> bool:
+    """Whether the linear yaw-roll model is stable at a speed, m/s."""
+    return bool(np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=True).A).real.max() < 0)
+
+
+def combine_information(
+    runs: Sequence[RunInformation], *, known: Collection[str] = (), added: Collection[str] = ()
+) -> tuple[tuple[str, ...], Array]:
+    """Names (k,) and information (k, k) of all runs together, without the known unknowns.
+
+    Unknowns that belong to one run alone get the number of the run.
+    """
+    places: dict[str, int] = {}
+    names_of_runs = [[_of_run(name, i) for name in run.names] for i, run in enumerate(runs)]
+    for name in (name for names in names_of_runs for name in names):
+        if split_log(name)[0] not in known:
+            places.setdefault(name, len(places))
+    total = np.zeros((len(places), len(places)))
+    for run, names in zip(runs, names_of_runs, strict=True):
+        kept = [k for k, name in enumerate(names) if name in places]
+        target = [places[names[k]] for k in kept]
+        total[np.ix_(target, target)] += run.information(added)[np.ix_(kept, kept)]
+    return tuple(places), total
+
+
+def _of_run(name: str, number: int) -> str:
+    """The name of an unknown in the run with this number: "offset@0.2" becomes "offset@1.2"."""
+    base, log = split_log(name)
+    return name if log is None else f"{base}@{number}{log.removeprefix('0')}"
+
+
+def _stable_start(
+    vehicle: Vehicle, unknowns: Sequence[Unknown], speeds: Sequence[float]
+) -> tuple[dict[str, float], Vehicle]:
+    """z where a fit starts, and the vehicle there: an unstable vehicle gets stiffer axles behind the first."""
+    _, *behind_first = [f"{path}.cornering_stiffness" for path in parameters.group_paths(vehicle)]
+    axles = [u for u in unknowns if u.name in behind_first and not u.considered]
+    limit = min((np.log(u.upper / u.centre) / u.scale for u in axles), default=0.0)
+    z, start = 0.0, vehicle
+    while not all(is_stable(start, speed) for speed in speeds):
+        if z >= limit:
+            raise VehicleError(
+                f"{vehicle.name}: unstable at {max(speeds):.1f} m/s, however stiff the axles behind the first are; "
+                "check masses, axle positions and cornering stiffnesses"
+            )
+        z += 0.5
+        start = vehicle.replace({u.name: u.centre * float(np.exp(z * u.scale)) for u in axles})
+    return ({u.name: z for u in axles} if z else {}), start

@@ -1,0 +1,146 @@
+"""Remedies: a number to know, a channel to log or a run to add, with the sigma that each would give."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior, RunInformation
+from fifthwheel.manoeuvres.lane_change import LaneChange
+from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
+
+REPEAT, LANE_CHANGE = "again", "lane_change"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remedy:
+    """One change, or two together, and the sigma of a parameter that it would give."""
+
+    known: tuple[str, ...] = ()
+    """Parameters, or offsets, gains and delays of sensors, to be known exactly."""
+    drive: str | None = None
+    """Run to be added: `REPEAT` for the same runs again, `LANE_CHANGE` for one lane change of SAE J2179."""
+    channel: str | None = None
+    """Signal to be logged."""
+    sigma: float = float("nan")
+    """Predicted standard deviation of the parameter, SI."""
+
+    @property
+    def kind(self) -> str:
+        """What to do: "know", "log" or "drive"."""
+        return "know" if self.known else "log" if self.channel else "drive"
+
+
+Change = tuple[Remedy, PredictedPosterior]
+"""A remedy and the posterior that it would give."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictedRemedies:
+    """Every remedy for some runs, with its posterior; made by `of`."""
+
+    predictor: InformationPredictor
+    runs: tuple[RunInformation, ...]
+    knowable: tuple[str, ...]
+    """Unknowns that could be known."""
+    single: tuple[Change, ...]
+    """One change."""
+    double: tuple[Change, ...]
+    """One more lane change and one more channel."""
+
+    @classmethod
+    def of(
+        cls,
+        predictor: InformationPredictor,
+        runs: Sequence[RunInformation],
+        lane_change: RunInformation,
+        *,
+        estimated_knowable: bool = True,
+    ) -> "PredictedRemedies":
+        """Predict the posterior of every remedy.
+
+        Args:
+            predictor: of the truck.
+            runs: information of the runs.
+            lane_change: information of one lane change with the same channels.
+            estimated_knowable: whether also an estimated parameter could be known.
+        """
+        unknowns = [u.name for u in predictor.unknowns]
+        knowable = [name for name in unknowns if estimated_knowable or name not in predictor.estimated]
+        logged = {name for run in runs for name in run.logged}
+        not_logged = [name for name in predictor.channels if name not in logged]
+        with_lane_change = [*runs, lane_change]
+        return cls(
+            predictor=predictor,
+            runs=tuple(runs),
+            knowable=tuple(knowable),
+            single=(
+                (Remedy(drive=REPEAT), predictor.posterior([*runs, *runs])),
+                (Remedy(drive=LANE_CHANGE), predictor.posterior(with_lane_change)),
+                *[(Remedy(known=(name,)), predictor.posterior(runs, known=(name,))) for name in knowable],
+                *[(Remedy(channel=name), predictor.posterior(runs, added=[name])) for name in not_logged],
+            ),
+            double=tuple(
+                (Remedy(drive=LANE_CHANGE, channel=name), predictor.posterior(with_lane_change, added=[name]))
+                for name in not_logged
+            ),
+        )
+
+    def best(
+        self, name: str, sigma: float, *, target: float, min_reduction: float, max_count: int
+    ) -> tuple[Remedy, ...]:
+        """The best remedies of each kind for a parameter.
+
+        Two changes are combined only if no single one suffices, and a second known number is added only if the first
+        does not reach the target.
+
+        Args:
+            name: of the parameter.
+            sigma: predicted without any change, SI.
+            target: wanted sigma, SI.
+            min_reduction: fraction by which a remedy must reduce sigma.
+            max_count: maximum number of remedies.
+        """
+        kept = 1 - min_reduction
+        best = self._best_of_each_kind(self.single, name, kept * sigma)
+        best = best or self._best_of_each_kind(self.double, name, kept * sigma)
+        for remedy in [r for r in best if r.kind == "know" and r.sigma > target and len(best) < max_count]:
+            best += self._best_of_each_kind(self._two_known(remedy.known), name, kept * remedy.sigma)
+        return tuple(sorted(best, key=lambda remedy: (len(remedy.known), remedy.sigma))[:max_count])
+
+    def _two_known(self, known: tuple[str, ...]) -> list[Change]:
+        """One more known number, in addition to those that are known."""
+        sets = [(*known, name) for name in self.knowable if name not in known]
+        return [(Remedy(known=names), self.predictor.posterior(self.runs, known=names)) for names in sets]
+
+    def _best_of_each_kind(self, changes: Sequence[Change], name: str, limit: float) -> list[Remedy]:
+        """The remedy of each kind that gives a parameter the smallest sigma, if that is at most the limit, SI."""
+        prior, best = self.predictor.prior_sigma(name), dict[str, Remedy]()
+        remedies = [
+            replace(remedy, sigma=after.sigma(name) * prior) for remedy, after in changes if name not in remedy.known
+        ]
+        for remedy in sorted(remedies, key=lambda remedy: remedy.sigma):
+            if remedy.sigma <= limit:
+                best.setdefault(remedy.kind, remedy)
+        return list(best.values())
+
+
+def lane_change_information(
+    predictor: InformationPredictor, *, speed: float, rate: float, channels: Sequence[str], noise: Mapping[str, float]
+) -> RunInformation:
+    """Information of one lane change of SAE J2179.
+
+    Args:
+        predictor: of the truck.
+        speed: m/s.
+        rate: sampling rate, Hz.
+        channels: that are logged.
+        noise: variance of each channel, SI squared.
+    """
+    lane_change = LaneChange()
+    time = np.arange(round(lane_change.period(speed) * rate)) / rate
+    steer = inverse_steer(predictor.start_vehicle, speed, time, lane_change.acceleration(time, speed, 1))
+    record = steer_record(predictor.vehicle, speed, steer, rate, "one more lane change")
+    log = LogData(name=record.name, segments=[record], noise=dict(noise))
+    return predictor.run_information(log, channels)

@@ -1,0 +1,150 @@
+"""The candidate runs of an experiment design, each with the sigmas that a fit would give."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError
+from fifthwheel.identify.design.impulse_response import ImpulseResponse
+from fifthwheel.identify.design.predict import InformationPredictor
+from fifthwheel.identify.settings import Progress
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
+from fifthwheel.manoeuvres.linear import lateral_acceleration
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignSettings:
+    """The candidate runs, and how one of them is chosen."""
+
+    speeds: tuple[float, ...] = (50 / 3.6, 65 / 3.6, 80 / 3.6, 88 / 3.6)
+    """m/s."""
+    frequencies: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6)
+    """Frequencies of lane changes, Hz."""
+    accelerations: tuple[float, ...] = (0.5, 1.0, 1.5, 2.0)
+    """Largest lateral accelerations of any unit's CoG, m/s^2; those above `max_acceleration` are left out."""
+    max_acceleration: float = 1.5
+    """Limit of the lateral acceleration, m/s^2, also a candidate; it keeps tyres linear and wheels on the road."""
+    max_steer_rate: float = 0.3
+    """Limit of the road wheels' steer rate, rad/s: about one turn of the steering wheel in a second."""
+    repetitions: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 10, 12)
+    """Numbers of repetitions of a manoeuvre, to the left and to the right in turn."""
+    rate: float = 100.0
+    """Sampling rate, Hz."""
+    near: float = 1.05
+    """If no run reaches all targets: the shortest run whose largest ratio of sigma to target is within this factor of
+    the smallest one is chosen."""
+    alternatives: int = 3
+    """Maximum number of alternative runs, each with another kind of manoeuvre."""
+
+    def __post_init__(self) -> None:
+        for name in ("max_acceleration", "max_steer_rate", "rate"):
+            if not getattr(self, name) > 0:
+                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; correct it")
+        for name in ("speeds", "frequencies", "accelerations", "repetitions"):
+            values = getattr(self, name)
+            if not values or not min(values) > 0:
+                raise SignalError(f"{name}: expected at least one number, all above 0, got {values}; correct them")
+        if not 5 <= min(self.speeds) <= max(self.speeds) <= 40:
+            given = ", ".join(f"{3.6 * speed:.0f}" for speed in self.speeds)
+            raise SignalError(f"speed: expected 18 to 144 km/h, got {given} km/h; the linear model needs road speeds")
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Candidate accelerations, m/s^2: those below the limit, and the limit."""
+        return (*[a for a in self.accelerations if a < self.max_acceleration], self.max_acceleration)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CandidateRun:
+    """A candidate run and the sigmas that a fit of it would give."""
+
+    manoeuvre: CandidateManoeuvre
+    count: int
+    """Number of repetitions."""
+    size: float
+    """Largest lateral acceleration of the first unit's CoG, m/s^2."""
+    acceleration: float
+    """Largest lateral acceleration of any unit's CoG, m/s^2."""
+    steer: Array = field(repr=False)
+    """Steer angle (N,) of one repetition of unit size, rad."""
+    sigma: Mapping[str, float]
+    """Sigma of every estimated parameter, relative to its value."""
+    verdicts: Mapping[str, Verdict]
+    """Verdict on every estimated parameter."""
+    worst_ratio: float
+    """Largest ratio of sigma to target; all targets are met up to 1."""
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self.count * self.manoeuvre.period
+
+    @property
+    def offset(self) -> float | None:
+        """Lateral offset of a lane change, m; None for other manoeuvres."""
+        frequency = self.manoeuvre.frequency
+        return None if frequency is None else self.size / (2 * np.pi * frequency**2)
+
+
+def search_candidates(
+    predictor: InformationPredictor,
+    speeds: Sequence[float],
+    targets: Mapping[str, float],
+    noise: Mapping[str, float],
+    settings: DesignSettings,
+    progress: Progress = lambda *_: None,
+) -> Iterator[CandidateRun]:
+    """Every candidate run within the limits.
+
+    Args:
+        predictor: of a truck that is stable at all speeds.
+        speeds: candidate speeds, m/s.
+        targets: wanted sigma by parameter, relative to its value.
+        noise: variance of each logged channel, SI squared.
+        settings: the candidates.
+        progress: called with a title, the number of manoeuvres done and their total.
+    """
+    manoeuvres = [(u, m) for u in speeds for m in candidate_manoeuvres(u, settings.frequencies)]
+    responses: dict[float, ImpulseResponse] = {}
+    for i, (speed, manoeuvre) in enumerate(manoeuvres):
+        progress("design", i, len(manoeuvres))
+        if speed not in responses:
+            responses = {speed: ImpulseResponse.of(predictor, speed, rate=settings.rate, noise=noise)}
+        yield from _candidates_of(predictor, responses[speed], manoeuvre, targets, noise, settings)
+    progress("design", len(manoeuvres), len(manoeuvres))
+
+
+def _candidates_of(
+    predictor: InformationPredictor,
+    response: ImpulseResponse,
+    manoeuvre: CandidateManoeuvre,
+    targets: Mapping[str, float],
+    noise: Mapping[str, float],
+    settings: DesignSettings,
+) -> Iterator[CandidateRun]:
+    """One manoeuvre at every size and with every number of repetitions."""
+    steer = manoeuvre.steer(predictor.vehicle, settings.rate)
+    accelerations = lateral_acceleration(predictor.vehicle, manoeuvre.speed, steer, settings.rate)
+    unit_acceleration = float(np.abs(accelerations).max())
+    unit_steer_rate = float(np.abs(np.diff(steer)).max() * settings.rate)
+    sizes = sorted({min(a / unit_acceleration, settings.max_steer_rate / unit_steer_rate) for a in settings.sizes})
+    period = round(manoeuvre.period * settings.rate)
+    information = response.information(steer, period, max(settings.repetitions))
+    values = predictor.vehicle.parameters()
+    for size in sizes:
+        for count in settings.repetitions:
+            result = predictor.posterior_of(response.names, information[count - 1].at(size), noise)
+            sigma = {n: result.sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in predictor.estimated}
+            yield CandidateRun(
+                manoeuvre=manoeuvre,
+                count=count,
+                size=size,
+                acceleration=size * unit_acceleration,
+                steer=steer,
+                sigma=sigma,
+                verdicts={n: result.verdict(n) for n in predictor.estimated},
+                worst_ratio=max(sigma[name] / target for name, target in targets.items()),
+            )

@@ -1,0 +1,1 @@
+"""Two stages: the article's dual extended Kalman filter."""

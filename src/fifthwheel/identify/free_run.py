@@ -1,0 +1,225 @@
+"""How well the identified vehicle explains each log: the model runs free, and no measurement corrects it.
+
+The model is linear in its initial state, in the bank of the road and in the sensor offsets, theta together. The
+prediction of a segment is
+
+    y(theta) = y_0 + Phi theta,    theta ~ N(0, S),
+
+with y_0 the response to the inputs from the steady initial state and Phi the responses to unit changes. theta
+minimises the weighted squares of y - y(theta) plus theta' S^-1 theta. Nothing else is fitted, so logs that were only
+predicted are comparable with logs that were used for the identification.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.filters import noise as variances
+from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_state
+from fifthwheel.filters.rows import delay_corrected_inputs, steer_sigma
+from fifthwheel.identify.dataset import Dataset, LogData, speed_range
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.result import Fit
+from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.names import SignalName, is_sensor_error
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+OUTLIER = 6.0
+"""A residual beyond this multiple of the typical residual does not count in the fit of theta."""
+LEAST_EXPLAINED = 0.5
+"""A clear signal of which less than this fraction is explained makes the estimates untrustworthy."""
+CLEAR_SIGNAL, CLEAR_ROLL_RATE = 4.0, 20.0
+"""A signal is clear if its variance exceeds that of its noise by this factor. The factor is larger for a roll rate,
+because the road rolls a vehicle that drives straight."""
+SPEED_MARGIN = 0.1
+"""A predicted log may leave the speeds of the identification by this fraction without a note."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitEvaluation:
+    """Fits of all logs."""
+
+    fits: tuple[Fit, ...]
+    notes: tuple[str, ...]
+    trusted: bool
+    """False if the vehicle does not explain a clear signal of a log that was used for the identification."""
+
+
+def evaluate_fits(
+    dataset: Dataset,
+    logs: Sequence[LogData],
+    model: ChainModel,
+    vehicle: Vehicle,
+    unknowns: Sequence[Unknown],
+    values: Mapping[str, float],
+    settings: CommonSettings,
+) -> FitEvaluation:
+    """Fits of all logs of a dataset, and whether they support the estimates.
+
+    Args:
+        logs: those of the dataset that were identified on, with their estimated noise; predicted logs get the noise of
+            the first.
+        model: without free parameters.
+        vehicle: as identified.
+        unknowns: of the identification; the sensor offsets among them have their priors here.
+        values: sensor gains and delays that all logs share, SI.
+    """
+    fits: list[Fit] = []
+    notes: list[str] = []
+    for log in logs:
+        fits += free_run_fits(model, vehicle, log, unknowns, values=values, identified_on=True)
+    unexplained = [fit for fit in fits if _is_unexplained(fit, dataset.vehicle, settings)]
+    for fit in unexplained:
+        notes.append(
+            f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}; the estimates "
+            "cannot be trusted. Check the signal, the vehicle file and the initial values."
+        )
+    speeds = speed_range(logs)
+    for log in dataset.validation:
+        log = replace(log, noise=logs[0].noise)
+        fits += free_run_fits(model, vehicle, log, unknowns, values=values, identified_on=False)
+        notes += _speed_notes(log, speeds)
+    return FitEvaluation(fits=tuple(fits), notes=tuple(notes), trusted=not unexplained)
+
+
+def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> bool:
+    """Whether the model explains too little of a clear signal."""
+    ratio = float(np.nanvar(fit.measured)) / variances.sensor_variance(vehicle, fit.signal, settings.noise)
+    if SignalName.of(fit.signal).quantity.startswith("roll"):
+        return ratio > CLEAR_ROLL_RATE and not fit.explained > LEAST_EXPLAINED
+    return ratio > CLEAR_SIGNAL and not fit.explained > LEAST_EXPLAINED * (1 - 1 / ratio)
+
+
+def _speed_notes(log: LogData, speeds: tuple[float, float]) -> list[str]:
+    """A note if a log leaves the range of speeds (m/s) by more than the margin."""
+    (low, high), (slow, fast) = speeds, speed_range([log])
+    if slow >= (1 - SPEED_MARGIN) * low and fast <= (1 + SPEED_MARGIN) * high:
+        return []
+    return [
+        f"{log.name}: speed from {3.6 * slow:.0f} to {3.6 * fast:.0f} km/h, identified at {3.6 * low:.0f} to "
+        f"{3.6 * high:.0f} km/h; the understeer may differ there."
+    ]
+
+
+def free_run_fits(
+    model: ChainModel,
+    vehicle: Vehicle,
+    log: LogData,
+    unknowns: Sequence[Unknown],
+    *,
+    values: Mapping[str, float],
+    identified_on: bool,
+) -> list[Fit]:
+    """Fit of every channel of a log; a channel without variance or with fewer than three samples has none.
+
+    Args:
+        model: without free parameters.
+        vehicle: as identified.
+        log: with the noise of its channels.
+        unknowns: the sensor offsets among them have their priors here.
+        values: sensor gains and delays, SI.
+        identified_on: whether the vehicle was identified on this log.
+    """
+    responses = [_free_run(model, vehicle, log, segment, unknowns, values) for segment in log.segments]
+    time, measured, predicted = (np.concatenate(arrays) for arrays in zip(*responses, strict=True))
+    fits = []
+    for name, y, y_hat in zip(model.outputs, measured.T.copy(), predicted.T.copy(), strict=True):
+        present = np.isfinite(y)
+        if present.sum() < 3 or np.var(y[present]) == 0:
+            continue
+        residual = (y - y_hat)[present]
+        fits.append(
+            Fit(
+                log=log.name,
+                signal=name,
+                explained=float(1 - np.var(residual) / np.var(y[present])),
+                rms=float(np.sqrt(np.mean(residual**2))),
+                time=time,
+                measured=y,
+                predicted=y_hat,
+                identified_on=identified_on,
+            )
+        )
+    return fits
+
+
+def _free_run(
+    model: ChainModel,
+    vehicle: Vehicle,
+    log: LogData,
+    segment: Record,
+    unknowns: Sequence[Unknown],
+    values: Mapping[str, float],
+) -> tuple[Array, Array, Array]:
+    """Time (N,), measured and predicted outputs (N, m) of one segment."""
+    p = dynamics.all_parameters(vehicle, model.outputs)
+    p |= {name: value for name, value in values.items() if not is_sensor_error(name, "delay")}
+    inputs = delay_corrected_inputs(segment, model.inputs, values)
+    first = {name: float(v[0]) for name, v in inputs.items()}
+    bank = INITIAL_SIGMA["bank"] if model.bank else None
+    x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
+    response = linear_response(model, p, segment.time, inputs, x0)[1]
+    columns, sigma = _unit_responses(model, p, segment.time, inputs, np.sqrt(np.diag(P0)), unknowns)
+    missing = np.full(len(segment.time), np.nan)
+    measured = np.column_stack([segment.signals.get(name, missing) for name in model.outputs])
+    deviation = np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs])
+    design = np.stack(columns, axis=-1) * np.array(sigma) / deviation[:, None]
+    target = (measured - response) / deviation
+    return segment.time, measured, response + (design @ _robust_solution(design, target)) * deviation
+
+
+def _unit_responses(
+    model: ChainModel,
+    p: Mapping[str, float],
+    time: Array,
+    inputs: Mapping[str, Array],
+    initial_sigma: Array,
+    unknowns: Sequence[Unknown],
+) -> tuple[list[Array], list[float]]:
+    """Responses (N, m) to a unit of each element of theta, and the prior standard deviation of each.
+
+    theta holds the initial states (n,), then the offsets of the steer angles and those of the outputs, as far as they
+    are among the unknowns.
+    """
+    straight = {name: np.zeros_like(time) for name in model.inputs[1:]}
+
+    def run(x0: Array | None, steer: Mapping[str, Array]) -> Array:
+        return linear_response(model, p, time, {**inputs, **steer}, x0)[1]
+
+    baseline = run(None, straight)
+    columns = [run(x0, straight) - baseline for x0 in np.eye(len(model.states))]
+    sigma = list(initial_sigma)
+    offsets = {u.name: u.scale for u in unknowns if u.per_log}
+    for name in model.inputs[1:]:
+        if f"{name}.offset" in offsets:
+            columns.append(run(None, straight | {name: -np.ones_like(time)}) - baseline)
+            sigma.append(offsets[f"{name}.offset"])
+    for name, column in zip(model.outputs, np.eye(len(model.outputs)), strict=True):
+        if f"{name}.offset" in offsets:
+            columns.append(np.tile(column, (len(time), 1)))
+            sigma.append(offsets[f"{name}.offset"])
+    return columns, sigma
+
+
+def _robust_solution(design: Array, target: Array) -> Array:
+    """theta (k,) in units of its prior, by least squares in three iterations; outliers are left out.
+
+    Args:
+        design: (N, m, k), in units of noise and prior.
+        target: (N, m), in units of noise; NaN where not measured.
+    """
+    weight = np.isfinite(target).astype(float)
+    for _ in range(3):
+        rows, right = design * weight[..., None], np.where(weight > 0, target, 0.0)
+        normal = np.tensordot(rows, design, axes=([0, 1], [0, 1])) + np.eye(design.shape[-1])
+        solution = np.linalg.solve(normal, np.einsum("kmi,km->i", rows, right))
+        residual = np.abs(target - design @ solution)
+        typical = max(1.0, float(np.nanmedian(residual) / 0.6745))
+        weight = (np.nan_to_num(residual, nan=np.inf) < OUTLIER * typical).astype(float)
+    return np.asarray(solution)

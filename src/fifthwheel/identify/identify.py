@@ -1,0 +1,39 @@
+"""Identification of a vehicle: both methods behind one function, chosen by the kind of settings."""
+
+from collections.abc import Sequence
+
+from fifthwheel.identify.dual.two_stage import identify_two_stage
+from fifthwheel.identify.map.one_stage import identify_one_stage
+from fifthwheel.identify.result import Identification
+from fifthwheel.identify.settings import OneStage, Progress, TwoStage
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+
+def identify(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: TwoStage | OneStage | None = None,
+    *,
+    validate: Sequence[Record] = (),
+    progress: Progress = lambda *_: None,
+) -> Identification:
+    """Parameters of a vehicle from one or more logs of it, with sigma and verdict.
+
+    Args:
+        records: logs with speed, a steer angle, a yaw rate or articulation angle of every unit and, for the payload
+            height, the roll rate of the laden unit.
+        vehicle: as known before; its values are the initial values.
+        settings: `OneStage()` (default) estimates all unknowns together, `TwoStage()` in the two stages of the
+            article's dual filter, `article()` as published.
+        validate: logs that are only predicted.
+        progress: called with a title, the number of passes or steps done and the largest number.
+
+    Raises:
+        SignalError: a log cannot be used; the message names the signal and the remedy.
+        VehicleError: a parameter in the settings does not exist or cannot be estimated or fixed.
+    """
+    settings = settings or OneStage()
+    if isinstance(settings, OneStage):
+        return identify_one_stage(records, vehicle, settings, validate=validate, progress=progress)
+    return identify_two_stage(records, vehicle, settings, validate=validate, progress=progress)

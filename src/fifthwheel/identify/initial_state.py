@@ -1,0 +1,82 @@
+"""Derivatives of the initial state of a segment with respect to the unknowns.
+
+The initial state is the steady state of the first inputs, so it depends on the parameters. Without its derivative an
+estimator takes the transient from a wrong initial state as information on the parameters.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.initial_state import initial_state, steady_initial_state
+from fifthwheel.filters.rows import StepRows
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.names import is_sensor_error
+from fifthwheel.vehicle import Vehicle
+
+
+def initial_state_with_sensitivity(
+    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, rows: StepRows, *, roll: bool
+) -> tuple[Array, Array, Array]:
+    """Initial state (n,), its covariance (n, n), and its derivative dx/dz (n, n_p) by forward differences.
+
+    Args:
+        names: of the n_p unknowns.
+        scaling: from z to their values.
+        z: (n_p,).
+        rows: of the segment.
+        roll: whether the model has roll.
+    """
+
+    def values(z: Array) -> dict[str, float]:
+        return dict(zip(names, scaling.to_p(z).tolist(), strict=True))
+
+    x0, P0 = initial_state(vehicle, rows.first, values(z), roll=roll, steer_sigma=rows.steer_sigma)
+    step = 1e-5
+    shifted = [
+        steady_initial_state(vehicle, rows.first, values(z + step * row), roll=roll)[0] for row in np.eye(len(z))
+    ]
+    return x0, P0, (np.column_stack(shifted) - x0[:, None]) / step
+
+
+def steady_state(
+    model: ChainModel, vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float]
+) -> Array:
+    """The steady state (n,) of constant inputs, with zero bank.
+
+    Args:
+        model: which states there are.
+        vehicle: its parameters.
+        inputs: speed and steer angles by name.
+        values: of the unknowns, SI; they replace parameters of the vehicle and give steering offsets and gains.
+    """
+    x0, _ = steady_initial_state(vehicle, inputs, values, roll=model.roll)
+    return np.append(x0, 0.0) if model.bank else x0
+
+
+def steady_state_slopes(
+    model: ChainModel,
+    vehicle: Vehicle,
+    inputs: Mapping[str, float],
+    values: Mapping[str, float],
+    unknowns: Sequence[Unknown],
+) -> Array:
+    """Derivative of `steady_state` with respect to the values of k unknowns (k, n), by central differences.
+
+    It is zero for every unknown that is neither a parameter of the vehicle nor a steering offset or gain.
+    """
+    relevant = {*vehicle.parameters(), *dynamics.steer_parameters(vehicle)}
+    slopes = np.zeros((len(unknowns), len(model.states)))
+    for slope, unknown in zip(slopes, unknowns, strict=True):
+        if unknown.name in relevant and not is_sensor_error(unknown.name, "delay"):
+            step = 1e-4 * unknown.prior_sigma
+            higher, lower = (
+                steady_state(model, vehicle, inputs, {**values, unknown.name: values[unknown.name] + s})
+                for s in (step, -step)
+            )
+            slope[:] = (higher - lower) / (2 * step)
+    return slopes

@@ -1,0 +1,1 @@
+"""One stage: the maximum a posteriori estimate of all unknowns together, over complete logs."""

@@ -1,0 +1,115 @@
+"""Gauss-Newton steps within a trust region for a least-squares problem with a prior.
+
+Levenberg (1944) and Marquardt (1963) in the form of Moré (1978). The step s minimises the quadratic model
+J + g's + s'Hs / 2 of the cost subject to ||s|| <= radius. The radius grows or shrinks with the ratio of the actual to
+the predicted decrease of the cost. The unknowns are in units of their prior sigma, so the region is a ball.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fifthwheel._types import Array
+
+INITIAL_RADIUS = 2.0
+"""Of the trust region, in prior standard deviations."""
+SMALLEST_RADIUS = 1e-9
+"""The search stops when the trust region is smaller: the cost does not follow its derivatives."""
+SMALLEST_RATIO = 1e-3
+"""A step is taken if the cost decreases by more than this fraction of the predicted decrease."""
+
+
+class Quadratic(NamedTuple):
+    """Quadratic model of a cost about a point: cost + gradient's + s'hessian s / 2."""
+
+    cost: float
+    gradient: Array  # (k,)
+    hessian: Array  # (k, k), positive definite
+
+
+@dataclass(frozen=True, kw_only=True)
+class Minimum:
+    """Result of the search."""
+
+    z: Array  # (k,)
+    model: Quadratic  # about z
+    converged: bool
+    steps: int
+
+
+def minimise(
+    expand: Callable[[Array], Quadratic],
+    cost: Callable[[Array], float],
+    accept: Callable[[Array], None],
+    z: Array,
+    *,
+    lower: Array,
+    upper: Array,
+    iterations: int,
+    tolerance: float = 0.02,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> Minimum:
+    """Search a minimum of a cost from z.
+
+    Args:
+        expand: the quadratic model of the cost about a point.
+        cost: the cost; infinite or NaN where it is not defined.
+        accept: called with every accepted point; it may change the cost (its weights, its noise).
+        z: initial point (k,).
+        lower, upper: bounds of z (k,).
+        iterations: largest number of steps.
+        tolerance: converged when a full step moves no unknown by more than this fraction of its standard deviation.
+        progress: called with the number of steps done and the largest number of steps.
+    """
+    radius, steps, model = INITIAL_RADIUS, 0, expand(z)
+    while steps < iterations:
+        progress(steps, iterations)
+        steps += 1
+        gradient, hessian = model.gradient, model.hessian
+        free = ~(((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0)))
+        reduced = gradient[free], hessian[np.ix_(free, free)]
+        full_step, step = np.zeros_like(z), np.zeros_like(z)
+        full_step[free], _ = trust_region_step(*reduced, np.inf)
+        if (np.abs(np.clip(z + full_step, lower, upper) - z) <= tolerance * _standard_deviations(hessian)).all():
+            return Minimum(z=z, model=model, converged=True, steps=steps)
+        step[free], interior = trust_region_step(*reduced, radius)
+        step = np.clip(z + step, lower, upper) - z
+        predicted_decrease = -(gradient @ step + step @ hessian @ step / 2)
+        decrease = model.cost - cost(z + step)
+        usable = predicted_decrease > 0 and np.isfinite(decrease)
+        ratio = decrease / predicted_decrease if usable else -1.0
+        if ratio < 0.25:
+            radius = float(np.linalg.norm(step)) / 4
+        elif ratio > 0.75 and not interior:
+            radius *= 2
+        if ratio > SMALLEST_RATIO:
+            z = z + step
+            accept(z)
+            model = expand(z)
+        elif radius < SMALLEST_RADIUS:
+            break
+    return Minimum(z=z, model=model, converged=False, steps=steps)
+
+
+def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[Array, bool]:
+    """The minimiser of a quadratic within a ball, and whether it is the unconstrained minimiser.
+
+    On the boundary the step is s = -(H + mu I)^-1 g with ||s|| = radius; mu is found by bisection.
+    """
+    values, vectors = np.linalg.eigh(hessian)
+    values = np.maximum(values, 1e-12 * values.max(initial=1.0))
+    components = -vectors.T @ gradient
+    if np.linalg.norm(components / values) <= radius:
+        return vectors @ (components / values), True
+    low, high = 0.0, float(np.linalg.norm(gradient)) / radius
+    for _ in range(60):
+        middle = (low + high) / 2
+        too_long = np.linalg.norm(components / (values + middle)) > radius
+        low, high = (middle, high) if too_long else (low, middle)
+    return vectors @ (components / (values + high)), False
+
+
+def _standard_deviations(hessian: Array) -> Array:
+    return np.sqrt(np.diag(np.linalg.inv(hessian)))

@@ -1,0 +1,364 @@
+"""Identification in one stage: all unknowns together, over complete logs.
+
+    logs, vehicle -> maximum of the posterior by Gauss-Newton steps on exact derivatives (problem.py, gauss_newton.py)
+                  -> covariance that allows for model error (posterior.py), a verdict for each parameter (verdict.py)
+                  -> identified vehicle
+
+The article needs two stages and more than ten lane changes. One stage needs one lane change: it linearises about the
+estimate and not about the initial values, every sample informs all parameters, and parameters that are uncertain in the
+vehicle file are treated as uncertain.
+"""
+
+import functools
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import fifthwheel
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.errors import VehicleError
+from fifthwheel.identify import estimates, parameters
+from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
+from fifthwheel.identify.free_run import evaluate_fits
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.map import likelihood
+from fifthwheel.identify.map.gauss_newton import Minimum, minimise
+from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.residuals import long_run_covariance
+from fifthwheel.identify.result import Estimate, Identification, LogSummary
+from fifthwheel.identify.settings import OneStage, Progress
+from fifthwheel.identify.verdict import Verdict, estimate_verdict, uninformed_parameters
+from fifthwheel.names import split_log
+from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+HISTORY_LENGTH = 200
+"""Approximate number of rows in the history of the estimates."""
+STIFFENING = 0.5
+"""Step by which an unstable initial vehicle is stiffened, in units of z."""
+
+
+def identify_one_stage(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: OneStage,
+    *,
+    validate: Sequence[Record] = (),
+    progress: Progress = lambda *_: None,
+) -> Identification:
+    """Identify a vehicle in one stage; arguments and errors as in `identify`."""
+    dataset = prepare_dataset(records, vehicle, settings, validate)
+    outputs = (*dataset.yaw, *dataset.roll)
+    free = tuple(dynamics.all_parameters(dataset.vehicle, outputs))
+    estimated = parameters.estimated_parameters(dataset.vehicle, settings)
+    if not estimated and not settings.nuisances:
+        raise VehicleError(
+            "fixed: every parameter is fixed and no sensor error is estimated, so nothing is left to estimate; "
+            "leave one parameter free, or estimate the sensor errors (nuisances)"
+        )
+    estimator = _Estimator(
+        dataset=dataset,
+        settings=settings,
+        outputs=outputs,
+        model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=settings.nuisances, free=free),
+        estimated=tuple(estimated),
+    )
+    return _identification(estimator, estimator.solve(progress))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Solution:
+    """The maximum of the posterior."""
+
+    problem: Problem
+    minimum: Minimum
+    uninformed: Mapping[str, Verdict]
+    """Parameters that keep the value of the vehicle file, because the logs do not determine them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Estimator:
+    """What stays the same during one identification."""
+
+    dataset: Dataset
+    settings: OneStage
+    outputs: tuple[str, ...]
+    model: ChainModel
+    """With every parameter free."""
+    estimated: tuple[str, ...]
+    """Names of the estimated parameters."""
+
+    def solve(self, progress: Progress) -> _Solution:
+        """Estimate all unknowns, again and again until the set of uninformed parameters no longer changes.
+
+        The first set is that at the initial values. After the first estimation a parameter may leave it; from then on
+        the set only grows.
+        """
+        problem = self._problem(self.dataset.logs, {})
+        uninformed = self._uninformed(problem, self._initial(problem))
+        for attempt in itertools.count():
+            problem = self._problem(problem.logs, uninformed)
+            minimum = self._minimise(problem, progress)
+            latest = self._uninformed(problem, minimum.z)
+            if attempt:
+                latest = uninformed | latest
+            if set(latest) == set(uninformed):
+                break
+            uninformed = latest
+        return _Solution(problem=problem, minimum=minimum, uninformed=latest)
+
+    def _problem(self, logs: Sequence[LogData], uninformed: Mapping[str, Verdict]) -> Problem:
+        """The problem in which uninformed parameters are considered, at the value of the vehicle file."""
+        given = self.dataset.vehicle.parameters()
+        unknowns = [
+            replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
+            for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
+        ]
+        return Problem(self.model, self.dataset.vehicle, logs, unknowns, self.settings)
+
+    def _uninformed(self, problem: Problem, z: Array) -> dict[str, Verdict]:
+        """Estimated parameters that the logs do not determine, by the information that the inputs excite.
+
+        The estimated initial states are set to their prior means: along them the noise of the sensors would look like
+        excitation.
+        """
+        excited_by_inputs = z.copy()
+        for segments in problem.layout.initial_states:
+            for indices in segments:
+                excited_by_inputs[indices] = 0.0
+        information = problem.expand(excited_by_inputs, directions="all").hessian - np.eye(len(z))
+        considered = [name for name in problem.considered if name not in self.estimated]
+        posterior = Posterior.from_information(
+            problem.names, information, considered=considered, nuisances=problem.nuisances
+        )
+        return uninformed_parameters(posterior, self.estimated, self.outputs, self.settings.excited)
+
+    def _initial(self, problem: Problem) -> Array:
+        """The prior means; if that vehicle is unstable, with stiffer tyres on all axle groups behind the first."""
+        z = np.zeros(len(problem.names))
+        _, *others = [f"{path}.cornering_stiffness" for path in parameters.group_paths(self.dataset.vehicle)]
+        indices = [i for i, name in enumerate(problem.names) if name in others]
+        while problem.unstable(z) and indices and z[indices[0]] < problem.bounds[1][indices[0]]:
+            z[indices] += STIFFENING
+        return z
+
+    def _minimise(self, problem: Problem, progress: Progress) -> Minimum:
+        """The maximum of the posterior.
+
+        With adapted noise in two phases: the first takes residuals as white and updates the noise at every step; the
+        second keeps the noise, enlarged by the autocorrelation factors.
+        """
+        lower, upper = problem.bounds
+        z = self._initial(problem)
+        phases: list[tuple[str, Callable[[Array], None]]] = [("fit", _keep_noise)]
+        if self.settings.adapt_noise:
+            white = functools.partial(problem.update_noise, autocorrelated=False)
+            phases = [("fit", white), ("fit with estimated noise", _keep_noise)]
+        for number, (title, accept) in enumerate(phases):
+            if number:
+                problem.update_noise(z, autocorrelated=True)
+            minimum = minimise(
+                problem.expand,
+                problem.cost,
+                accept,
+                z,
+                lower=lower,
+                upper=upper,
+                iterations=self.settings.iterations,
+                progress=functools.partial(progress, title),
+            )
+            z = minimum.z
+            progress(title, self.settings.iterations, self.settings.iterations)
+        return minimum
+
+
+def _keep_noise(_: Array) -> None:
+    """The noise stays as it is when a step is accepted."""
+
+
+def _posterior(estimator: _Estimator, problem: Problem, z: Array) -> tuple[Posterior, ParameterHistory]:
+    """The posterior at z, and how it would have developed sample after sample, linearised at z."""
+    settings, k, considered = estimator.settings, len(problem.names), problem.considered
+    information, score_covariance, gradient = np.zeros((k, k)), np.zeros((k, k)), np.zeros(k)
+    free = np.array([name not in considered for name in problem.names])
+    rows = [problem.names.index(name) for name in estimator.estimated]
+    length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
+    elapsed, time, values, sigmas = 0.0, [], [], []
+    for i, j in problem.segments():
+        segment, scores = problem.logs[i].segments[j], []
+        for block in problem.blocks(z, i, j):
+            for piece in block.split(length):
+                piece_gradient, piece_information = likelihood.information(piece, settings.outlier)
+                information[np.ix_(piece.indices, piece.indices)] += piece_information
+                gradient[piece.indices] += piece_gradient
+                P = np.linalg.inv(np.eye(k) + information * np.outer(free, free))
+                values.append((z - free * (P @ (free * (z + gradient))))[rows])
+                sigmas.append(np.sqrt(np.diag(P))[rows])
+                time.append(elapsed + piece.time[-1] - segment.time[0])
+            scores.append(likelihood.scores(block, settings.outlier))
+        elapsed = time[-1]
+        lags = max(int(settings.correlation_time * segment.rate), 1)
+        score_covariance[np.ix_(block.indices, block.indices)] += long_run_covariance(np.concatenate(scores), lags)
+    scale = parameters.scaling([u for u in problem.unknowns if u.name in estimator.estimated])
+    p = scale.to_p(np.array(values))
+    history = ParameterHistory(
+        names=estimator.estimated,
+        time=np.array(time),
+        values=p,
+        sigma=np.array(sigmas) * np.abs(scale.slope(p)),
+        starts=(0,),
+    )
+    posterior = Posterior.from_information(
+        problem.names, information, score_covariance, considered=considered, nuisances=problem.nuisances
+    )
+    return posterior, history
+
+
+def _identification(estimator: _Estimator, solution: _Solution) -> Identification:
+    """The result: estimates with sigma and verdict, sensor errors, fits of all logs."""
+    dataset, settings, outputs = estimator.dataset, estimator.settings, estimator.outputs
+    problem, minimum = solution.problem, solution.minimum
+    posterior, history = _posterior(estimator, problem, minimum.z)
+    shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
+    logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
+    vehicle_values = {u.name: shared[u.name] for u in problem.unknowns if not u.nuisance}
+    shared_errors = {u.name: shared[u.name] for u in problem.unknowns if u.nuisance and not u.per_log}
+    evaluation = evaluate_fits(
+        dataset,
+        logs,
+        dynamics.model(dataset.vehicle, outputs, roll=True, bank=estimator.model.bank),
+        dataset.vehicle.replace(vehicle_values),
+        problem.unknowns,
+        shared_errors,
+        settings,
+    )
+    converged = minimum.converged and evaluation.trusted
+    estimated, uncertain = [], []
+    for u in problem.unknowns:
+        if u.name in estimator.estimated:
+            estimated.append(_estimate(estimator, solution, posterior, history, u, shared[u.name], converged))
+        elif not u.nuisance:
+            uncertain.append(_uncertain_estimate(u, shared[u.name], sigma[u.name], settings))
+    given = dataset.initial_vehicle.parameters()
+    fixed = parameters.expand_names(dataset.vehicle, settings.fixed)
+    estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
+    vehicle = dataset.identified_vehicle(vehicle_values)
+    covariance = _covariance(problem, minimum, posterior)
+    return Identification(
+        method="one-stage",
+        vehicle=vehicle,
+        initial_vehicle=dataset.initial_vehicle,
+        parameters=tuple(estimated),
+        derived=tuple(estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance)),
+        sensors=tuple(estimates.sensor_error_estimates(problem.unknowns, logs, shared, sigma)),
+        uncertain=tuple(uncertain),
+        covariance=covariance,
+        histories={"one stage": history},
+        logs=tuple(_summary(estimator, problem, minimum, posterior, i) for i in range(len(logs))),
+        fits=evaluation.fits,
+        settings=settings,
+        rounds=minimum.steps,
+        notes=tuple(dict.fromkeys((*dataset.notes, *evaluation.notes))),
+        version=fifthwheel.__version__,
+    )
+
+
+def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
+    """Sensor errors that belong to one log, SI."""
+    values = problem.values(z, log)
+    return {u.name: values[u.name] for u in problem.unknowns if u.per_log}
+
+
+def _estimate(
+    estimator: _Estimator,
+    solution: _Solution,
+    posterior: Posterior,
+    history: ParameterHistory,
+    unknown: Unknown,
+    value: float,
+    converged: bool,
+) -> Estimate:
+    """The estimate of an estimated parameter."""
+    name, settings = unknown.name, estimator.settings
+    sigma_z = float(posterior.sigma[posterior.names.index(name)])
+    uninformed = solution.uninformed.get(name)
+    verdict = uninformed or estimate_verdict(unknown, value, sigma_z * unknown.slope(value), converged=converged)
+    settled = None if uninformed else history.settled_row(name, settings.tolerance)
+    return estimates.parameter_estimate(
+        unknown,
+        value,
+        sigma_z,
+        verdict,
+        settling_time=None if settled is None else float(history.time[settled]),
+        correlated_with=_correlated(estimator, posterior, name, verdict),
+    )
+
+
+def _correlated(estimator: _Estimator, posterior: Posterior, name: str, verdict: Verdict) -> tuple[str, ...]:
+    """Unknowns from which a parameter is hardly separable; initial states are left out.
+
+    A parameter that is not identifiable although its conditional sigma is small has at least one.
+    """
+    if parameters.lacks_roll_rate(name, estimator.outputs):
+        return ()
+    i, single_log = posterior.names.index(name), len(estimator.dataset.logs) == 1
+    names = [_without_number(posterior.names[j], single_log) for j in posterior.correlated(i)]
+    names = [other for other in names if other not in estimator.model.states]
+    confounded = verdict is Verdict.NOT_IDENTIFIABLE and posterior.conditional_sigma(i) < estimator.settings.excited
+    if confounded and not names:
+        names = [_without_number(posterior.names[posterior.most_limiting(i)], single_log)]
+    return tuple(names)
+
+
+def _without_number(name: str, single_log: bool) -> str:
+    """The name of an unknown without the number of its log if there is only one; of an initial state without that of
+    its segment."""
+    base, number = split_log(name)
+    return base if single_log or (number is not None and "." in number) else name
+
+
+def _uncertain_estimate(unknown: Unknown, value: float, sigma_z: float, settings: OneStage) -> Estimate:
+    """The estimate of an uncertain or considered parameter."""
+    informed = sigma_z < settings.excited
+    verdict = Verdict.FIXED if unknown.considered else Verdict.CONVERGED if informed else Verdict.NOT_EXCITED
+    return estimates.parameter_estimate(unknown, value, sigma_z, verdict)
+
+
+def _summary(estimator: _Estimator, problem: Problem, minimum: Minimum, posterior: Posterior, i: int) -> LogSummary:
+    """What was used of log i; with the bank of its first segment if it is estimated."""
+    log, bank = problem.logs[i], None
+    blocks = [b for j in range(len(log.segments)) for b in problem.blocks(minimum.z, i, j, directions="none")]
+    sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
+    accepted = (sizes <= estimator.settings.gate).astype(float)
+    if estimator.model.bank and problem.output_error:
+        index, prior = problem.layout.initial_states[i][0][-1], estimator.settings.bank_prior
+        bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)
+    summary = estimates.log_summary(estimator.dataset.records[i], log, estimator.outputs, accepted)
+    return replace(summary, bank=bank)
+
+
+def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Uncertainty:
+    """Joint covariance of everything but the initial states, SI.
+
+    The sensor errors of log i have the names "name@log". Those of any other log, "name@", have their prior.
+    """
+    names, indices, slopes = [], [], []
+    for i, log in enumerate(problem.logs):
+        values = problem.values(minimum.z, i)
+        slope = problem.scaling.slope(np.array([values[u.name] for u in problem.unknowns]))
+        for u, index, s in zip(problem.unknowns, problem.layout.unknowns[i], slope, strict=True):
+            if i == 0 or u.per_log:
+                names.append(f"{u.name}@{log.name}" if u.per_log else u.name)
+                indices.append(int(index))
+                slopes.append(float(s))
+    k, others = len(names), [u for u in problem.unknowns if u.per_log]
+    covariance = np.diag([*[0.0] * k, *[u.scale**2 for u in others]])
+    covariance[:k, :k] = posterior.covariance[np.ix_(indices, indices)] * np.outer(slopes, slopes)
+    return Uncertainty(names=(*names, *[f"{u.name}@" for u in others]), covariance=covariance)

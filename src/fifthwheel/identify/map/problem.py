@@ -1,0 +1,387 @@
+"""The one-stage problem: the cost of all unknowns over all logs, and its exact derivatives.
+
+Unknowns. z holds every unknown in units of its prior, z ~ N(0, I) (`parameters.Unknown`):
+
+    parameters, sensor errors that all logs share    "name"         once
+    sensor errors of one log                         "name@i"       for each log i
+    initial states of a segment                      "state@i.j"    for each segment j of log i; output-error form only
+
+The initial state of a segment is x_0 = x_s(p, d_0) + L z_x: the steady state of the first inputs d_0, and a deviation
+with the prior covariance L L'.
+
+Cost. Minus the logarithm of the posterior density, without its constant:
+
+    J(z) = z'z / 2 + sum over samples and channels of rho(e / s) [+ log s],
+
+with rho of Huber (1964), see `likelihood`. Two forms of the residual e (Ljung 1999, chapter 7):
+
+    output error        e = y - h(x, d, p) with x free-running from x_0; s is a constant of the channel
+    prediction error    e is the innovation of a Kalman filter from x_0, s its standard deviation, which depends on z
+
+Derivatives. e and s are differentiated exactly along every unknown (`filters.tangent`). `Problem.expand` combines them
+to the gradient of J, and to the Hessian I + H with H the Fisher information of the logs (Gauss-Newton).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters import Noise, tangent
+from fifthwheel.filters import noise as variances
+from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.initial_state import initial_state
+from fifthwheel.filters.rows import StepRows, steer_sigma, step_rows
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.initial_state import steady_state, steady_state_slopes
+from fifthwheel.identify.map import likelihood
+from fifthwheel.identify.map.gauss_newton import Quadratic
+from fifthwheel.identify.map.likelihood import ResidualBlock
+from fifthwheel.identify.parameters import Unknown, scaling
+from fifthwheel.identify.residuals import autocorrelation_factor
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.names import is_sensor_error
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+Directions = Literal["none", "learned", "all"]
+"""Unknowns along which residuals are differentiated: none, all that are estimated, or the considered ones too."""
+
+Indices = NDArray[np.int64]
+
+FEWEST_RESIDUALS = 20
+"""A channel with fewer residuals keeps its noise."""
+
+
+class Layout(NamedTuple):
+    """Where each unknown is in z."""
+
+    names: tuple[str, ...]
+    unknowns: tuple[Indices, ...]  # of each log: indices of its unknowns, in their order
+    initial_states: tuple[tuple[Indices, ...], ...]  # of each segment of each log; empty in the prediction-error form
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SegmentRun:
+    """One run through a segment: n states, n_p model parameters, k directions."""
+
+    rows: StepRows
+    p: Array  # (n_p,)
+    p_directions: Array  # (k, n_p) derivative of p
+    x0: Array  # (n,)
+    x0_directions: Array  # (k, n) derivative of x0
+    P0: Array  # (n, n) covariance of x0 for the Kalman filter
+    variance: Array  # (m,) noise variance of each channel
+    indices: Indices  # of the unknowns that the directions belong to; empty if the only direction is zero
+
+
+class Problem:
+    """The cost of the unknowns over all logs of one vehicle.
+
+    `logs` holds the logs with the noise of each channel. `update_noise` replaces them; nothing else changes a problem.
+
+    Args:
+        model: with every parameter free, in the order of `dynamics.all_parameters`.
+        vehicle: the unknowns replace its values.
+        logs: a channel without noise variance gets that of the settings or the table; all autocorrelation factors are
+            set to 1.
+        unknowns: all but the initial states.
+        settings: of the identification.
+    """
+
+    def __init__(
+        self,
+        model: ChainModel,
+        vehicle: Vehicle,
+        logs: Sequence[LogData],
+        unknowns: Sequence[Unknown],
+        settings: OneStage,
+    ) -> None:
+        self.model, self.vehicle, self.unknowns, self.settings = model, vehicle, tuple(unknowns), settings
+        self.logs = tuple(
+            replace(
+                log.with_noise(vehicle, model.outputs, settings.noise),
+                autocorrelation_factor=dict.fromkeys(model.outputs, 1.0),
+            )
+            for log in logs
+        )
+        self._rows: dict[tuple[float, ...], StepRows] = {}  # of each segment, for the last delays
+
+    @property
+    def output_error(self) -> bool:
+        """Whether the residuals are those of the free-running model."""
+        return self.settings.form == "output_error"
+
+    @cached_property
+    def scaling(self) -> Scaling:
+        """The transformation between z and the values of the unknowns of one log."""
+        return scaling(self.unknowns)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where each unknown is in z."""
+        names = [u.name for u in self.unknowns if not u.per_log]
+        shared = {name: i for i, name in enumerate(names)}
+        unknowns = []
+        for i in range(len(self.logs)):
+            indices = []
+            for u in self.unknowns:
+                indices.append(len(names) if u.per_log else shared[u.name])
+                if u.per_log:
+                    names.append(f"{u.name}@{i}")
+            unknowns.append(np.array(indices, dtype=np.int64))
+        states = self.model.states if self.output_error else ()
+        initial_states = []
+        for i, log in enumerate(self.logs):
+            segments = []
+            for j in range(len(log.segments)):
+                segments.append(np.arange(len(names), len(names) + len(states)))
+                names += [f"{state}@{i}.{j}" for state in states]
+            initial_states.append(tuple(segments))
+        return Layout(tuple(names), tuple(unknowns), tuple(initial_states))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all elements of z (k,)."""
+        return self.layout.names
+
+    @property
+    def nuisances(self) -> tuple[int, ...]:
+        """Indices of the sensor errors and the initial states."""
+        parameters = {u.name for u in self.unknowns if not u.nuisance}
+        return tuple(i for i, name in enumerate(self.names) if name not in parameters)
+
+    @property
+    def considered(self) -> tuple[str, ...]:
+        """Names of the considered unknowns."""
+        return tuple(u.name for u in self.unknowns if u.considered)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of z (k,); considered unknowns keep their prior mean 0."""
+        lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)
+        for indices in self.layout.unknowns:
+            lower[indices] = self.scaling.to_z(self.scaling.lower)
+            upper[indices] = self.scaling.to_z(self.scaling.upper)
+            considered = indices[[u.considered for u in self.unknowns]]
+            lower[considered] = upper[considered] = 0.0
+        return lower, upper
+
+    def segments(self) -> list[tuple[int, int]]:
+        """Numbers (log, segment) of all segments in order."""
+        return [(i, j) for i, log in enumerate(self.logs) for j in range(len(log.segments))]
+
+    def values(self, z: Array, log: int) -> dict[str, float]:
+        """Values of the unknowns of one log, SI."""
+        p = np.clip(self.scaling.to_p(z[self.layout.unknowns[log]]), self.scaling.lower, self.scaling.upper)
+        return {u.name: float(value) for u, value in zip(self.unknowns, p, strict=True)}
+
+    def variance(self, log: int) -> Array:
+        """Effective noise variance of every channel (m,)."""
+        return np.array([self.logs[log].effective_variance(name) for name in self.model.outputs])
+
+    def cost(self, z: Array) -> float:
+        """J(z); infinite where the vehicle is so unstable that J overflows."""
+        total, limit = float(z @ z) / 2, self.settings.outlier
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, j in self.segments():
+                total += sum(likelihood.loss(block, limit) for block in self.blocks(z, i, j, directions="none"))
+        return total if np.isfinite(total) else np.inf
+
+    def expand(self, z: Array, *, directions: Directions = "learned") -> Quadratic:
+        """J about z: its exact gradient and the Gauss-Newton Hessian."""
+        cost, gradient, hessian = float(z @ z) / 2, z.copy(), np.eye(len(z))
+        limit = self.settings.outlier
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, j in self.segments():
+                for block in self.blocks(z, i, j, directions=directions):
+                    block_gradient, block_information = likelihood.information(block, limit)
+                    cost += likelihood.loss(block, limit)
+                    gradient[block.indices] += block_gradient
+                    hessian[np.ix_(block.indices, block.indices)] += block_information
+        return Quadratic(cost, gradient, hessian)
+
+    def blocks(self, z: Array, i: int, j: int, *, directions: Directions = "all") -> Iterator[ResidualBlock]:
+        """Residuals of segment j of log i at z, block by block."""
+        values = self.values(z, i)
+        rows = self._step_rows(i, j, values)
+        # the delays have been applied to the rows, so the model has none
+        p = self.model.free_values(self._given | values | dict.fromkeys(self._delays, 0.0))
+        factor, initial = self._initial_factors[i][j], self.layout.initial_states[i][j]
+        x0 = steady_state(self.model, self.vehicle, rows.first, values)
+        if self.output_error:
+            x0 = x0 + factor @ z[initial]
+        if directions == "none":
+            p_directions, x0_directions = np.zeros((1, len(p))), np.zeros((1, len(x0)))
+            indices = np.zeros(0, dtype=np.int64)
+        else:
+            selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or not u.considered]
+            unknowns = [self.unknowns[a] for a in selected]
+            slope = self.scaling.slope(np.array([values[u.name] for u in self.unknowns]))[selected]
+            p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
+            p_directions[np.arange(len(unknowns)), [self.model.free.index(u.name) for u in unknowns]] = slope
+            steady = steady_state_slopes(self.model, self.vehicle, rows.first, values, unknowns)
+            x0_directions = np.vstack([steady * slope[:, None], factor.T[: len(initial)]])
+            indices = np.concatenate([self.layout.unknowns[i][selected], initial])
+        run = _SegmentRun(
+            rows=rows,
+            p=p,
+            p_directions=p_directions,
+            x0=x0,
+            x0_directions=x0_directions,
+            P0=factor @ factor.T,
+            variance=self.variance(i),
+            indices=indices,
+        )
+        return self._output_errors(run) if self.output_error else self._innovations(run)
+
+    def block(self, z: Array, i: int, j: int) -> ResidualBlock:
+        """Residuals of segment j of log i at z as one block."""
+        first, *others = self.blocks(z, i, j)
+        if not others:
+            return first
+        blocks = [first, *others]
+        slopes = [block.variance_jacobian for block in blocks if block.variance_jacobian is not None]
+        return ResidualBlock(
+            time=np.concatenate([block.time for block in blocks]),
+            error=np.concatenate([block.error for block in blocks]),
+            variance=np.concatenate([block.variance for block in blocks]),
+            jacobian=np.concatenate([block.jacobian for block in blocks], axis=1),
+            variance_jacobian=np.concatenate(slopes, axis=1) if slopes else None,
+            indices=first.indices,
+        )
+
+    def unstable(self, z: Array) -> bool:
+        """Whether the vehicle is unstable at the lowest or highest speed of a segment."""
+        parameters = self.vehicle.parameters()
+        vehicle = self.vehicle.replace({n: v for n, v in self.values(z, 0).items() if n in parameters})
+        speeds = [segment.input("speed") for log in self.logs for segment in log.segments]
+        ends = np.unique([end for speed in speeds for end in (speed.min(), speed.max())])
+        return any(
+            np.linalg.eigvals(dynamics.matrices(vehicle, float(u), roll=self.model.roll).A).real.max() >= 0
+            for u in ends
+        )
+
+    def update_noise(self, z: Array, *, autocorrelated: bool) -> None:
+        """Replace the noise of each channel in `logs` by the variance of its residuals at z.
+
+        Residuals beyond the limit for outliers count as lying on it.
+
+        Args:
+            autocorrelated: also replace the autocorrelation factor of each channel.
+        """
+        self.logs = tuple(self._with_residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
+
+    def _with_residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
+        log, limit = self.logs[i], self.settings.outlier
+        noise, factors = dict(log.noise), dict(log.autocorrelation_factor)
+        blocks = [block for j in range(len(log.segments)) for block in self.blocks(z, i, j, directions="none")]
+        for c, name in enumerate(self.model.outputs):
+            error = np.concatenate([block.error[:, c] for block in blocks])
+            size = error / np.sqrt(np.concatenate([block.variance[:, c] for block in blocks]))
+            size = np.clip(size[np.isfinite(size)], -limit, limit)
+            if len(size) < FEWEST_RESIDUALS:
+                continue
+            noise[name] *= factors[name] * float(np.clip(np.mean(size**2), 1e-3, 1e3))
+            if autocorrelated:
+                factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time * log.segments[0].rate))
+        return replace(log, noise=noise, autocorrelation_factor=factors)
+
+    @cached_property
+    def _given(self) -> dict[str, float]:
+        """All parameters of the model at the values of the vehicle."""
+        return dynamics.all_parameters(self.vehicle, self.model.outputs)
+
+    @cached_property
+    def _delays(self) -> tuple[str, ...]:
+        """Names of the sensor delays among the unknowns."""
+        return tuple(u.name for u in self.unknowns if is_sensor_error(u.name, "delay"))
+
+    @cached_property
+    def _initial_factors(self) -> list[list[Array]]:
+        """For each segment of each log: Cholesky factor L (n, n) of the prior covariance of the initial state."""
+        return [[self._initial_factor(segment) for segment in log.segments] for log in self.logs]
+
+    def _initial_factor(self, segment: Record) -> Array:
+        inputs = {name: segment.input(name) for name in self.model.inputs}
+        first = {name: float(v[0]) for name, v in inputs.items()}
+        bank = self.settings.bank_prior if self.model.bank else None
+        _, P0 = initial_state(self.vehicle, first, {}, roll=self.model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
+        return np.asarray(np.linalg.cholesky(P0))
+
+    def _step_rows(self, i: int, j: int, values: Mapping[str, float]) -> StepRows:
+        """Rows of a segment at the present delays; kept until the delays change."""
+        key = (i, j, *[values[name] for name in self._delays])
+        if key not in self._rows:
+            self._rows = {k: rows for k, rows in self._rows.items() if k[:2] != (i, j)}
+            self._rows[key] = step_rows(self.model, self.vehicle, self.logs[i].segments[j], errors=values)
+        return self._rows[key]
+
+    def _output_errors(self, run: _SegmentRun) -> Iterator[ResidualBlock]:
+        """The log less the free-running model."""
+        m, k, rows = len(self.model.outputs), len(run.indices), run.rows
+        inputs = 1 + 2 * len(self.model.inputs)  # columns of time step and inputs
+        chunks = tangent.in_chunks(
+            tangent.simulation(self.model),
+            rows.rows[:, :inputs],
+            start=run.x0,
+            start_directions=run.x0_directions,
+            p=run.p,
+            directions=run.p_directions,
+            others=np.zeros(0),
+        )
+        for chunk in chunks:
+            in_chunk, in_rows = _samples(rows, chunk.rows)
+            row = rows.rows[in_rows]
+            measured = np.where(row[:, inputs + m :] > 0, row[:, inputs : inputs + m], np.nan)
+            yield ResidualBlock(
+                time=rows.time[in_rows],
+                error=measured - chunk.values[in_chunk],
+                variance=np.broadcast_to(run.variance, measured.shape),
+                jacobian=-chunk.slopes[:k, in_chunk],
+                variance_jacobian=None,
+                indices=run.indices,
+            )
+
+    def _innovations(self, run: _SegmentRun) -> Iterator[ResidualBlock]:
+        """The innovations of the Kalman filter and their variances."""
+        m, k, rows = len(self.model.outputs), len(run.indices), run.rows
+        table = variances.PROCESS_VARIANCE | {"bank": self.settings.bank_walk**2}
+        process = variances.process_covariance(self.model.states, table, max(self.settings.process_noise, 1e-9))
+        noise = Noise(process=process, measurement=run.variance, gate=self.settings.gate)
+        start, start_directions = tangent.start_of_filter(run.x0, run.P0, run.x0_directions)
+        chunks = tangent.in_chunks(
+            tangent.innovations(self.model),
+            rows.rows,
+            start=start,
+            start_directions=start_directions,
+            p=run.p,
+            directions=run.p_directions,
+            others=noise.vector(),
+        )
+        for chunk in chunks:
+            in_chunk, in_rows = _samples(rows, chunk.rows)
+            values, slopes = chunk.values[in_chunk], chunk.slopes[:k, in_chunk]
+            yield ResidualBlock(
+                time=rows.time[in_rows],
+                error=np.where(values[:, 2 * m :] > 0, values[:, :m], np.nan),
+                variance=values[:, m : 2 * m],
+                jacobian=slopes[..., :m],
+                variance_jacobian=slopes[..., m : 2 * m],
+                indices=run.indices,
+            )
+
+
+def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Indices]:
+    """Which rows of a chunk are samples, counted from the start of the chunk and from the start of the segment."""
+    if len(rows.sample_indices) == len(rows.rows):  # all are; a slice avoids a copy
+        return slice(None), chunk
+    first, last = np.searchsorted(rows.sample_indices, (chunk.start, chunk.stop))
+    indices = rows.sample_indices[first:last]
+    return indices - chunk.start, indices

@@ -1,0 +1,70 @@
+"""The steering excitation, which decides whether a learner learns from a sample.
+
+States and measurements do not measure excitation: on a straight road they are noise, and noise looks like excitation.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.vehicle import Vehicle
+
+REFERENCE_SPEED = 20.0
+"""Speed at which the understeer gradient is computed, m/s."""
+
+
+class Excitation:
+    """A causal measure of the steering excitation.
+
+    A steer angle d corresponds to the steady lateral acceleration u^2 d / (L + K u^2), with the wheelbase L of the
+    first unit and the understeer gradient K of the vehicle. Its mean over `high_pass_time` is subtracted; the rest is
+    squared and averaged over `excitation_window`. The steered axle with the largest result counts.
+
+    Args:
+        vehicle: the vehicle file; estimates do not change the excitation.
+        axles: number of steer angles.
+        settings: time constants and thresholds.
+    """
+
+    def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings) -> None:
+        self.settings, self.axles = settings, axles
+        self.wheelbase, self.understeer = vehicle.wheelbase, _understeer_gradient(vehicle)
+        self.restart()
+
+    def restart(self) -> None:
+        """Discard all samples."""
+        self.mean = [math.nan] * self.axles
+        self.power = [0.0] * self.axles
+        self.on = False
+
+    def update(self, dt: float, inputs: Sequence[float]) -> bool:
+        """Whether to learn from a sample that follows the last one after dt seconds.
+
+        Args:
+            dt: s.
+            inputs: speed, m/s, and steer angles, rad.
+        """
+        settings, squared = self.settings, inputs[0] * inputs[0]
+        gain = squared / (self.wheelbase + self.understeer * squared)
+        slow, fast = dt / (settings.high_pass_time + dt), dt / (settings.excitation_window + dt)
+        for i in range(self.axles):
+            acceleration, mean = gain * inputs[1 + i], self.mean[i]
+            if mean != mean:  # NaN at the first sample
+                mean = acceleration
+            self.mean[i] = mean = mean + slow * (acceleration - mean)
+            self.power[i] += fast * ((acceleration - mean) ** 2 - self.power[i])
+        limit = settings.stop_excitation if self.on else settings.start_excitation
+        self.on = max(self.power) > limit * limit
+        return self.on
+
+
+def _understeer_gradient(vehicle: Vehicle) -> float:
+    """Understeer gradient K, rad s^2, by the steady yaw rate of the linear model; 0 for an oversteering vehicle."""
+    speed = REFERENCE_SPEED
+    m = dynamics.matrices(vehicle, speed, roll=False)
+    yaw_rate = m.states.index(f"yaw_rate.{vehicle.units[0].name}")
+    gain = -speed * float(np.linalg.solve(m.A, m.B[:, 0])[yaw_rate])
+    return max(1 / gain - vehicle.wheelbase / speed**2, 0.0) if gain > 0 else 0.0

@@ -1,0 +1,293 @@
+"""The on-line form of the one-stage identification: every sample as it comes, in bounded time and memory.
+
+It learns while the driver steers (`excitation`), repeats the samples of each segment with excitation from a better
+point of linearisation (`filters.relinearised`), and reports states whose sigmas include the uncertainty of the truck.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.filters.relinearised import RelinearisationSettings
+from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
+from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
+from fifthwheel.observe import Status
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedValue:
+    """The estimate of one unknown."""
+
+    name: str
+    value: float
+    """SI; the prior mean without excitation."""
+    sigma: float
+    """Standard deviation, SI; the prior's without excitation."""
+    verdict: Verdict
+
+
+class Learner:
+    """Parameters and states of one truck, sample by sample.
+
+    The constructor compiles the filter's step for the model, or takes it from the cache.
+
+    Args:
+        vehicle: what is known of the truck.
+        signals: names of the measured signals; speed, a steer angle and a yaw rate must be among them.
+        settings: estimated, considered and fixed parameters, priors, noise and limits, as for `identify`; settings of
+            the search have no effect. A delay of the steer angle is compensated to first order, by its slope.
+        learner: when it learns, and how it treats faults of the signals.
+        trailer: name under which the estimates of the units behind the first are kept; by default the vehicle's.
+
+    Raises:
+        SignalError: a necessary signal is missing, or no unknown is left to estimate.
+        VehicleError: a parameter cannot be estimated or fixed.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        signals: Iterable[str],
+        settings: OneStage | None = None,
+        *,
+        learner: LearnerSettings | None = None,
+        trailer: str | None = None,
+    ) -> None:
+        problem = OnlineProblem.of(vehicle, signals, settings or OneStage())
+        self._live = LiveFilter(problem, learner or LearnerSettings())
+        self._trailer = vehicle.name if trailer is None else trailer
+        self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
+        self._time = math.nan  # of the last sample, s
+
+    def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
+        """Process one sample.
+
+        Args:
+            sample: "time" and signals by name, SI; a signal that is missing, None or NaN was not measured.
+
+        Returns:
+            "time"; sideslip, yaw rate, articulation, roll and roll rate of the units, each with "<name>.sigma", which
+            includes the uncertainty of the parameters; NaN unless the status is OK or COASTING. "status"
+            (`observe.Status`), and "learning": 1 if it learned from this sample, else 0.
+
+        Raises:
+            SignalError: time is missing, not finite, or not later than that of the last sample; the learner is
+                unchanged.
+        """
+        live, get = self._live, sample.get
+        time = get("time", math.nan)
+        if time is None or not math.isfinite(time):
+            raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
+        if time <= self._time:
+            raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
+        self._time = time
+        problem = live.problem
+        status = live.take(time, [get(n) for n in problem.model.inputs], [get(n) for n in problem.outputs])
+        answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
+        names = live.view.names
+        if status in (Status.OK, Status.COASTING):
+            values = live.view.read()
+            variances = values[len(names) :]
+            for (name, sigma), value, variance in zip(names, values, variances, strict=False):
+                answer[name] = value
+                answer[sigma] = math.sqrt(max(variance, 0.0))
+        else:
+            for name, sigma in names:
+                answer[name] = answer[sigma] = math.nan
+        return answer
+
+    def learn(self, record: Record) -> None:
+        """Process all samples of a record; the result is the same to the last bit as that of `push`.
+
+        Raises:
+            SignalError: a signal of the learner is missing, or the record starts before the last sample; the learner is
+                unchanged.
+        """
+        problem = self._live.problem
+        names = (*problem.model.inputs, *problem.outputs)
+        for name in names:
+            if name not in record.signals:
+                raise SignalError(f"{name}: not in {record.name}; make a Learner with the signals that it has")
+        if record.time[0] <= self._time:
+            raise SignalError(
+                f"time: {record.name} starts at {record.time[0]:g} s, which is not after {self._time:g} s; "
+                "give records in the order of time"
+            )
+        rows = np.column_stack([record.signals[name] for name in names]).tolist()
+        k = len(problem.model.inputs)
+        for time, row in zip(record.time.tolist(), rows, strict=True):
+            self._time = time
+            self._live.take(time, row[:k], row[k:])
+
+    @property
+    def parameters(self) -> tuple[LearnedValue, ...]:
+        """The estimated and the uncertain parameters, without the considered ones."""
+        indirect = self._live.problem.not_identifiable
+        return tuple(
+            value for u, value in self._estimates() if not (u.nuisance or (u.considered and u.name not in indirect))
+        )
+
+    @property
+    def sensors(self) -> tuple[LearnedValue, ...]:
+        """Offsets, gains and delays of the sensors."""
+        return tuple(value for u, value in self._estimates() if u.nuisance)
+
+    def __getitem__(self, name: str) -> LearnedValue:
+        """The estimate of an unknown by name; KeyError if there is none."""
+        return {u.name: value for u, value in self._estimates()}[name]
+
+    def _estimates(self) -> list[tuple[Unknown, LearnedValue]]:
+        problem, learner = self._live.problem, self._live.learner
+        scaling = problem.scaling
+        z, Pz = self._live.filter.estimate()
+        p = np.clip(scaling.to_p(z), scaling.lower, scaling.upper)
+        z_sigma = np.sqrt(np.diag(Pz))
+        sigma = z_sigma * np.abs(scaling.slope(p))
+        consistent = max(self._live.innovation_ratio) <= learner.max_innovation_ratio
+        estimates = []
+        for i, u in enumerate(problem.unknowns):
+            if u.name in problem.not_identifiable:
+                verdict = Verdict.NOT_IDENTIFIABLE
+            elif not z_sigma[i] < problem.settings.excited:
+                verdict = Verdict.NOT_EXCITED
+            elif min(p[i] - u.lower, u.upper - p[i]) < 0.1 * sigma[i]:
+                verdict = Verdict.AT_BOUND
+            else:
+                verdict = Verdict.CONVERGED if consistent else Verdict.NOT_CONVERGED
+            value = LearnedValue(name=u.name, value=float(p[i]), sigma=float(sigma[i]), verdict=verdict)
+            estimates.append((u, value))
+        return estimates
+
+    def vehicle(self) -> Vehicle:
+        """The vehicle with the estimates; an estimated parameter without excitation keeps the vehicle file's value."""
+        values = {
+            value.name: value.value
+            for u, value in self._estimates()
+            if not (u.nuisance or u.considered) and (u.uncertain or value.verdict != Verdict.NOT_EXCITED)
+        }
+        return self._live.problem.vehicle.replace(values)
+
+    def couple(self, trailer: str, vehicle: Vehicle, signals: Iterable[str] | None = None) -> None:
+        """Couple another trailer to the same tractor, or one that was coupled before.
+
+        The estimates of the tractor stay. Those of the units behind it are the ones of the last time that this trailer
+        was coupled, or the prior. Correlations between tractor and trailer are discarded; the sigmas stay.
+
+        Args:
+            trailer: name under which its estimates are kept.
+            vehicle: the tractor with this trailer; its values of the tractor are not used.
+            signals: measured signals of this combination, if they differ.
+
+        Raises:
+            SignalError: this trailer was coupled with another vehicle file, or a necessary signal is missing.
+            VehicleError: the vehicle has another tractor. The learner is unchanged in all cases.
+        """
+        old = self._live.problem
+        kept = {**self._uncoupled, self._trailer: self._block(of_tractor=False)}
+        blocks = [(self._block(of_tractor=True), "the tractor")]
+        if trailer in kept:
+            blocks.append((kept.pop(trailer), trailer))
+        combination = _with_tractor_of(old.vehicle_file, vehicle)
+        problem = OnlineProblem.of(combination, old.signals if signals is None else signals, old.settings)
+        z, Pz = combine_blocks(problem.unknowns, blocks)
+        live = LiveFilter(problem, self._live.learner)
+        live.filter.set_estimate(z, Pz)
+        self._live, self._trailer, self._uncoupled = live, trailer, kept
+
+    def _block(self, *, of_tractor: bool) -> EstimateBlock:
+        """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
+        problem = self._live.problem
+        tractor = problem.vehicle.units[0].name
+        places = [i for i, name in enumerate(problem.names) if (_unit_of(name) == tractor) == of_tractor]
+        return EstimateBlock.of(problem.unknowns, *self._live.filter.estimate(), places)
+
+    def save(self, path: Path) -> None:
+        """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
+        problem = self._live.problem
+        estimates = EstimateBlock.of(problem.unknowns, *self._live.filter.estimate(), range(len(problem.unknowns)))
+        write_learner(
+            path,
+            {
+                "vehicle": problem.vehicle_file.model_dump(mode="json"),
+                "signals": sorted(problem.signals),
+                "settings": problem.settings.as_dict(),
+                "learner": asdict(self._live.learner),
+                "trailer": self._trailer,
+                "estimates": estimates.as_dict(),
+                "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
+            },
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> "Learner":
+        """A learner with the saved estimates; its next sample is the first of a run.
+
+        Raises:
+            SignalError: the file is damaged, not of a learner, or of another version.
+            FileNotFoundError: the file does not exist.
+        """
+        content = read_learner(path)
+        try:
+            saved = content["learner"]
+            learner = cls(
+                Vehicle(**content["vehicle"]),
+                content["signals"],
+                OneStage(**_with_tuples(content["settings"])),
+                learner=LearnerSettings(
+                    **{**saved, "relinearisation": RelinearisationSettings(**saved["relinearisation"])}
+                ),
+                trailer=content["trailer"],
+            )
+            blocks = [(EstimateBlock.from_dict(content["estimates"]), str(path))]
+            learner._live.filter.set_estimate(*combine_blocks(learner._live.problem.unknowns, blocks))
+            for name, block in content["uncoupled"].items():
+                learner._uncoupled[name] = EstimateBlock.from_dict(block)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise SignalError(
+                f"{path}: written by another version of fifthwheel ({error}); start with a new Learner, or load it "
+                "with the version that wrote it"
+            ) from error
+        return learner
+
+
+def _unit_of(unknown: str) -> str:
+    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters."""
+    error = SensorErrorName.of(unknown)
+    return SignalName.of(error.signal).unit if error else ParameterPath.of(unknown).unit
+
+
+def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
+    """The vehicle with the values of another one's first unit.
+
+    Raises:
+        VehicleError: the first units have different parameters.
+    """
+    first = tractor.units[0].name
+    values, replaced = (
+        {path: value for path, value in v.parameters().items() if ParameterPath.of(path).unit == first}
+        for v in (tractor, vehicle)
+    )
+    if values.keys() != replaced.keys():
+        raise VehicleError(
+            f"{vehicle.units[0].name}: differs in its parameters from the {first} of {tractor.name}, which this "
+            "learner has; a new tractor needs a new Learner"
+        )
+    return vehicle.replace(values)
+
+
+def _with_tuples(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of JSON with tuples instead of lists."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}

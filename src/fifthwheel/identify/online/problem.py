@@ -1,0 +1,88 @@
+"""What a learner estimates: the unknowns, the signals that it uses, and the model."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.errors import SignalError
+from fifthwheel.filters.dual import Scaling
+from fifthwheel.identify.parameters import (
+    Unknown,
+    estimated_parameters,
+    group_paths,
+    lacks_roll_rate,
+    one_stage_unknowns,
+    scaling,
+)
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.names import SignalName
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnlineProblem:
+    """Unknowns, signals and model of a learner; made by `of`."""
+
+    vehicle_file: Vehicle
+    """The vehicle as given."""
+    vehicle: Vehicle
+    """The vehicle with the measured steer angles, and simplified as the settings say."""
+    signals: frozenset[str]
+    """Names of all measured signals."""
+    settings: OneStage
+    outputs: tuple[str, ...]
+    """The measured signals that the filter compares with the model."""
+    unknowns: tuple[Unknown, ...]
+    not_identifiable: frozenset[str]
+    """Estimated parameters of roll without a roll rate of their unit; they are considered at the value of the file."""
+    model: ChainModel
+    """The yaw-roll model, with the road's bank as a state if sensor errors are estimated."""
+    scaling: Scaling
+    """From z to the unknowns."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(u.name for u in self.unknowns)
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, signals: Iterable[str], settings: OneStage) -> "OnlineProblem":
+        """Set up the problem; arguments and errors are those of `Learner`."""
+        vehicle_file, signals = vehicle, frozenset(signals)
+        if not settings.relaxation:
+            vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
+        if not settings.uniform_payload:
+            vehicle = vehicle.lumped()
+        if "speed" not in signals:
+            raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
+        vehicle = vehicle.with_logged_steering(signals, "the signals")
+        units = [unit.name for unit in vehicle.units]
+        usable = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
+        usable += [f"roll_rate.{u}" for u in units]
+        outputs = tuple(name for name in usable if name in signals)
+        if not any(SignalName.of(name).quantity == "yaw_rate" for name in outputs):
+            raise SignalError(
+                f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it"
+            )
+        estimated = estimated_parameters(vehicle, settings)
+        not_identifiable = frozenset(name for name in estimated if lacks_roll_rate(name, outputs))
+        values = vehicle.parameters()
+        unknowns = tuple(
+            replace(u, centre=values[u.name], considered=True) if u.name in not_identifiable else u
+            for u in one_stage_unknowns(vehicle, outputs, settings)
+        )
+        if all(u.considered for u in unknowns):
+            raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
+        names = tuple(u.name for u in unknowns)
+        return cls(
+            vehicle_file=vehicle_file,
+            vehicle=vehicle,
+            signals=signals,
+            settings=settings,
+            outputs=outputs,
+            unknowns=unknowns,
+            not_identifiable=not_identifiable,
+            model=dynamics.model(vehicle, outputs, roll=True, bank=settings.nuisances, free=names),
+            scaling=scaling(unknowns),
+        )

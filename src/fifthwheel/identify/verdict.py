@@ -1,0 +1,71 @@
+"""The verdict on an estimate, and all rules that decide it."""
+
+from collections.abc import Container, Sequence
+from enum import StrEnum
+
+from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
+
+
+class Verdict(StrEnum):
+    """How far an estimate can be trusted."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not_converged"
+    NOT_EXCITED = "not_excited"
+    NOT_IDENTIFIABLE = "not_identifiable"
+    AT_BOUND = "at_bound"
+    FIXED = "fixed"
+
+
+def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: float) -> dict[int, Verdict]:
+    """Verdict on some unknowns by the information in the logs: CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE.
+
+    An unknown whose sigma is below the limit is CONVERGED. The others are NOT_EXCITED if the conditional sigma of every
+    unknown is above the limit: the vehicle was not excited. Otherwise they are NOT_IDENTIFIABLE: the logs contain
+    information on the vehicle, but not on this unknown alone.
+
+    Args:
+        indices: of the estimated parameters among the unknowns.
+        limit: fraction of the prior sigma.
+    """
+    excited = any(posterior.conditional_sigma(i) < limit for i in indices)
+    uninformed = Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED
+    return {i: Verdict.CONVERGED if posterior.sigma[i] < limit else uninformed for i in indices}
+
+
+def uninformed_parameters(
+    posterior: Posterior, names: Sequence[str], channels: Container[str], limit: float
+) -> dict[str, Verdict]:
+    """The estimated parameters that the logs do not determine, each with NOT_EXCITED or NOT_IDENTIFIABLE.
+
+    These are the parameters that `information_verdicts` does not call CONVERGED, and the roll parameters of a unit
+    without a roll rate.
+
+    Args:
+        names: of the estimated parameters.
+        channels: measured signals.
+        limit: fraction of the prior sigma.
+    """
+    verdicts = information_verdicts(posterior, [posterior.names.index(name) for name in names], limit)
+    uninformed: dict[str, Verdict] = {posterior.names[i]: v for i, v in verdicts.items() if v is not Verdict.CONVERGED}
+    excited = len(uninformed) < len(names) or Verdict.NOT_IDENTIFIABLE in uninformed.values()
+    for name in names:
+        if lacks_roll_rate(name, channels):
+            uninformed[name] = Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED
+    return uninformed
+
+
+def estimate_verdict(unknown: Unknown, value: float, sigma: float, *, converged: bool) -> Verdict:
+    """AT_BOUND, CONVERGED or NOT_CONVERGED for a parameter that the logs determine.
+
+    At a bound means closer to it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound.
+
+    Args:
+        value: estimate, SI.
+        sigma: its standard deviation, SI.
+        converged: whether the estimation has converged and its result can be trusted.
+    """
+    if min(value - unknown.lower, unknown.upper - value) < 0.1 * sigma:
+        return Verdict.AT_BOUND
+    return Verdict.CONVERGED if converged else Verdict.NOT_CONVERGED

@@ -1,0 +1,220 @@
+"""Proposal of a signal map from names, units and samples, and its signals.toml."""
+
+import json
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fifthwheel.checks.findings import Finding
+from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
+from fifthwheel.errors import SignalError
+from fifthwheel.logs.assemble import assemble, time_column
+from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
+from fifthwheel.logs.mapping.name_rules import REFERENCE_QUANTITIES, ColumnHint, classify_columns
+from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
+from fifthwheel.logs.signal_map import Channel, SignalMap, TimeColumn
+from fifthwheel.logs.source import LogSource
+from fifthwheel.names import SignalName
+from fifthwheel.record.record import Record
+
+_MIN_TOWED_LAG = 0.1
+"""s; the yaw rate of a towed unit lags that of the leading unit by more."""
+_MAX_LAG = 1.5
+"""s"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapProposal:
+    """A proposed map with its reasons."""
+
+    signals: SignalMap
+    reasons: Mapping[str, str]
+    """By signal: why the column was chosen, and what was corrected by its samples."""
+    others: Mapping[str, Sequence[str]]
+    """By signal: other candidate columns."""
+    missing: tuple[str, ...]
+    """Signals that an identification or an observer needs in addition, one sentence each."""
+    findings: tuple[Finding, ...]
+    """Findings on the signals of the map."""
+
+
+def propose_map(
+    log: LogSource,
+    survey: LogSurvey,
+    *,
+    units: Sequence[str] = ("tractor", "semitrailer"),
+    wheelbase: float = 4.5,
+    databases: Sequence[Path] = (),
+) -> MapProposal:
+    """The map that a log's names, units and samples indicate, for the user to edit.
+
+    Args:
+        log: open; it is read again at a low rate to compare signals.
+        survey: its survey.
+        units: names of the vehicle's units, front to rear.
+        wheelbase: of the leading unit, m; determines the steering ratio.
+        databases: paths for the map.
+    """
+    named = SignalMap.of_columns(survey.contents)
+    mapped = {channel.column for part in named for channel in part.values()}
+    candidates, axle_loads = _candidates(survey, units, mapped)
+    towed_reason = _assign_towed_gyro(log, survey, candidates, units)
+    signals, reference = ({**part} for part in named)
+    reasons = {signal: "the column has this name" for part in named for signal in part}
+    others: dict[str, Sequence[str]] = {"axle_load.<axle group>": axle_loads}
+    for signal, hints in candidates.items():
+        best = None
+        if signal not in reasons and hints:
+            best = max(hints, key=lambda hint: _rank(hint, survey.contents[hint.column]))
+            log_unit = survey.contents[best.column].column.unit
+            part = reference if best.quantity in REFERENCE_QUANTITIES else signals
+            part[signal] = Channel(column=best.column, unit=None if log_unit else best.unit)
+            unit = log_unit or best.unit
+            reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}"
+        others[signal] = [hint.column for hint in hints if hint is not best]
+    if towed_reason:
+        reasons[f"yaw_rate.{units[-1]}"] += f"; {towed_reason}"
+    front_wheels = f"wheel_speed.{units[0]}.front"
+    if "speed" not in signals and front_wheels in signals:
+        signals["speed"], reasons["speed"] = signals.pop(front_wheels), "speed of the front wheels, the only speed"
+    rows = time_column(log)
+    time = TimeColumn(column=rows) if rows not in (None, "time", "t") else None
+    proposed = SignalMap(time=time, signals=signals, reference=reference, databases=tuple(databases))
+    proposed, corrections, findings = correct_map(log, proposed, wheelbase)
+    steering_wheels = {hint.column for hints in candidates.values() for hint in hints if hint.steering_wheel}
+    for signal, channel in proposed.signals.items():
+        if channel.column in steering_wheels and channel.gain == 1.0:
+            reasons[signal] += "; steering-wheel angle by its name: set gain = 1 / steering ratio, 1/15 to 1/25"
+        reasons[signal] += f"; {corrections[signal]}" if signal in corrections else ""
+    return MapProposal(
+        signals=proposed,
+        reasons=reasons,
+        others={signal: columns for signal, columns in others.items() if columns},
+        missing=tuple(_missing(proposed, units)),
+        findings=findings,
+    )
+
+
+def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
+    """The proposal as a signals.toml for the user to edit, with its reasons as comments."""
+    proposed = proposal.signals
+    lines = [f"# Proposed for {survey.name} by names, units and samples. Check every line."]
+    if proposed.databases:
+        lines.append(f"databases = [{', '.join(_quoted(str(path)) for path in proposed.databases)}]")
+    if proposed.time is not None:
+        lines += ["", "[time]", f"column = {_quoted(proposed.time.column or '')}"]
+    for part, channels in (("signals", proposed.signals), ("reference", proposed.reference)):
+        for signal, channel in channels.items():
+            content = survey.contents.get(channel.column or "")
+            unit = channel.unit or (content.column.unit if content else None)
+            lines += ["", f"[{part}.{_quoted(signal)}]", *_comments(proposal.reasons[signal].split("; "))]
+            lines.append(f"column = {_quoted(channel.column or '')}")
+            lines += [f"unit = {_quoted(unit)}"] if unit is not None else []
+            lines += [f"sign = {channel.sign}"] if channel.sign != 1 else []
+            lines += [f"gain = {channel.gain:g}"] if channel.gain != 1.0 else []
+            lines += _comments(f"or column = {_quoted(other)}" for other in proposal.others.get(signal, ()))
+    for signal, columns in proposal.others.items():
+        if signal not in proposed.signals and signal not in proposed.reference:
+            lines += ["", f"# [signals.{_quoted(signal)}], for on-board weighing:"]
+            lines += _comments(f"column = {_quoted(column)}" for column in columns)
+    findings = [line for finding in proposal.findings for line in str(finding).splitlines()]
+    for paragraph in (proposal.missing, findings):
+        lines += ["", *_comments(paragraph)] if paragraph else []
+    return "\n".join(lines) + "\n"
+
+
+def _comments(texts: Iterable[str]) -> list[str]:
+    return [f"# {text}" for text in texts]
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _candidates(
+    survey: LogSurvey, units: Sequence[str], mapped: Container[str | None]
+) -> tuple[dict[str, list[ColumnHint]], list[str]]:
+    """Candidate columns by signal, and columns with axle loads of an unknown axle."""
+    candidates: dict[str, list[ColumnHint]] = {}
+    axle_loads = []
+    for name, hint in classify_columns({n: content.column.unit for n, content in survey.contents.items()}).items():
+        signal = hint.signal(units)
+        if signal is None or not survey.contents[name].alive or name in mapped:
+            continue
+        if hint.quantity == "axle_load" and not hint.trailing:
+            axle_loads.append(name)
+        else:
+            candidates.setdefault(signal, []).append(hint)
+    return candidates, axle_loads
+
+
+def _assign_towed_gyro(
+    log: LogSource, survey: LogSurvey, candidates: dict[str, list[ColumnHint]], units: Sequence[str]
+) -> str | None:
+    """Move the gyro that lags the others, and all channels of its device, to the last unit; the reason in words.
+
+    Nothing is moved where a name tells the unit, or where no gyro lags.
+    """
+    leading, towed = f"yaw_rate.{units[0]}", f"yaw_rate.{units[-1]}"
+    gyros = [hint for hint in candidates.get(leading, []) if hint.trailing is None]
+    if towed in candidates or len(gyros) < 2 or len(units) < 2:
+        return None
+    channels = {f"yaw_rate.gyro{k}": Channel(column=hint.column) for k, hint in enumerate(gyros)}
+    try:
+        record = assemble(log, at_coarse_rate(SignalMap(signals=channels)), name=log.name)
+    except SignalError:
+        return None
+    lags = [_lag(record, signal) for signal in channels]
+    last = int(np.argmax(lags))
+    if lags[last] - min(lags) < _MIN_TOWED_LAG:
+        return None
+    clocks = [survey.contents[hint.column].column.clock for hint in gyros]
+    device = clocks[last] if clocks.count(clocks[last]) == 1 else None
+    for signal in [signal for signal in candidates if SignalName.of(signal).place == units[0]]:
+        moved = [
+            hint
+            for hint in candidates[signal]
+            if hint is gyros[last] or survey.contents[hint.column].column.clock == device
+        ]
+        if moved:
+            candidates.setdefault(f"{SignalName.of(signal).quantity}.{units[-1]}", []).extend(moved)
+            candidates[signal] = [hint for hint in candidates[signal] if hint not in moved]
+    return f"it lags the other gyro by {lags[last] - min(lags):.2f} s, as a towed unit does"
+
+
+def _lag(record: Record, name: str) -> float:
+    """Lag of a channel behind the record's first one, s; 0 where their correlation is low."""
+    time = common_time(record, 1 / COARSE_RATE)
+    (first, first_known), (other, other_known) = (
+        at_common_time(record, signal, time) for signal in (next(iter(record.signals)), name)
+    )
+    steps = round(_MAX_LAG * COARSE_RATE)
+    shifts = range(-steps, steps + 1)
+    correlations = [correlation(first, other, first_known & other_known, shift) for shift in shifts]
+    best = int(np.argmax(correlations))
+    return shifts[best] / COARSE_RATE if correlations[best] > 0.8 else 0.0
+
+
+def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, float, float]:
+    """Sort key of candidates: complete ones first, then road wheels, named units, high rates and large variation."""
+    present = 1 - content.missing / max(content.samples, 1)
+    rate = content.rate if np.isfinite(content.rate) else 0.0
+    return present > 0.5, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
+
+
+def _missing(proposed: SignalMap, units: Sequence[str]) -> list[str]:
+    """Sentences on the signals that an estimator needs and the map does not have."""
+    steered = any(SignalName.of(name).quantity == "steer" for name in proposed.signals)
+    needed = [] if "speed" in proposed.signals else ["speed"]
+    needed += [] if steered else [f"steer.{units[0]}.front"]
+    needed += [] if f"yaw_rate.{units[0]}" in proposed.signals else [f"yaw_rate.{units[0]}"]
+    missing = [f"{signal}: not found; every estimator needs it" for signal in needed]
+    for unit in units[1:]:
+        yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
+        if yaw_rate not in proposed.signals and articulation not in proposed.signals:
+            missing.append(f"{yaw_rate} or {articulation}: not found; an identification needs one of them")
+        if roll_rate not in proposed.signals:
+            missing.append(f"{roll_rate}: not found; without it the payload height cannot be identified")
+    return missing

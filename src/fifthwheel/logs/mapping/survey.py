@@ -1,0 +1,111 @@
+"""Survey of a log: unit, rate, range and missing samples of every column."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.logs.assemble import time_column
+from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress
+from fifthwheel.record.timestamps import typical_step
+from fifthwheel.units import factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnContent:
+    """Statistics of a column over the whole log."""
+
+    column: Column
+    samples: int
+    """Number of samples, missing ones included."""
+    missing: int
+    rate: float
+    """Sampling rate, Hz, from the typical step of its time base; NaN without time."""
+    low: float
+    high: float
+    mean: float
+    sigma: float
+    """low, high, mean and sigma are of the present samples, in the column's unit; NaN if there are none."""
+    fault: str | None = None
+    """Why the column holds no numbers; None if it does."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether it holds numbers that are not all zero; an absent sensor gives zeros."""
+        return self.fault is None and self.missing < self.samples and (self.high > self.low or bool(self.high))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogSurvey:
+    """The columns of a log and its time span."""
+
+    name: str
+    contents: Mapping[str, ColumnContent]
+    """By name of the column."""
+    start: float
+    """First timestamp, s."""
+    stop: float
+    """Last timestamp, s."""
+    notes: tuple[str, ...]
+
+
+def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurvey:
+    """The survey of an open log, which is read completely."""
+    moments = {name: _Moments() for name in log.columns}
+    steps: dict[str, list[float]] = {}
+    start, stop = np.inf, -np.inf
+    rows = time_column(log)
+    seconds = factor(log.columns[rows].unit or "s", "s") if rows else 1.0
+    for chunk in log.pieces(list(log.columns)):
+        time = chunk.time if chunk.time is not None else chunk.values[rows] * seconds if rows else np.empty(0)
+        time = time[np.isfinite(time)]
+        if time.size:
+            start, stop = min(start, float(time[0])), max(stop, float(time[-1]))
+        if time.size > 1:
+            steps.setdefault(chunk.clock, []).append(typical_step(time))
+        for name, values in chunk.values.items():
+            moments[name].add(values)
+        progress(chunk.done)
+    contents = {}
+    for name, column in log.columns.items():
+        step = float(np.median(steps[column.clock])) if column.clock in steps else np.nan
+        contents[name] = moments[name].content(column, 1 / step if step > 0 else np.nan, log.unusable.get(name))
+    return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(log.notes))
+
+
+class _Moments:
+    """Moments of a column, chunk by chunk."""
+
+    def __init__(self) -> None:
+        self.samples = self.present = 0
+        self.low, self.high = np.inf, -np.inf
+        self.mean = self.squares = 0.0
+
+    def add(self, values: Array) -> None:
+        self.samples += values.size
+        present = values[np.isfinite(values)]
+        if not present.size:
+            return
+        self.low, self.high = min(self.low, float(present.min())), max(self.high, float(present.max()))
+        with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
+            mean, count = float(present.mean()), present.size
+            self.squares += float(((present - mean) ** 2).sum())
+            between = float(np.square(np.float64(mean - self.mean)))
+            self.squares += between * count * self.present / (count + self.present)
+            self.mean += (mean - self.mean) * count / (count + self.present)
+            self.present += count
+
+    def content(self, column: Column, rate: float, fault: str | None) -> ColumnContent:
+        present = self.present > 0
+        return ColumnContent(
+            column=column,
+            samples=self.samples,
+            missing=self.samples - self.present,
+            rate=rate,
+            low=self.low if present else np.nan,
+            high=self.high if present else np.nan,
+            mean=self.mean if present else np.nan,
+            sigma=float(np.sqrt(self.squares / self.present)) if present else np.nan,
+            fault=fault,
+        )

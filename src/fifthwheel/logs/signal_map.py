@@ -1,0 +1,255 @@
+"""signals.toml: the map from the columns of a log to signals, with unit, sign, gain, offset, delay and time base.
+
+[time]
+column = "t"                        # unit = "s"
+
+[signals]
+speed = "vx [km/h]"                 # a column as it is, in the header's unit
+
+[signals."steer.tractor.front"]
+column = "steering_wheel"
+unit = "deg"                        # the header's, else SI
+sign = -1                           # the log is positive to the right
+gain = 0.05                         # 1 / steering ratio
+offset = "0.1 deg"                  # subtracted last
+delay = "200 ms"                    # the timestamps are late by this
+
+[signals."yaw_rate.semitrailer"]
+sum = ["yaw_rate", "hitch_rate"]    # the sum of columns
+time = "t_imu"                      # timestamps of its own
+
+[reference]
+"lateral_velocity.tractor" = "vy"   # for comparison only
+"""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from itertools import combinations, pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.names import split_source
+from fifthwheel.record.signal_names import REFERENCE, checked_name, si_unit, split_header
+from fifthwheel.units import factor, quantity
+
+
+class TimeColumn(BaseModel):
+    """The time base of a log."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    column: str | None = None
+    """Header of the time column of a table, with or without its [unit]. Default: "time" or "t"."""
+    unit: str | None = None
+    """Default: that of the header, else s."""
+    rate: float | str = 100.0
+    """Sampling rate, Hz; channels with 2.5 times this rate or more are decimated to it, without aliasing."""
+    start: float | str | None = None
+    """Earlier samples are left out, s."""
+    stop: float | str | None = None
+    """Later samples are left out, s."""
+
+    @field_validator("rate")
+    @classmethod
+    def _hertz(cls, value: float | str) -> float:
+        rate = quantity(value, "Hz")
+        if not rate >= 1.0:
+            raise ValueError(f"at least 1 Hz expected, got {rate:g} Hz")
+        return rate
+
+    @field_validator("start", "stop")
+    @classmethod
+    def _instant(cls, value: float | str | None) -> float | None:
+        return None if value is None else quantity(value, "s")
+
+
+class Channel(BaseModel):
+    """Source of a signal: sign * gain * column in SI - offset, at timestamp - delay."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    column: str | None = None
+    """Header of the column, with or without its [unit]."""
+    sum: tuple[str, ...] | None = Field(default=None, min_length=1)
+    """Instead of column: columns whose sum is the signal, all in one unit."""
+    unit: str | None = None
+    """Default: that of the header, else the SI unit of the signal."""
+    sign: Literal[1, -1] = 1
+    """-1 where the log's sign is opposite to ISO 8855 (positive to the left)."""
+    gain: float = Field(default=1.0, allow_inf_nan=False)
+    """Factor, such as 1 / steering ratio."""
+    offset: float | str = 0.0
+    """Subtracted last; a number in SI, or a text with a unit: "0.1 deg"."""
+    points: tuple[tuple[float, float], ...] | None = None
+    """Calibration: pairs of the column's value and the value in `unit`; piecewise linear, extrapolated at the ends."""
+    delay: float | str = 0.0
+    """Time by which the timestamps are late, s, or a text with a unit: "200 ms"."""
+    time: str | None = None
+    """Column with the channel's own timestamps, where the log has several rates."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.column is None) == (self.sum is None):
+            raise ValueError("either column = ... or sum = [...] expected; give one of them")
+        return self
+
+    @field_validator("delay")
+    @classmethod
+    def _seconds(cls, value: float | str) -> float:
+        return quantity(value, "s")
+
+    @field_validator("points")
+    @classmethod
+    def _rising(cls, value: tuple[tuple[float, float], ...] | None) -> tuple[tuple[float, float], ...] | None:
+        if value is not None and len(value) < 2:
+            raise ValueError(f"at least 2 pairs of numbers expected, got {len(value)}; add points of the calibration")
+        if value is not None and any(b[0] <= a[0] for a, b in pairwise(value)):
+            raise ValueError("the first numbers of the pairs must increase; sort the pairs")
+        return value
+
+    def calibrated(self, values: Array, log_unit: str | None, si: str) -> Array:
+        """Values (n,) of a column in the SI unit `si`; `log_unit` is the unit in the log."""
+        if self.points is None:
+            return values * factor(self.unit or log_unit or si, si)
+        x, y = np.array(self.points).T
+        k = np.clip(np.searchsorted(x, values) - 1, 0, x.size - 2)
+        return np.asarray(y[k] + (values - x[k]) * ((y[k + 1] - y[k]) / (x[k + 1] - x[k]))) * factor(
+            self.unit or si, si
+        )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The column, or the columns of the sum."""
+        return self.sum or (self.column or "",)
+
+
+def _channels(value: Any) -> Any:
+    """Channels by signal, from the short form (name of a column) and nested tables, [signals.yaw_rate.tractor]."""
+    if not isinstance(value, Mapping):
+        return value
+    flat: dict[str, Any] = {}
+    for name, entry in value.items():
+        if isinstance(entry, Mapping) and entry and all(isinstance(inner, Mapping) for inner in entry.values()):
+            flat |= {f"{name}.{inner}": channel for inner, channel in _channels(entry).items()}
+        else:
+            flat[name] = {"column": entry} if isinstance(entry, str) else entry
+    return flat
+
+
+Name = Annotated[str, AfterValidator(checked_name)]
+
+
+class SignalMap(BaseModel):
+    """The map from the columns of a log to signals, normally read from a signals.toml."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    time: TimeColumn | None = None
+    """Default: the column "time" or "t"."""
+    signals: dict[Name, Channel] = Field(default_factory=dict)
+    """Signals for the estimators."""
+    reference: dict[Name, Channel] = Field(default_factory=dict)
+    """Reference signals, for comparison only."""
+    ignore: tuple[str, ...] = ()
+    """Columns or signals to leave out; other columns with names of signals are used without a map."""
+    databases: tuple[Path, ...] = ()
+    """DBC or ARXML files for CAN frames, relative to the folder of the map."""
+
+    @field_validator("signals", "reference", mode="before")
+    @classmethod
+    def _flat(cls, value: Any) -> Any:
+        return _channels(value)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        plain = [(name, c) for name, c in self.signals.items() if c.column is not None]
+        for (name, channel), (other, same) in combinations(plain, 2):
+            if (channel.column, channel.time) == (same.column, same.time):
+                raise ValueError(
+                    f"column {channel.column!r} is mapped to {name} and to {other}; map one of them to another"
+                )
+        for name, channel in (*self.signals.items(), *self.reference.items()):
+            si = si_unit(name) or "1"
+            try:
+                quantity(channel.offset, si)
+                factor(channel.unit or si, si)
+            except SignalError as error:
+                raise SignalError(f"{name}: {error}") from error
+        return self
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate to which denser channels are decimated, Hz."""
+        return float((self.time or TimeColumn()).rate)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last instant of the record, s."""
+        time = self.time or TimeColumn()
+        return (-np.inf if time.start is None else float(time.start), np.inf if time.stop is None else float(time.stop))
+
+    @classmethod
+    def load(cls, path: str | Path) -> "SignalMap":
+        """The map in a TOML file."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise SignalError(
+                f"{path}: cannot be read ({error}); a TOML file in UTF-8 expected, check the path"
+            ) from error
+        parsed = cls.parse(text, source=Path(path).name)
+        return parsed.model_copy(update={"databases": tuple(Path(path).parent / d for d in parsed.databases)})
+
+    @classmethod
+    def parse(cls, text: str, *, source: str = "signals.toml") -> "SignalMap":
+        """The map in a TOML text; a SignalError names each fault with its cure."""
+        try:
+            return cls.model_validate(tomllib.loads(text))
+        except tomllib.TOMLDecodeError as error:
+            raise SignalError(f"{source}: not TOML ({error}); correct the syntax there") from error
+        except ValidationError as error:
+            raise SignalError("\n".join(f"{source}: {_fault(dict(entry))}" for entry in error.errors())) from error
+
+    @staticmethod
+    def of_columns(columns: Iterable[str]) -> tuple[dict[str, Channel], dict[str, Channel]]:
+        """Signals and reference signals ("reference.…") of the columns that have names of signals."""
+        channels: tuple[dict[str, Channel], dict[str, Channel]] = ({}, {})
+        for column in columns:
+            name = split_source(column)[0]
+            signal = name.removeprefix(REFERENCE)
+            if si_unit(signal) is not None and signal != "time":
+                channels[name != signal][signal] = Channel(column=name)
+        return channels
+
+    def completed(self, columns: Iterable[str]) -> "SignalMap":
+        """The map with the columns that have names of signals, except mapped and ignored ones."""
+        named = SignalMap.of_columns(columns)
+        used = {c for channel in (*self.signals.values(), *self.reference.values()) for c in channel.columns}
+        used |= {split_header(column)[0] for column in used} | set(self.ignore)
+
+        def merged(mapped: Mapping[str, Channel], unmapped: Mapping[str, Channel]) -> dict[str, Channel]:
+            unused = {n: c for n, c in unmapped.items() if n not in mapped and not {n, c.column} & used}
+            return {**mapped, **unused}
+
+        return self.model_copy(
+            update={"signals": merged(self.signals, named[0]), "reference": merged(self.reference, named[1])}
+        )
+
+
+def _fault(error: dict[str, Any]) -> str:
+    """An error of pydantic as a sentence with the cure."""
+    path = [str(step) for step in error["loc"]]
+    path = path[:-2] if path[-1:] == ["[key]"] else path
+    where = ".".join(path)
+    if error["type"] == "extra_forbidden":
+        models: dict[int, type[BaseModel]] = {1: SignalMap, 2: TimeColumn}
+        model = models.get(len(path), Channel)
+        return f"{where}: unknown key; {suggestion(path[-1], list(model.model_fields))}"
+    if error["type"] == "value_error":
+        return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
+    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}, got {error['input']!r}"

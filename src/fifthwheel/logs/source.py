@@ -1,0 +1,117 @@
+"""A log file of any format: named columns of samples, described when it is opened and read in chunks."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.names import split_source
+from fifthwheel.record.signal_names import split_header
+
+ReadProgress = Callable[[float], None]
+"""Receives the fraction of the file that has been read, 0 to 1; may raise an exception to stop."""
+
+
+def no_progress(done: float) -> None:
+    """Ignores the progress."""
+
+
+def reason(error: Exception) -> str:
+    """What an exception of a library says, in one line; its type where it says nothing."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """A column of a table, a channel of a recording, or a signal of a message."""
+
+    name: str
+    """As in the file and unique in it, without the unit."""
+    unit: str | None = None
+    """As in the file; None where the file has none."""
+    clock: str = ""
+    """Time base: columns with the same one are sampled together; "" is that of the rows of a table."""
+    about: str = ""
+    """Description in the file."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chunk:
+    """Consecutive samples of the columns of one time base."""
+
+    values: Mapping[str, Array]
+    """Column name to (n,) values in the file's unit, NaN where missing."""
+    time: Array | None = None
+    """(n,) s, timestamps of the samples; None in a table, where time is one of the columns."""
+    clock: str = ""
+    """Time base of the columns."""
+    done: float = 0.0
+    """Fraction of the file that has been read, 0 to 1."""
+
+
+class LogSource(ABC):
+    """An open log: its columns, and its samples in chunks, so that memory does not grow with the file."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        """File name, for messages."""
+        self.notes: list[str] = []
+        """What was left out or is damaged, one sentence each; complete after all chunks are read."""
+        self.unusable: dict[str, str] = {}
+        """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
+
+    @property
+    @abstractmethod
+    def columns(self) -> Mapping[str, Column]:
+        """Columns by name, in the order of the file."""
+
+    @abstractmethod
+    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+        """The samples of the requested columns in the order of time, one time base in each chunk.
+
+        May be called again. A damaged file gives its intact samples, and a note that says where the damage begins.
+        """
+
+    def find(self, text: str) -> str:
+        """Name of the column that a text refers to: its name, its name with a unit in brackets, or without "@source".
+
+        Raises:
+            SignalError: no column, or more than one, has that name.
+        """
+        if text in self.columns:
+            return text
+        name = split_header(text)[0]
+        if name in self.columns:
+            return name
+        alike = [column for column in self.columns if split_source(column)[0] == name]
+        if len(alike) == 1:
+            return alike[0]
+        if alike:
+            raise SignalError(f"{self.name}: column {name!r} has several sources; say which: {', '.join(alike)}")
+        raise SignalError(f"{self.name}: no column {name!r}; {suggestion(name, list(self.columns))}")
+
+    def by_clock(self, columns: Collection[str]) -> dict[str, list[str]]:
+        """Columns by their clocks, in the order of the log; SignalError for one that is not there."""
+        for name in columns:
+            if name not in self.columns:
+                raise SignalError(f"{self.name}: no column {name!r}; {suggestion(name, list(self.columns))}")
+        requested = set(columns)
+        clocks: dict[str, list[str]] = {}
+        for name, column in self.columns.items():
+            if name in requested:
+                clocks.setdefault(column.clock, []).append(name)
+        return clocks
+
+    def close(self) -> None:  # noqa: B027  what holds no file has nothing to close
+        """Close the file."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

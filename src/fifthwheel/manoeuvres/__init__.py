@@ -1,0 +1,46 @@
+"""Manoeuvres of the linear model and of the nonlinear plant, in one catalogue.
+
+catalogue       MANOEUVRES: every name with the forms in which it exists; `acceleration_course` and `course` by name
+accelerations   lateral acceleration over time, for the linear model
+open_loops      steer angle over time, for the plant
+paths           paths for a driver, for the plant
+courses         the data of an open loop and of a path
+lane_change     the lane change of SAE J2179, as an acceleration and as a path
+candidates      manoeuvres that the experiment design chooses from
+linear          steer angle from lateral acceleration by the linear model, and the reverse
+"""
+
+from fifthwheel.manoeuvres.catalogue import (
+    LINEAR_MANOEUVRES,
+    MANOEUVRES,
+    PLANT_MANOEUVRES,
+    Manoeuvre,
+    acceleration_course,
+    course,
+)
+from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path
+from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
+from fifthwheel.manoeuvres.linear import inverse_steer
+from fifthwheel.manoeuvres.open_loops import single_sine, step_input
+from fifthwheel.manoeuvres.paths import constant_radius, everyday, straight
+
+__all__ = [
+    "LINEAR_MANOEUVRES",
+    "MANOEUVRES",
+    "PLANT_MANOEUVRES",
+    "Course",
+    "LaneChange",
+    "Manoeuvre",
+    "OpenLoop",
+    "Path",
+    "acceleration_course",
+    "constant_radius",
+    "course",
+    "everyday",
+    "inverse_steer",
+    "lane_changes",
+    "lane_changes_on_test_track",
+    "single_sine",
+    "step_input",
+    "straight",
+]

@@ -1,0 +1,70 @@
+"""Candidate manoeuvres of the experiment design, repeated to the left and to the right in turn."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.manoeuvres import accelerations
+from fifthwheel.manoeuvres.lane_change import LaneChange
+from fifthwheel.manoeuvres.linear import DECAY_TIME, inverse_steer
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidateManoeuvre:
+    """A manoeuvre at a speed, of unit size: the largest lateral acceleration of the first unit's CoG is 1 m/s^2."""
+
+    kind: str
+    """lane_change, sweep, random or bend."""
+    frequency: float | None
+    """Frequency of a lane change, Hz; None for all others."""
+    speed: float
+    """m/s."""
+    period: float
+    """Time from the start of a repetition to the start of the next, s."""
+    acceleration: Callable[[Array], Array]
+    """Lateral acceleration (N,), m/s^2, at the time (N,), s; zero from `period` on."""
+
+    def steer(self, vehicle: Vehicle, rate: float) -> Array:
+        """Steer angle (N,), rad, of the first steered axle for one repetition and its decay; sampling rate in Hz."""
+        time = np.arange(round((self.period + DECAY_TIME) * rate)) / rate
+        return inverse_steer(vehicle, self.speed, time, self.acceleration(time))
+
+    def repeated(self, steer: Array, count: int, rate: float) -> Array:
+        """Steer angle, rad, of `count` repetitions, to the left and to the right in turn.
+
+        The model is linear, so the steer angles (N,) of the single repetitions add.
+        """
+        size = round(self.period * rate)
+        total = np.zeros((count - 1) * size + len(steer))
+        for k in range(count):
+            total[k * size :][: len(steer)] += (-1) ** k * steer
+        return total[: count * size]
+
+
+def candidate_manoeuvres(speed: float, frequencies: tuple[float, ...]) -> list[CandidateManoeuvre]:
+    """All candidates at a speed, m/s: lane changes of the given frequencies, Hz, a sweep, random steer and a bend."""
+    lane_changes = [_lane_change(speed, frequency) for frequency in frequencies]
+    others = [
+        CandidateManoeuvre(kind=kind, frequency=None, speed=speed, period=period, acceleration=acceleration)
+        for kind, period, acceleration in (
+            ("sweep", 20.0, accelerations.short_sweep),
+            ("random", 20.0, accelerations.short_random),
+            ("bend", 14.0, accelerations.bend),
+        )
+    ]
+    return lane_changes + others
+
+
+def _lane_change(speed: float, frequency: float) -> CandidateManoeuvre:
+    """The lane change of SAE J2179 with another frequency, Hz, and a peak of 1 m/s^2."""
+    lane_change = LaneChange(offset=1 / (2 * np.pi * frequency**2), length=speed / frequency)
+    return CandidateManoeuvre(
+        kind="lane_change",
+        frequency=frequency,
+        speed=speed,
+        period=lane_change.period(speed),
+        acceleration=lambda time: lane_change.acceleration(time, speed, 1),
+    )

@@ -1,0 +1,146 @@
+"""The catalogue of manoeuvres: their names, and the forms in which each exists.
+
+The linear model is driven by a lateral acceleration over time, the nonlinear plant by a steer angle over time or by a
+driver who follows a path.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError
+from fifthwheel.manoeuvres import accelerations, open_loops, paths
+from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, require_positive
+from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manoeuvre:
+    """A manoeuvre and its forms; None for a form that does not exist."""
+
+    description: str
+    acceleration: Callable[..., Array] | None = None
+    """Lateral acceleration of the first unit's CoG over time, for the linear model; takes the time (N,)."""
+    open_loop: Callable[..., OpenLoop] | None = None
+    """Steer angle over time, for the plant; takes the vehicle that it is scaled for."""
+    path: Callable[..., Path] | None = None
+    """Path for a driver, for the plant."""
+
+
+MANOEUVRES: dict[str, Manoeuvre] = {
+    "lane_changes": Manoeuvre(
+        description="lane changes of SAE J2179, 1.464 m in 61 m, to the left and to the right in turn",
+        acceleration=LaneChange().acceleration,
+        path=lane_changes,
+    ),
+    "test_track": Manoeuvre(
+        description="lane changes of 4 m in 30 m, as on the test track of Cheng and Cebon (2011)",
+        path=lane_changes_on_test_track,
+    ),
+    "single_sine": Manoeuvre(description="one period of a sine of the steer angle", open_loop=open_loops.single_sine),
+    "step": Manoeuvre(description="step of the steer angle", open_loop=open_loops.step_input),
+    "sweep": Manoeuvre(
+        description="sine with a frequency from 0.1 to 1.5 Hz",
+        acceleration=accelerations.sweep,
+        open_loop=open_loops.sweep,
+    ),
+    "random": Manoeuvre(
+        description="random steering from 0.05 to 1 Hz",
+        acceleration=accelerations.random,
+        open_loop=open_loops.random,
+    ),
+    "straight": Manoeuvre(description="straight ahead", acceleration=accelerations.straight, path=paths.straight),
+    "bend": Manoeuvre(
+        description="a bend of 8 s with 1 m/s^2, straight before and after it", acceleration=accelerations.bend
+    ),
+    "constant_radius": Manoeuvre(description="circle of constant radius", path=paths.constant_radius),
+    "everyday": Manoeuvre(description="random road with bends, lane changes and speed limits", path=paths.everyday),
+}
+"""Every manoeuvre by its name."""
+
+LINEAR_MANOEUVRES = tuple(name for name, m in MANOEUVRES.items() if m.acceleration)
+"""Names of the manoeuvres of the linear model."""
+PLANT_MANOEUVRES = tuple(name for name, m in MANOEUVRES.items() if m.open_loop or m.path)
+"""Names of the manoeuvres of the nonlinear plant."""
+
+
+def acceleration_course(name: str, time: Array, *, speed: float, count: int, seed: int) -> Array:
+    """Lateral acceleration (N,), m/s^2, of the first unit's CoG in a manoeuvre of the linear model.
+
+    Args:
+        name: one of `LINEAR_MANOEUVRES`.
+        time: (N,), in equal steps from 0, s.
+        speed: m/s.
+        count: number of lane changes; other manoeuvres do not use it.
+        seed: seed of the random manoeuvre; others do not use it.
+
+    Raises:
+        SignalError: the manoeuvre is unknown, or the linear model does not have it.
+    """
+    form = _manoeuvre(name, LINEAR_MANOEUVRES).acceleration
+    if form is None:
+        raise SignalError(
+            f"manoeuvre: {name!r} exists only for the nonlinear truck (--model nonlinear); for the linear model choose "
+            f"one of {', '.join(LINEAR_MANOEUVRES)}"
+        )
+    return form(time, **_accepted(form, {"speed": speed, "count": count, "seed": seed}))
+
+
+def course(
+    name: str,
+    vehicle: Vehicle,
+    *,
+    speed: float | None = None,
+    count: int | None = None,
+    duration: float | None = None,
+    seed: int = 0,
+) -> Course:
+    """The course of a manoeuvre for the nonlinear plant; what is None has the default of the manoeuvre.
+
+    Args:
+        name: one of `PLANT_MANOEUVRES`.
+        vehicle: truck that an open-loop steer angle is scaled for.
+        speed: m/s, 5 to 40; the highest speed for everyday driving.
+        count: number of lane changes.
+        duration: of the run, s.
+        seed: seed of random manoeuvres; others do not use it.
+
+    Raises:
+        SignalError: the manoeuvre is unknown, the plant does not have it, a value is out of range, or the manoeuvre
+            does not have an argument that was given.
+    """
+    manoeuvre = _manoeuvre(name, PLANT_MANOEUVRES)
+    form = manoeuvre.path or manoeuvre.open_loop
+    if form is None:
+        raise SignalError(
+            f"manoeuvre: {name!r} exists only for the linear model; for the nonlinear truck choose one of "
+            f"{', '.join(PLANT_MANOEUVRES)}"
+        )
+    if speed is not None and not 5 <= speed <= 40:
+        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; give a road speed in m/s")
+    if seed < 0:
+        raise SignalError(f"seed: expected 0 or more, got {seed}; give another number")
+    options = {"speed": speed, "count": count, "duration": duration}
+    given = {key: value for key, value in options.items() if value is not None}
+    allowed = _accepted(form, given)
+    for key, value in given.items():
+        if key not in allowed:
+            has = ", ".join(_accepted(form, options)) or "none of them"
+            raise SignalError(f"{key}: {name} does not have it, got {value:g}; leave it out ({name} has {has})")
+        require_positive(key, value)
+    return form(**_accepted(form, {"vehicle": vehicle, "seed": seed}), **allowed)
+
+
+def _manoeuvre(name: str, available: Sequence[str]) -> Manoeuvre:
+    if name not in MANOEUVRES:
+        raise SignalError(f"manoeuvre: {name!r} is not known; choose one of {', '.join(available)}")
+    return MANOEUVRES[name]
+
+
+def _accepted(function: Callable[..., Any], arguments: dict[str, Any]) -> dict[str, Any]:
+    """Those of the arguments that the function takes."""
+    parameters = inspect.signature(function).parameters
+    return {key: value for key, value in arguments.items() if key in parameters}

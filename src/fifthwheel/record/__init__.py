@@ -1,0 +1,5 @@
+"""A record: named signals in SI on one time base, their names, timestamps, resampling and sensor noise."""
+
+from fifthwheel.record.record import Record
+
+__all__ = ["Record"]

@@ -1,0 +1,168 @@
+"""The record of a run: named signals on one time base, and reference signals that no estimator uses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.record.signal_names import checked_name
+from fifthwheel.record.timestamps import require_increasing, typical_step
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Record:
+    """Measured signals of a truck in SI and ISO 8855 on one strictly increasing time base.
+
+    Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
+    quantity.unit[.axle] (signal_names.py). Two records are equal if time, signals and reference are equal; name and
+    notes are not compared.
+    """
+
+    time: Array
+    """(N,) s, N >= 2, strictly increasing, not necessarily regular."""
+    signals: Mapping[str, Array]
+    """Signal name to (N,) values in SI, NaN where missing."""
+    reference: Mapping[str, Array] = field(default_factory=dict)
+    """Signals for comparison only, never used by an estimator: optical sideslip, INS velocity, simulated states."""
+    name: str = "record"
+    """Name of the run in reports."""
+    notes: tuple[str, ...] = ()
+    """What was left out or repaired when the log was read, one sentence each."""
+
+    def __post_init__(self) -> None:
+        time = require_increasing(_frozen("time", self.time))
+        if time.size < 2:
+            raise SignalError(
+                f"time: {time.size} samples, at least 2 expected; check the log, and the start and stop of the cut"
+            )
+        object.__setattr__(self, "time", time)
+        for part in ("signals", "reference"):
+            columns = {checked_name(name): _frozen(name, values) for name, values in getattr(self, part).items()}
+            for name, values in columns.items():
+                if name == "time":
+                    raise SignalError("time: the time base cannot be a signal as well; give the signal another name")
+                if values.size != time.size:
+                    raise SignalError(
+                        f"{name}: {values.size} samples, {time.size} expected as in time; give one per instant"
+                    )
+                if np.isinf(values).any():
+                    at = time[np.isinf(values).argmax()]
+                    raise SignalError(f"{name}: infinite at {at:.2f} s; mark missing samples with NaN")
+            object.__setattr__(self, part, MappingProxyType(columns))
+        object.__setattr__(self, "notes", tuple(self.notes))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last instant, s."""
+        return float(self.time[0]), float(self.time[-1])
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate, Hz: one over the typical step."""
+        return 1 / typical_step(self.time)
+
+    def cut(self, start: float = -np.inf, stop: float = np.inf) -> "Record":
+        """The record of the samples with start <= time <= stop, s; a SignalError for fewer than two."""
+        inside = (self.time >= start) & (self.time <= stop)
+        if inside.sum() < 2:
+            first, last = self.span
+            raise SignalError(
+                f"{self.name}: {inside.sum()} samples between {start:.2f} and {stop:.2f} s, at least 2 expected; "
+                f"choose start and stop within {first:.2f} to {last:.2f} s"
+            )
+        return self._rows(inside, self.name)
+
+    def segments(self, max_gap: float = 1.0, shortest: float = 1.0) -> list["Record"]:
+        """The segments between time steps above `max_gap` s that last at least `shortest` s.
+
+        Raises:
+            SignalError: no segment is long enough.
+        """
+        segments = np.split(np.arange(len(self)), np.flatnonzero(np.diff(self.time) > max_gap) + 1)
+        if len(segments) == 1:
+            return [self]
+        kept = [rows for rows in segments if rows.size > 1 and self.time[rows[-1]] - self.time[rows[0]] >= shortest]
+        if not kept:
+            raise SignalError(
+                f"{self.name}: all {len(segments)} segments between gaps above {max_gap:g} s are shorter than "
+                f"{shortest:g} s, the typical step is {1 / self.rate:g} s; check the unit of time, or allow longer gaps"
+            )
+        return [self._rows(rows, f"{self.name} ({k})") for k, rows in enumerate(kept, 1)]
+
+    def input(self, name: str, max_gap: float = 0.5) -> Array:
+        """A signal (N,) without missing samples, as the inputs of a model must be.
+
+        Gaps up to `max_gap` s are filled: linearly between samples, with the nearest sample at either end.
+
+        Raises:
+            SignalError: the signal does not exist, or a gap is longer.
+        """
+        if name not in self.signals:
+            raise SignalError(
+                f"{name}: not in {self.name}; {suggestion(name, sorted(self.signals))}; "
+                "map a column to it in signals.toml"
+            )
+        values, time = self.signals[name], self.time
+        present = ~np.isnan(values)
+        if present.all():
+            return values
+        rows = np.flatnonzero(present)
+        edges = np.concatenate([[0], rows, [time.size - 1]])  # at either end only the missing part is a gap
+        gaps = np.where(np.diff(edges) > 1, np.diff(time[edges]), 0.0)
+        gaps[0], gaps[-1] = time[edges[1]] - time[0], time[-1] - time[edges[-2]]
+        longest = int(gaps.argmax())
+        if not rows.size or gaps[longest] > max_gap + 1e-9:
+            raise SignalError(
+                f"{name}: {1 - present.mean():.0%} missing, no sample between {time[edges[longest]]:.2f} and "
+                f"{time[edges[longest + 1]]:.2f} s, gaps up to {max_gap:g} s allowed; map another column, or cut the "
+                "record with start and stop"
+            )
+        return _frozen(name, np.interp(time, time[present], values[present]))
+
+    def with_signals(self, signals: Mapping[str, ArrayLike]) -> "Record":
+        """The record with these signals added; a signal of the same name is replaced."""
+        return replace(self, signals={**self.signals, **{n: np.asarray(v, dtype=float) for n, v in signals.items()}})
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __repr__(self) -> str:
+        first, last = self.span
+        names = ", ".join(self.signals)
+        return f"Record({self.name!r}, {len(self)} samples, {first:g} to {last:g} s at {self.rate:.3g} Hz: {names})"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
+        return np.array_equal(self.time, other.time) and all(
+            a.keys() == b.keys() and all(np.array_equal(a[n], b[n], equal_nan=True) for n in a)
+            for a, b in ((self.signals, other.signals), (self.reference, other.reference))
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}
+        return partial(Record, time=self.time, **fields, name=self.name, notes=self.notes), ()
+
+    def _rows(self, rows: NDArray[Any], name: str) -> "Record":
+        signals = {n: v[rows] for n, v in self.signals.items()}
+        reference = {n: v[rows] for n, v in self.reference.items()}
+        return replace(self, time=self.time[rows], signals=signals, reference=reference, name=name)
+
+
+def _frozen(name: str, values: ArrayLike) -> Array:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SignalError(f"{name}: not numbers; give one number for each sample") from error
+    if array.ndim != 1:
+        raise SignalError(f"{name}: {array.ndim} dimensions, 1 expected; give one value for each sample")
+    array.setflags(write=False)
+    return array

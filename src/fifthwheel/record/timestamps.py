@@ -1,0 +1,122 @@
+"""Timestamps: their typical step, their order, and the removal of corrupted ones."""
+
+from collections.abc import Hashable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError
+
+MAX_BACKWARD_STEP = 1.0
+"""s. Where time goes back by more and stays there, it is not repaired: another run begins, or the clock was set."""
+_MAX_RESTARTS = 16
+"""Restarts of the time that a piece of samples may have."""
+
+
+def typical_step(time: Array) -> float:
+    """Typical step between increasing timestamps (n,), s; NaN for fewer than two.
+
+    The median of the mean over 20 consecutive steps. Gaps do not change it, nor do samples that come in bursts, as
+    messages on a bus do.
+    """
+    width = min(20, time.size - 1)
+    return float(np.median(time[width:] - time[:-width])) / width if width > 0 else float("nan")
+
+
+def require_increasing(time: Array, name: str = "time", rows_before: int = 0) -> Array:
+    """The timestamps themselves, s, if they are finite and strictly increasing.
+
+    Args:
+        time: (n,) s.
+        name: of the time base, for the message.
+        rows_before: rows that came earlier, for the message.
+
+    Raises:
+        SignalError: names the first row (counted from 1) that is not finite or not later than the one before it.
+    """
+    if not np.isfinite(time).all():
+        row = int((~np.isfinite(time)).argmax()) + rows_before
+        raise SignalError(f"{name}: no finite value at row {row + 1}; give every row a time, or remove the row")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        row = int((steps <= 0).argmax()) + 1
+        at = f"{time[row]:.6g} s at row {row + rows_before + 1}"
+        if steps[row - 1] == 0:
+            raise SignalError(f"{name}: {at} occurs twice; keep one of the rows, or log the time with more digits")
+        raise SignalError(
+            f"{name}: goes back from {time[row - 1]:.6g} to {at}, increasing time expected; sort the rows, or split "
+            "the log there if it holds two runs or the clock was set"
+        )
+    return time
+
+
+def implausible_timestamps(time: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of single timestamps that are more than 1 s later than the next one, as after a bit error."""
+    mask = np.zeros(time.size, dtype=bool)
+    mask[1:-1] = (time[1:-1] - time[2:] > MAX_BACKWARD_STEP) & (time[2:] > time[:-2])
+    return mask
+
+
+class TimestampFilter:
+    """Selects the samples of several time bases whose timestamps increase, piece by piece, and counts the others."""
+
+    def __init__(self) -> None:
+        self._last: dict[Hashable, float] = {}
+        self._dropped: dict[Hashable, int] = {}
+
+    def keep(self, clock: Hashable, time: Array) -> NDArray[np.bool_]:
+        """Mask (n,) of the samples to keep: those later than all before them on this time base.
+
+        Timestamps that go back by more than 1 s and stay there begin again; the reader of the log decides about them.
+
+        Args:
+            clock: name of the time base.
+            time: (n,) s, the timestamps that follow those of the last call.
+        """
+        last = self._last.get(clock, -np.inf)
+        if time.size and time[0] > last and np.isfinite(time).all() and (np.diff(time) > 0).all():
+            self._last[clock] = float(time[-1])
+            return np.ones(time.size, dtype=bool)
+        kept = np.isfinite(time)
+        rows = np.flatnonzero(kept)
+        kept[rows[implausible_timestamps(time[rows])]] = False
+        rows = np.flatnonzero(kept)
+        begin = 0
+        for _ in range(_MAX_RESTARTS):
+            remaining = time[rows[begin:]]
+            latest = np.maximum.accumulate(np.concatenate([[last], remaining]))[:-1]
+            late = remaining <= latest
+            backward = remaining < latest - MAX_BACKWARD_STEP
+            restarts = np.flatnonzero(backward[:-1] & backward[1:])  # two in a row: the time stays there
+            end = int(restarts[0]) if restarts.size else remaining.size
+            kept[rows[begin : begin + end]] = ~late[:end]
+            if not restarts.size:
+                last = float(np.max(remaining, initial=last))
+                break
+            begin += end
+            last = -np.inf
+        else:
+            last = float(time[rows[-1]])
+        self._last[clock] = last
+        self._dropped[clock] = self._dropped.get(clock, 0) + int((~kept).sum())
+        return kept
+
+    @property
+    def dropped(self) -> int:
+        """Samples left out, of all time bases."""
+        return sum(self._dropped.values())
+
+    @property
+    def notes(self) -> list[str]:
+        """One sentence for each time base that lost samples."""
+        return [
+            f"{count} sample{'s' * (count > 1)}{f' of {clock!r}' if clock else ''} left out: timestamps must increase"
+            for clock, count in self._dropped.items()
+            if count
+        ]
+
+
+def add_notes(notes: list[str], *more: str) -> None:
+    """Append the notes that the list does not hold yet; a log that is read twice repeats its notes."""
+    notes.extend(note for note in more if note not in notes)

@@ -1,0 +1,84 @@
+"""Long series with fewer points to draw: no extreme is lost and no gap is bridged."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+
+Index = NDArray[np.int64]
+
+MAX_POINTS = 4000
+"""The largest number of points of a line."""
+MAX_GAPS = 200
+"""The largest number of gaps of a line; the longest are kept."""
+
+
+def extreme_samples(values: Array, limit: int = MAX_POINTS) -> Index:
+    """Rows to draw of finite values (N,): the smallest and the largest of each segment, and both ends."""
+    count = len(values)
+    if count <= limit:
+        return np.arange(count)
+    segments = max((limit - 2) // 2, 1)
+    length = -(-count // segments)
+    padded = np.full(segments * length, values[-1])
+    padded[:count] = values
+    table = padded.reshape(segments, length)
+    first = np.arange(segments) * length
+    chosen = np.concatenate([[0], first + table.argmin(axis=1), first + table.argmax(axis=1), [count - 1]])
+    return np.unique(np.minimum(chosen, count - 1))
+
+
+def segments(time: Array, values: Array) -> list[Index]:
+    """Rows of the segments to draw as one line each: finite values without a gap in time.
+
+    A gap is longer than five times the median step of the channel, so a channel with a lower rate than its record has
+    no gaps because of its rate.
+    """
+    finite = np.flatnonzero(np.isfinite(values))
+    if finite.size < 2:
+        return [finite] if finite.size else []
+    steps = np.diff(time[finite])
+    gaps = np.flatnonzero(steps > 5 * np.median(steps))
+    if gaps.size > MAX_GAPS:
+        gaps = np.sort(gaps[np.argsort(steps[gaps])[-MAX_GAPS:]])
+    return np.split(finite, gaps + 1)
+
+
+def rows(time: Array, values: Array, limit: int = MAX_POINTS) -> list[Index]:
+    """Rows to draw of each segment, about `limit` in total."""
+    pieces = segments(time, values)
+    total = max(sum(len(piece) for piece in pieces), 1)
+    return [piece[extreme_samples(values[piece], max(int(limit * len(piece) / total), 4))] for piece in pieces]
+
+
+def envelope(time: Array, lower: Array, upper: Array, count: int) -> tuple[Array, Array, Array]:
+    """Time, lower and upper edge of a band (N,) with at most `count` points, nowhere narrower than the given band."""
+    length = -(-len(time) // count)
+    if length <= 1:
+        return time, lower, upper
+    starts = np.arange(0, len(time), length)
+    middle = (starts + np.minimum(starts + length, len(time)) - 1) // 2
+    at = time[middle]
+    at[0], at[-1] = time[0], time[-1]
+    return at, np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last row of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def numbers(values: Array, digits: int = 5) -> list[float | None]:
+    """Values for JSON, rounded to about `digits` digits of their range; None where not finite."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return [None] * len(values)
+    width = float(np.ptp(finite)) or float(np.abs(finite).max()) or 1.0
+    decimals = int(np.clip(digits - np.ceil(np.log10(width)), -3, 12))
+    rounded: list[float | None] = np.round(values, decimals).tolist()
+    if finite.size == len(values):
+        return rounded
+    return [value if value is not None and math.isfinite(value) else None for value in rounded]

@@ -1,0 +1,1 @@
+"""Studies: published work reproduced with this package."""

@@ -1,0 +1,223 @@
+"""Units as engineers write them: one parser for logs, signal maps, vehicle files and options.
+
+A unit is a product of symbols with small integer powers: "km/h", "m/s^2", "kN m/rad", "t*m**2", "kN*m/(rad/s)", "°/s".
+A factor after "/" divides; the others multiply, from left to right. The grammar is closed: no expression is evaluated.
+"""
+
+import math
+import re
+from functools import lru_cache
+
+from fifthwheel.errors import UnitError
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, exact by definition."""
+
+MAX_LENGTH = 40
+"""Characters of a unit; a longer text is refused."""
+MAX_POWER = 6
+"""Magnitude of an exponent; a larger one is refused."""
+
+Dimension = tuple[tuple[str, int], ...]
+"""Base dimensions with their powers, sorted by name; the angle counts as one."""
+
+_BASE: dict[str, tuple[float, dict[str, int]]] = {
+    "1": (1.0, {}),
+    "%": (1e-2, {}),
+    "s": (1.0, {"time": 1}),
+    "min": (60.0, {"time": 1}),
+    "h": (3600.0, {"time": 1}),
+    "m": (1.0, {"length": 1}),
+    "ft": (0.3048, {"length": 1}),
+    "in": (0.0254, {"length": 1}),
+    "mi": (1609.344, {"length": 1}),
+    "kg": (1.0, {"mass": 1}),
+    "t": (1e3, {"mass": 1}),
+    "lb": (0.45359237, {"mass": 1}),
+    "rad": (1.0, {"angle": 1}),
+    "deg": (math.pi / 180, {"angle": 1}),
+    "gon": (math.pi / 200, {"angle": 1}),
+    "rev": (2 * math.pi, {"angle": 1}),
+    "rpm": (2 * math.pi / 60, {"angle": 1, "time": -1}),
+    "Hz": (1.0, {"cycle": 1, "time": -1}),
+    "mph": (0.44704, {"length": 1, "time": -1}),
+    "kn": (1852 / 3600, {"length": 1, "time": -1}),
+    "g": (STANDARD_GRAVITY, {"length": 1, "time": -2}),
+    "N": (1.0, {"mass": 1, "length": 1, "time": -2}),
+    "lbf": (4.4482216152605, {"mass": 1, "length": 1, "time": -2}),
+    "Pa": (1.0, {"mass": 1, "length": -1, "time": -2}),
+    "bar": (1e5, {"mass": 1, "length": -1, "time": -2}),
+    "psi": (6894.757293168361, {"mass": 1, "length": -1, "time": -2}),
+    "W": (1.0, {"mass": 1, "length": 2, "time": -3}),
+    "J": (1.0, {"mass": 1, "length": 2, "time": -2}),
+    "V": (1.0, {"voltage": 1}),
+    "A": (1.0, {"current": 1}),
+    "K": (1.0, {"temperature": 1}),
+    "degC": (1.0, {"temperature": 1}),
+    "C": (1.0, {"temperature": 1}),
+    "l": (1e-3, {"length": 3}),
+    "bit": (1.0, {"bit": 1}),
+    "-": (1.0, {}),
+}
+_PREFIXES = {"M": 1e6, "k": 1e3, "da": 10.0, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
+_PREFIXED = ("s", "m", "rad", "Hz", "g", "N", "Pa", "bar", "W", "J", "V", "A")
+_SYMBOLS = {
+    **{
+        prefix + name: (factor * _BASE[name][0], _BASE[name][1])
+        for name in _PREFIXED
+        for prefix, factor in _PREFIXES.items()
+    },
+    **_BASE,
+}
+_ALIASES = {
+    **dict.fromkeys(("°", "degree", "degrees", "Grad"), "deg"),
+    **dict.fromkeys(("sec", "second", "seconds"), "s"),
+    **dict.fromkeys(("kmh", "kph", "kmph"), "km/h"),
+    **dict.fromkeys(("hr", "hour"), "h"),
+    **dict.fromkeys(("knot", "knots", "kts"), "kn"),
+    **dict.fromkeys(("grad", "gradian"), "gon"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    "Nm": "N m",
+    "kNm": "kN m",
+    "mps": "m/s",
+    "Km": "km",
+    "Mph": "mph",
+    "G": "g",
+    "°C": "degC",
+}
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁻", "0123456-")
+_TOKEN = re.compile(
+    r"\s*(?:(?P<symbol>1(?![0-9])|%|-|°C|°|[A-Za-zµμ]+)(?:\s*(?:\^|\*\*)?\s*(?P<power>[-+]?\d{1,2}))?|(?P<mark>[*·./()]))\s*"
+)
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+def factor(unit: str, si: str, *, strict: bool = False) -> float:
+    """The number of SI units `si` in one `unit`.
+
+    Args:
+        unit: as written.
+        si: the SI unit that is expected.
+        strict: count the angle as a dimension, so that N is not N/rad. Otherwise "1/s" is accepted for rad/s. A mass is
+            accepted for a force and means its weight, as on-board scales show axle loads in kg.
+
+    Raises:
+        UnitError: the text is not a unit, or its dimension is another one.
+
+    >>> round(factor("deg/s", "rad/s"), 6)
+    0.017453
+    >>> factor("km/h", "m/s") == 1 / 3.6
+    True
+    """
+    (size, dimension), (expected_size, expected) = _parsed(unit), _parsed(si)
+    if expected == _parsed("N")[1] and dimension == (("mass", 1),):
+        return size * STANDARD_GRAVITY / expected_size
+    if dimension != expected and (strict or _without_angle(dimension) != _without_angle(expected)):
+        raise UnitError(f"expected {si} or a unit that converts to it, got {_shown(unit)}")
+    return size / expected_size
+
+
+def quantity(value: float | str, si: str, *, strict: bool = False) -> float:
+    """A value in the SI unit `si`: a number is in it already, a text may carry another unit.
+
+    Raises:
+        UnitError: the text is not a number with a unit, or the unit does not fit; arguments as in `factor`.
+
+    >>> quantity("200 ms", "s")
+    0.2
+    """
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) <= 2 * MAX_LENGTH else None
+    if match is None:
+        raise UnitError(f"expected a number with a unit such as '1 {si}', got {_shown(value)}")
+    return float(match[1]) * (factor(match[2], si, strict=strict) if match[2] else 1.0)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that the parser knows.
+
+    >>> is_unit("km/h"), is_unit("raw")
+    (True, False)
+    """
+    try:
+        _parsed(text)
+    except UnitError:
+        return False
+    return True
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}..."
+
+
+def _without_angle(dimension: Dimension) -> Dimension:
+    return tuple(item for item in dimension if item[0] != "angle")
+
+
+@lru_cache(maxsize=1024)
+def _parsed(unit: str) -> tuple[float, Dimension]:
+    """Size in SI units and dimension of a unit."""
+    text = unit.strip().translate(_SUPERSCRIPTS)
+    if not 0 < len(text) <= MAX_LENGTH:
+        raise _unknown(unit)
+    tokens, at = [], 0
+    while at < len(text):
+        match = _TOKEN.match(text, at)
+        if match is None:
+            raise _unknown(unit)
+        tokens.append(match)
+        at = match.end()
+    size, powers, end = _product(tokens, 0, unit)
+    if end < len(tokens):
+        raise _unknown(unit)
+    return size, tuple(sorted((name, power) for name, power in powers.items() if power))
+
+
+def _product(tokens: list[re.Match[str]], at: int, unit: str) -> tuple[float, dict[str, int], int]:
+    """Product of the factors from token `at` to the closing bracket or the end: size, powers, and the next token."""
+    size, powers, sign, wants_factor = 1.0, dict[str, int](), 1, True
+    while at < len(tokens):
+        mark = tokens[at]["mark"]
+        if mark == ")":
+            break
+        if mark in ("*", "·", ".", "/"):
+            if wants_factor:
+                raise _unknown(unit)
+            sign, wants_factor = (-1 if mark == "/" else 1), True
+            at += 1
+            continue
+        if mark == "(":
+            inner_size, inner, at = _product(tokens, at + 1, unit)
+            if at >= len(tokens):
+                raise _unknown(unit)
+        else:
+            inner_size, inner = _power(tokens[at], unit)
+        at += 1
+        size *= inner_size**sign
+        for name, power in inner.items():
+            powers[name] = powers.get(name, 0) + sign * power
+        sign, wants_factor = 1, False
+    if wants_factor:
+        raise _unknown(unit)
+    return size, powers, at
+
+
+def _power(token: re.Match[str], unit: str) -> tuple[float, dict[str, int]]:
+    """One symbol with its power."""
+    name, power = token["symbol"], int(token["power"] or 1)
+    if abs(power) > MAX_POWER:
+        raise _unknown(unit)
+    if name in _SYMBOLS:
+        size, powers = _SYMBOLS[name]
+    elif name in _ALIASES:
+        size, dimension = _parsed(_ALIASES[name])
+        powers = dict(dimension)
+    else:
+        raise _unknown(unit)
+    return size**power, {dimension: power * own for dimension, own in powers.items()}
+
+
+def _unknown(unit: str) -> UnitError:
+    return UnitError(f"expected a unit such as 'km/h', 'deg/s' or 'kN m/rad', got {_shown(unit)}")

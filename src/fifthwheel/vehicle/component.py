@@ -1,0 +1,79 @@
+"""Base of all components of a vehicle: immutable, keyword-only, finite, with errors that name the path and the cure."""
+
+from collections.abc import Iterable
+from reprlib import repr as shorten
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fifthwheel.errors import VehicleError, suggestion
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class Component(BaseModel):
+    """A component of a vehicle.
+
+    Raises:
+        VehicleError: a value is not valid; each line of the message names the path from the outermost named component.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+    def __init__(self, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            raise VehicleError(_message(error, self._prefix(data), type(self).model_fields)) from None
+
+    @classmethod
+    def _prefix(cls, data: dict[str, Any]) -> str:
+        """Beginning of the paths of this component: its name and a dot."""
+        name = data.get("name")
+        return f"{name}." if isinstance(name, str) else ""
+
+
+def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
+    """One line for each invalid value: path, expected, got, cure."""
+    lines = []
+    invalid = {e["loc"][:1] for e in error.errors() if e["type"] == "value_error"}
+    for e in error.errors():
+        path, context, value = _path(e["loc"]), e.get("ctx", {}), e["input"]
+        match e["type"]:
+            case "value_error" if isinstance(context.get("error"), VehicleError):
+                nameless = e["loc"] and isinstance(e["loc"][-1], str)  # such as sprung
+                outer = "" if e["loc"][:1] == ("axles",) else prefix  # the path of an axle does not contain its group
+                lines.append(f"{outer}{path}.{context['error']}" if nameless else f"{outer}{context['error']}")
+                continue
+            case "too_short" if e["loc"] in invalid:
+                continue  # the element that is missing is the invalid one, which has its own line
+            case "greater_than":
+                expected = f"a number > {context['gt']:g}"
+            case "greater_than_equal":
+                expected = f"a number >= {context['ge']:g}"
+            case "less_than_equal":
+                expected = f"a number <= {context['le']:g}"
+            case "finite_number":
+                expected = "a finite number"
+            case "float_type" | "float_parsing":
+                expected = "a number"
+            case "string_pattern_mismatch":
+                expected = "a name of lower-case letters, digits and _, a letter first"
+            case "missing":
+                lines.append(f"{prefix}{path}: expected a value, got none; give it")
+                continue
+            case "extra_forbidden":
+                lines.append(f"{prefix}{path}: no such key; {suggestion(str(e['loc'][-1]), keys)}")
+                continue
+            case _:
+                expected = e["msg"]
+        cure = "check its unit" if e["type"] == "less_than_equal" or context.get("ge") else "correct it"
+        lines.append(f"{prefix}{path}: expected {expected}, got {shorten(value)}; {cure}")
+    return "\n".join(lines)
+
+
+def _path(location: tuple[str | int, ...]) -> str:
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in location).removeprefix(".")

@@ -1,0 +1,113 @@
+"""Masses and CoG positions of a tractor-semitrailer from its measured static axle loads."""
+
+from collections.abc import Mapping
+
+from fifthwheel.errors import VehicleError, suggestion
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle.unit import Unit
+from fifthwheel.vehicle.vehicle import Vehicle
+
+
+def with_axle_loads(
+    vehicle: Vehicle,
+    loads: Mapping[str, float],
+    *,
+    unladen_tractor: Mapping[str, float] | None = None,
+    tolerance: float = 0.02,
+) -> Vehicle:
+    """The same vehicle with the masses and CoG positions that follow from its axle loads.
+
+    Cheng and Cebon (2011), section 2.2. The coupling load is the load of the tractor's axles less the tractor's weight;
+    with the trailer's axle load it gives the trailer's mass and CoG. The change of mass goes to the payload, or to the
+    sprung body of a unit without payload. Yaw and roll inertias do not change, because loads contain no information on
+    them. The road is level and the vehicle is stationary.
+
+    Args:
+        vehicle: a tractor with two axle groups and a trailer with one.
+        loads: load of each group by its path, N, as in `Vehicle.axle_loads`. The load of a front axle on steel springs
+            may be missing; the coupling load then follows from the drive axles and the tractor's CoG in the file.
+        unladen_tractor: loads of the tractor's two groups without the trailer, N. If given, they set the tractor's mass
+            and CoG; otherwise the file's values stay.
+        tolerance: largest difference of the measured and the predicted front load, as a fraction of the load of all
+            tractor axles.
+
+    Raises:
+        VehicleError: the vehicle has other axle groups, a load is missing, unknown or not positive, or the loads
+            contradict the file.
+    """
+    paths = tuple(vehicle.axle_loads())
+    if [len(unit.axle_groups) for unit in vehicle.units] != [2, 1]:
+        raise VehicleError(
+            f"{vehicle.name}: expected a tractor with two axle groups and a trailer with one; set the masses and CoG"
+            " positions of other vehicles by hand"
+        )
+    tractor, trailer = vehicle.units
+    front, drive, bogie = paths
+    _check_loads(loads, (front, drive, bogie), optional=front)
+    if unladen_tractor is not None:
+        _check_loads(unladen_tractor, (front, drive))
+        a, b = (group.position for group in tractor.axle_groups)
+        total = unladen_tractor[front] + unladen_tractor[drive]
+        moment = unladen_tractor[front] * a + unladen_tractor[drive] * b
+        vehicle = vehicle.replace(_mass_properties(tractor, total, moment))
+        tractor = vehicle.units[0]
+
+    coupling_load = _coupling_load(vehicle, loads, front, drive)
+    total = coupling_load + loads[bogie]
+    moment = coupling_load * vehicle.couplings[0].trailing_position + loads[bogie] * trailer.axle_groups[0].position
+    weighed = vehicle.replace(_mass_properties(trailer, total, moment))
+
+    if front not in loads:
+        return weighed
+    difference = loads[front] - weighed.axle_loads()[front]
+    if abs(difference) > tolerance * (loads[front] + loads[drive]):
+        raise VehicleError(
+            f"{front}: expected {loads[front] - difference:.0f} N from the tractor's CoG and the coupling's position,"
+            f" got {loads[front]:.0f} N; check {tractor.name}.cog and {vehicle.couplings[0].name}.leading_position,"
+            " or allow a larger tolerance"
+        )
+    return weighed
+
+
+def _coupling_load(vehicle: Vehicle, loads: Mapping[str, float], front: str, drive: str) -> float:
+    """Vertical load of the trailer on the coupling, N: the measured load less the tractor's contribution to it."""
+    tractor = vehicle.units[0]
+    weight = tractor.mass * STANDARD_GRAVITY
+    if front in loads:
+        weighed, measured, tractor_load, lever = f"{front}, {drive}", loads[front] + loads[drive], weight, 1.0
+    else:
+        a, b = (group.position for group in tractor.axle_groups)
+        weighed, measured, tractor_load = drive, loads[drive], weight * (tractor.cog - a) / (b - a)
+        lever = (vehicle.couplings[0].leading_position - a) / (b - a)
+    if measured <= tractor_load:
+        raise VehicleError(
+            f"{weighed}: expected more than the tractor's own {tractor_load:.0f} N, got {measured:.0f} N; check "
+            f"{tractor.name}.mass, or give unladen_tractor"
+        )
+    return (measured - tractor_load) / lever
+
+
+def _mass_properties(unit: Unit, load: float, moment: float) -> dict[str, float]:
+    """New mass, CoG and payload of a unit from its total load, N, and the moment of its loads about its origin, N m."""
+    mass = load / STANDARD_GRAVITY
+    component, before = ("payload", unit.payload.mass) if unit.payload else ("sprung", unit.sprung.mass)
+    after = before + mass - unit.mass
+    if after <= 0:
+        raise VehicleError(
+            f"{unit.name}: expected more than {unit.mass - before:.0f} kg, its mass without {component}, got"
+            f" {mass:.0f} kg from the loads; "
+            + ("remove the payload from its description" if unit.payload else "correct its masses in the vehicle file")
+        )
+    return {f"{unit.name}.mass": mass, f"{unit.name}.cog": moment / load, f"{unit.name}.{component}.mass": after}
+
+
+def _check_loads(loads: Mapping[str, float], paths: tuple[str, ...], optional: str | None = None) -> None:
+    """Raise where a load is unknown, missing or not positive; the load of the path `optional` may be missing."""
+    for path in loads:
+        if path not in paths:
+            raise VehicleError(f"{path}: no such axle load; {suggestion(path, paths)}")
+    for path in paths:
+        if path == optional and path not in loads:
+            continue
+        if not 0 < loads.get(path, 0.0) < float("inf"):
+            raise VehicleError(f"{path}: expected a load > 0 N, got {loads.get(path)}; weigh every group")

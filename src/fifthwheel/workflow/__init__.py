@@ -1,0 +1,27 @@
+"""The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
+
+from fifthwheel.workflow.axle_loads import AxleLoadDifference, WeighedVehicle, axle_load_differences, weigh_vehicle
+from fifthwheel.workflow.identification import IdentificationRun, run_identification
+from fifthwheel.workflow.inputs import check_record, read_records, read_vehicle
+from fifthwheel.workflow.results import write_results
+from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
+from fifthwheel.workflow.states import StatesRun, StoredIdentification, load_identification, run_states
+
+__all__ = [
+    "SENSOR_PRIORS",
+    "AxleLoadDifference",
+    "IdentificationRun",
+    "StatesRun",
+    "StoredIdentification",
+    "WeighedVehicle",
+    "axle_load_differences",
+    "check_record",
+    "load_identification",
+    "one_stage_settings",
+    "read_records",
+    "read_vehicle",
+    "run_identification",
+    "run_states",
+    "weigh_vehicle",
+    "write_results",
+]

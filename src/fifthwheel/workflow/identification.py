@@ -1,0 +1,103 @@
+"""Identification of a vehicle, and what follows from it: states, remedies, a conclusion."""
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.identify import Identification, OneStage, TwoStage, identify
+from fifthwheel.identify.sensor_errors import estimate_sensor_errors
+from fifthwheel.observe import Observer, ObserverSettings, States
+from fifthwheel.record import Record
+from fifthwheel.report import Conclusion, conclude_identification
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow.inputs import Progress
+
+if TYPE_CHECKING:
+    from fifthwheel.identify.design.assess import InformationAssessment
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationRun:
+    """An identification and what follows from it."""
+
+    records: tuple[Record, ...]
+    """Those of the identification, then those that are only predicted."""
+    identification: Identification
+    states: tuple[States, ...]
+    """Of every record, in the same order."""
+    assessment: "InformationAssessment | None"
+    """What would improve the estimates; None where they are good, or where it cannot be predicted."""
+    conclusion: Conclusion
+
+    def as_dict(self) -> dict[str, Any]:
+        """Contents of identification.json."""
+        contents: dict[str, Any] = json.loads(self.identification.to_json())
+        return contents | {"conclusion": self.conclusion.as_dict()}
+
+
+def run_identification(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: OneStage | TwoStage | None = None,
+    *,
+    validate: Sequence[Record] = (),
+    progress: Progress = lambda *_: None,
+) -> IdentificationRun:
+    """Identify a vehicle, then estimate the states of every record, assess what would help, and conclude.
+
+    Args:
+        records: logs of the vehicle.
+        vehicle: prior knowledge of the vehicle; its values are the starting point.
+        settings: the method, by default `OneStage()`.
+        validate: logs that are only predicted.
+        progress: called with a title, the work done and the total.
+
+    Raises:
+        SignalError: a log that cannot be used.
+        VehicleError: a parameter of the settings that does not exist or cannot be estimated.
+    """
+    identification = identify(records, vehicle, settings, validate=validate, progress=progress)
+    everything = (*records, *validate)
+    progress("states", 0, len(everything))
+    states = []
+    for i, record in enumerate(everything):
+        states.append(_estimate_states(identification, record, predicted=i >= len(records)))
+        progress("states", i + 1, len(everything))
+    assessment = _assess_remedies(identification, records)
+    return IdentificationRun(
+        records=everything,
+        identification=identification,
+        states=tuple(states),
+        assessment=assessment,
+        conclusion=conclude_identification(identification, everything, assessment, states),
+    )
+
+
+def _estimate_states(identification: Identification, record: Record, *, predicted: bool) -> States:
+    """States of a record; the sensor errors of a record that is only predicted are estimated from the record itself."""
+    vehicle = identification.vehicle
+    settings, uncertainty = identification.observer_settings(record.name), identification.uncertainty(record.name)
+    if predicted and uncertainty is not None:
+        with suppress(SignalError):  # a record without information on them keeps the prior of any log
+            sensors, uncertainty = estimate_sensor_errors(record, vehicle, uncertainty)
+            settings = ObserverSettings(**sensors)
+    return Observer(vehicle, record.signals, settings).batch(record, uncertainty)
+
+
+def _assess_remedies(identification: Identification, records: Sequence[Record]) -> "InformationAssessment | None":
+    """What would improve the estimates, predicted at the identified vehicle; None where they are good enough."""
+    from fifthwheel.identify.design.assess import AssessmentSettings, assess_information  # slow to import
+
+    settings = AssessmentSettings()
+    estimated = [e for e in identification.parameters if e.verdict != "fixed"]
+    converged = all(e.verdict == "converged" and e.sigma is not None for e in estimated)
+    precise = all((e.sigma or 0.0) <= settings.enough * abs(e.value) for e in identification.parameters)
+    if not isinstance(identification.settings, OneStage) or (converged and precise):
+        return None
+    try:
+        return assess_information(records, identification.vehicle, identification.settings, settings)
+    except FifthwheelError:
+        return None

@@ -1,0 +1,66 @@
+"""The inputs of a run: the vehicle, and the records of its logs, checked against the vehicle."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from fifthwheel.checks import Finding, check
+from fifthwheel.errors import VehicleError
+from fifthwheel.logs import SignalMap, read_log
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle, catalogue, load
+
+Progress = Callable[[str, int, int], None]
+"""Called with a title, the work done and the total."""
+
+
+def read_vehicle(name: str) -> Vehicle:
+    """The vehicle of this name in the catalogue, or of this file.
+
+    Raises:
+        VehicleError: neither exists, or the file does not describe a vehicle.
+    """
+    if name in catalogue.names():
+        return catalogue.get(name)
+    if not Path(name).is_file():
+        raise VehicleError(
+            f"{name}: no such file, and not in the catalogue, which has {', '.join(catalogue.names())}; check the path"
+        )
+    return load(Path(name))
+
+
+def read_records(
+    paths: Sequence[Path], signal_map: SignalMap | None = None, *, progress: Progress = lambda *_: None
+) -> list[Record]:
+    """The record of each log, named by the file's stem, or by the path where two stems are the same.
+
+    Args:
+        paths: logs of one vehicle.
+        signal_map: which column is which signal, the same for all logs.
+        progress: called with a title, the thousandths of a log that are read, and 1000.
+
+    Raises:
+        SignalError: a log that cannot be read.
+    """
+    stems = [path.stem for path in paths]
+    return [
+        read_log(
+            path,
+            signal_map,
+            name=path.stem if stems.count(path.stem) == 1 else str(path),
+            progress=partial(_report_fraction, progress, f"reading {path.name}"),
+        )
+        for path in paths
+    ]
+
+
+def _report_fraction(progress: Progress, title: str, fraction: float) -> None:
+    progress(title, round(1000 * fraction), 1000)
+
+
+def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Finding, ...]:
+    """Every fault of a record, errors first; with the vehicle also signals that it does not have."""
+    if vehicle is None:
+        return check(record)
+    units = [unit.name for unit in vehicle.units]
+    return check(record, wheelbase=vehicle.wheelbase, units=units, steered=vehicle.steer_signals())

@@ -1,0 +1,189 @@
+"""`fifthwheel check` and `fifthwheel design`: what they print, their files and their exit codes."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.identify.design import design_experiment
+from fifthwheel.logs import read_log, write_record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get
+from tests.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
+
+HEIGHT, INERTIA = ESTIMATED[-1], ESTIMATED[-2]
+FAST = ("--speed", "80km/h")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    place = tmp_path_factory.mktemp("logs")
+    write_record(simulate(get(TRUCK), count=2, seed=1), place / "drive.csv")
+    write_record(simulate(get(TRUCK), manoeuvre="straight", duration=12), place / "straight.csv")
+    return place
+
+
+def line_of(out: str, name: str) -> str:
+    """The first line that begins with a name."""
+    return next(line for line in out.splitlines() if line.startswith(name))
+
+
+def test_check_tells_every_parameter(folder, run):  # noqa: F811
+    outcome = run("check", folder / "drive.csv", "-v", TRUCK)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("drive: 5 of 5 parameters are identifiable, 1 with a sigma above 15 %.")
+    for name in ESTIMATED:
+        assert re.search(r"\+-30 %|\+-81 %", line_of(outcome.out, name))
+        assert line_of(outcome.out, name).rstrip().endswith(" identifiable")
+    told = line_of(outcome.out, f"- {HEIGHT}: ")
+    assert re.match(rf"- {HEIGHT}: \d+ % -> \d+ % if semitrailer\.roll_axis_height is known \(--fix\), ->", told)
+    assert "Errors in the logs" not in outcome.out
+    assert list(Path().iterdir()) == []
+
+
+def test_check_in_80_columns(folder, run, monkeypatch):  # noqa: F811
+    monkeypatch.setenv("COLUMNS", "80")
+    outcome = run("check", folder / "drive.csv", "-v", TRUCK)
+    assert max(map(len, outcome.out.splitlines())) <= 80
+    assert outcome.out.isascii()
+    assert all(line_of(outcome.out, name).endswith(" identifiable") for name in ESTIMATED)
+
+
+def test_check_of_a_straight_drive(folder, run):  # noqa: F811
+    """Nothing to be told is an answer, not an error."""
+    outcome = run("check", folder / "straight.csv", "-v", TRUCK)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("straight: no parameter is identifiable, the excitation is too small.")
+    for name in ESTIMATED:
+        assert line_of(outcome.out, name).rstrip().endswith("not excited")
+        assert re.match(rf"- {name}: not excited -> [\d.]+ % with one more lane", line_of(outcome.out, f"- {name}"))
+    assert "at 88 km/h" in outcome.out
+
+
+def test_check_as_json(folder, run):  # noqa: F811
+    logs = folder / "drive.csv", folder / "straight.csv"
+    told = run("check", *logs, "-v", TRUCK, "--json", "--fix", ESTIMATED[0], "--free", "tractor.yaw_inertia").json()
+    assert [p["name"] for p in told["parameters"]] == [*ESTIMATED[1:], "tractor.yaw_inertia"]
+    assert told["logs"] == ["drive", "straight"]
+    assert told["findings"] == []
+    assert set(told["noise"]) == {"drive", "straight"}
+    for p in told["parameters"]:
+        assert {
+            "value",
+            "prior",
+            "sigma",
+            "conditional_sigma",
+            "verdict",
+            "correlated_with",
+            "remedies",
+            "unit",
+        } <= p.keys()
+
+
+def test_check_lists_what_is_wrong(folder, run):  # noqa: F811
+    """All of it at once: in the page where a fit could go on, as the error where none could."""
+    record = read_log(folder / "drive.csv")
+    name = "yaw_rate.semitrailer"
+    hole = record.signals["roll_rate.tractor"].copy()
+    hole[300:420] = np.nan
+    bad = record.with_signals({name: -record.signals[name], "roll_rate.tractor": hole})
+    write_record(bad, "bad.csv")
+    outcome = run("check", "bad.csv", "-v", TRUCK)
+    assert outcome.code == 0
+    assert "The logs have errors" in outcome.out.replace("\n", " ")
+    assert outcome.out.index(f"bad: {name}: the sign contradicts") < outcome.out.index("Parameter")
+    assert outcome.out.index("Cautions") < outcome.out.index("bad: roll_rate.tractor: 8% missing")
+    severities = [f["severity"] for f in run("check", "bad.csv", "-v", TRUCK, "--json").json()["findings"]]
+    assert severities == ["error", "warning"]
+    write_record(bad.with_signals({"speed": np.zeros(len(bad))}), "rest.csv")
+    outcome = run("check", "rest.csv", "-v", TRUCK)
+    refused(outcome, r"speed: at most 0\.0 m/s")
+    assert "roll_rate.tractor: 8% missing" in outcome.err
+
+
+def test_check_refuses(folder, run):  # noqa: F811
+    log = folder / "drive.csv"
+    refused(run("check", "nothing.csv", "-v", TRUCK), r"nothing\.csv: cannot be read")
+    refused(run("check", log, "-v", "lorry"), r"lorry: no such file")
+    refused(run("check", log, log, "-v", TRUCK), r"logs: .*given more than once")
+    refused(run("check", log, "-v", TRUCK, "--fix", "tractor.colour"), r"tractor\.colour: no such parameter")
+    refused(run("check", log, "-v", TRUCK, "--free", "tractor.colour"), r"tractor\.colour: no such parameter")
+    refused(run("check", "-v", TRUCK), r".*")
+    record = read_log(log)
+    kept = {name: values for name, values in record.signals.items() if name != "yaw_rate.semitrailer"}
+    write_record(replace(record, signals=kept), "blind.csv")
+    refused(run("check", "blind.csv", "-v", TRUCK), r"yaw_rate\.semitrailer: in none of the logs")
+
+
+def test_design_proposes_a_drive(run):  # noqa: F811
+    outcome = run("design", "-v", TRUCK, "--target", f"{INERTIA}=5%", *FAST, "--out", "drive.csv")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert re.match(r"A run of \d+ s reaches all targets\.", outcome.out)
+    assert re.search(r"- \d+ x lane change of 0\.\d Hz.*, at a constant 80 km/h\.", outcome.out)
+    assert re.search(r"\+-5 % .*identifiable", line_of(outcome.out, INERTIA))
+    assert "Written: drive.csv" in outcome.out
+    record = read_log("drive.csv")
+    assert set(record.signals) == {"speed", "steer.tractor.front"}
+    assert record.signals["speed"] == pytest.approx(80 / 3.6)
+    expected = design_experiment(get(TRUCK), {INERTIA: 0.05}).best
+    assert 0 < np.abs(record.signals["steer.tractor.front"]).max() < 0.1
+    assert record.span[1] + 0.01 >= expected.duration - 1e-6  # other speeds may do it faster
+
+
+def test_design_says_why_not(run):  # noqa: F811
+    outcome = run("design", "-v", TRUCK, "--target", f"{HEIGHT}=2%", "--speed", "80")
+    assert outcome.code == 0
+    assert outcome.out.startswith("No run reaches all targets: 1 of 1 missed")
+    assert re.search(
+        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if semitrailer\.roll_[a-z]+ is known \(--fix\)",
+        outcome.out.replace("roll_axis_height", "roll_axis"),
+    )
+    told = run(
+        "design", "-v", TRUCK, "--target", f"{HEIGHT}=2%", *FAST, "--json",
+        "--channels", "yaw_rate.tractor,articulation.semitrailer",
+    ).json()  # fmt: skip
+    assert told["met"] is False
+    assert told["unmet"][0]["remedies"][0]["channel"] == "roll_rate.semitrailer"
+
+
+def test_design_as_json(run):  # noqa: F811
+    told = run(
+        "design", "-v", TRUCK, *FAST, "--max-acceleration", "1.2", "--fix", ESTIMATED[0], "--json", "-o", "d.parquet"
+    )
+    assert (told.code, told.err) == (0, "")
+    found = told.json()
+    assert found["targets"] == dict.fromkeys(ESTIMATED[1:4], 0.05)
+    assert found["best"]["acceleration"] <= 1.2
+    assert found["best"]["sigma"].keys() == set(ESTIMATED[1:])
+    assert found["files"] == {"d.parquet": "d.parquet"}
+    assert len(read_log("d.parquet")) == pytest.approx(
+        100 * found["best"]["duration"], abs=found["best"]["repetitions"]
+    )
+    assert json.dumps(found).isprintable()
+
+
+def test_design_refuses(run):  # noqa: F811
+    refused(run("design", "-v", TRUCK, "--target", "tractor.colour=5%"), r"tractor\.colour: no such parameter")
+    refused(run("design", "-v", TRUCK, "--target", f"{INERTIA}=much"), r"--target .*: expected NAME=FRACTION")
+    refused(
+        run("design", "-v", TRUCK, "--target", f"{INERTIA}=0"), r"semitrailer\.yaw_inertia: expected a target sigma"
+    )
+    refused(run("design", "-v", TRUCK, "--speed", "fast"), r"--speed: expected a number with a unit")
+    refused(run("design", "-v", TRUCK, "--speed", "200"), r"speed: expected 18 to 144 km/h")
+    refused(run("design", "-v", TRUCK, "--channels", "sideslip.tractor"), r"sideslip\.tractor: not a channel")
+    refused(run("design", "-v", TRUCK, *FAST, "--out", "drive.txt"), r"drive\.txt: no format")
+    refused(run("design", "-v", TRUCK, "--max-acceleration", "9"), r".*")
+    refused(run("design", "-v", "lorry"), r"lorry: no such file")
+    assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["check", "design"])
+def test_help(command, run):  # noqa: F811
+    for flag in ("--help", "-h"):
+        outcome = run(command, flag)
+        assert (outcome.code, outcome.err) == (0, "")
+        assert outcome.out.partition("Examples")[2].count(f"fifthwheel {command}") >= 3
+    assert command in run("--help").out

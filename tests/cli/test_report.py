@@ -1,0 +1,52 @@
+"""What the commands hand to the report: the conclusion as JSON, the way to run it again, figures as files."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fifthwheel import cli
+from fifthwheel.logs import write_record
+from tests.report.conftest import Page
+
+
+@pytest.fixture(scope="module")
+def log(result, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("commands") / "first.csv"
+    write_record(result.records[0], path)
+    return path
+
+
+def ran(*arguments) -> dict:
+    outcome = CliRunner().invoke(cli.app, [str(a) for a in arguments], catch_exceptions=False)
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
+    told = ran("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
+    conclusion = told["conclusion"]
+    assert conclusion.keys() == {"good", "headline", "found", "unknown", "cautions", "next_steps", "notes"}
+    assert conclusion["headline"].startswith("All 5 parameters are identified")
+    assert json.loads((tmp_path / "identification.json").read_text())["conclusion"] == conclusion
+    assert "figures" not in told["files"]
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert conclusion["headline"] in page.text
+    assert "Reproduce this result" in page.text
+    assert "cheng_cebon_2011 (catalogue)" in page.text
+    assert "information" in page.ids
+
+
+def test_states_concludes_and_draws(log, tmp_path):
+    told = ran("states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--figures", "svg")
+    assert told["conclusion"]["headline"] == "The states are reliable in all samples of 1 log."
+    assert told["files"]["figures"] == str(tmp_path / "figures")
+    assert (tmp_path / "figures" / "first" / "states" / "sideslip.semitrailer.svg").is_file()
+    text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+    assert "The band treats the vehicle file and the sensor errors as exact" in text
+
+
+def test_another_kind_of_figure_is_refused(log, tmp_path):
+    outcome = CliRunner().invoke(cli.app, ["states", str(log), "-v", "cheng_cebon_2011", "--figures", "gif"])
+    assert outcome.exit_code == 2

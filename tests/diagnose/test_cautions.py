@@ -1,0 +1,122 @@
+"""Each kind of caution: what it concerns, and that a good identification has none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.diagnose.cautions import CautionKind, identification_cautions, state_cautions
+from fifthwheel.diagnose.fit_quality import white_noise_sigma
+from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.identify import SensorError
+from tests.report.conftest import NASTY
+
+STEER = "steer.tractor.front"
+
+
+def only(cautions, kind):
+    """The one caution of a kind."""
+    (caution,) = [c for c in cautions if c.kind is kind]
+    assert str(caution) == f"{caution.message} {caution.cure}"
+    assert caution.message.endswith(".")
+    assert caution.cure.endswith(".")
+    return caution
+
+
+def with_sensors(result, *errors):
+    return replace(result.identification, sensors=errors)
+
+
+def test_a_good_identification_has_none(result):
+    fits = tuple(fit for fit in result.identification.fits if fit.identified_on)
+    assert identification_cautions(replace(result.identification, fits=fits), [], result.states[:1]) == []
+
+
+def test_an_estimate_far_from_the_vehicle_file(result):
+    first, *rest = result.identification.parameters
+    far = replace(first, value=2.8 * first.initial)
+    caution = only(
+        identification_cautions(replace(result.identification, parameters=(far, *rest))), CautionKind.UNUSUAL_ESTIMATE
+    )
+    assert caution.parameters == (first.name,)
+    assert caution.value == pytest.approx(2.8)
+    assert "2.8 times the value of the vehicle file; ±30 % was assumed" in caution.message
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sigma", "kind", "unit"),
+    [
+        (f"{STEER}.gain", 1.25, 0.05, CautionKind.GAIN, "1"),
+        (f"{STEER}.delay", 0.06, 0.01, CautionKind.DELAY, "s"),
+        ("yaw_rate.tractor.gain", 1.2, 0.01, CautionKind.GAIN, "1"),
+        ("yaw_rate.tractor.offset", 0.02, 0.001, CautionKind.OFFSET, "rad/s"),
+    ],
+)
+def test_unusual_sensor_errors(result, name, value, sigma, kind, unit):
+    log = "bend" if kind is CautionKind.OFFSET else None
+    identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit=unit, log=log))
+    caution = only(identification_cautions(identification), kind)
+    assert caution.signals == (name.rpartition(".")[0],)
+    assert caution.log == log
+    assert caution.value == value
+    stiffnesses = {e.name for e in identification.parameters if e.name.endswith("cornering_stiffness")}
+    assert set(caution.parameters) == (stiffnesses if name.startswith(STEER) else set())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sigma"),
+    [(f"{STEER}.gain", 1.08, 0.01), (f"{STEER}.gain", 1.25, 0.2), (f"{STEER}.delay", 0.015, 0.001)],
+)
+def test_usual_sensor_errors(result, name, value, sigma):
+    identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit="1", log=None))
+    assert not [c for c in identification_cautions(identification) if c.signals == (STEER,)]
+
+
+def test_an_unrelated_channel_is_an_error_unless_the_run_is_straight(result):
+    first, *rest = result.identification.fits
+    unrelated = replace(result.identification, fits=(replace(first, explained=0.0), *rest))
+    caution = only(identification_cautions(unrelated), CautionKind.UNRELATED_CHANNEL)
+    assert caution.severity == "error"
+    assert (caution.signals, caution.log) == ((first.signal,), first.log)
+    straight = [replace(f, log="straight", explained=0.0, rms=white_noise_sigma(f.measured)) for f in (first, *rest)]
+    both = replace(result.identification, fits=(first, *rest, *straight))
+    assert not [c for c in identification_cautions(both) if c.log == "straight"]
+
+
+def test_a_poor_prediction(result):
+    first, *rest = result.identification.fits
+    poor = replace(first, explained=0.3, rms=10 * first.rms)
+    caution = only(identification_cautions(replace(result.identification, fits=(poor, *rest))), CautionKind.POOR_FIT)
+    assert "only 30.0 % of the variance is explained" in caution.message
+
+
+def test_rejected_samples(result):
+    log = replace(result.identification.logs[0], rejected={"yaw_rate.tractor": 0.07, "roll_rate.tractor": 0.01})
+    caution = only(identification_cautions(replace(result.identification, logs=(log,))), CautionKind.REJECTED_SAMPLES)
+    assert (caution.signals, caution.value) == (("yaw_rate.tractor",), 0.07)
+
+
+def test_runs_outside_the_range(result):
+    runs = [
+        RunSummary(name="lane changes", speed=(24.0, 25.0), acceleration=3.4),
+        RunSummary(name=NASTY, speed=(18.0, 20.0), acceleration=1.0),
+    ]
+    cautions = identification_cautions(result.identification, runs)
+    assert only(cautions, CautionKind.NONLINEAR_RANGE).log == "lane changes"
+    extrapolation = only(cautions, CautionKind.EXTRAPOLATION)
+    assert (extrapolation.log, extrapolation.value) == (NASTY, 18.0)
+    usual = [runs[0], replace(runs[1], speed=(20.0, 24.0))]
+    assert not [c for c in identification_cautions(result.identification, usual) if "extrapolation" in c.message]
+
+
+def test_large_innovations_are_one_caution_for_a_log(result):
+    states = result.states[0]
+    large = replace(states, innovation={n: 3 * v for n, v in states.innovation.items()})
+    caution = only(state_cautions(large, "vehicle file"), CautionKind.LARGE_INNOVATIONS)
+    assert caution.signals == tuple(states.innovation)
+    assert caution.value == pytest.approx(3.0, rel=0.1)
+    assert "identification.json" in caution.cure
+    spiked = replace(states, accepted={n: a & (np.arange(len(a)) % 20 > 0) for n, a in states.accepted.items()})
+    rejected = [c for c in state_cautions(spiked, "vehicle file") if c.kind is CautionKind.REJECTED_SAMPLES]
+    assert {c.signals[0] for c in rejected} == set(states.innovation)
+    assert [c.value for c in rejected] == pytest.approx([0.05] * len(rejected), rel=0.05)

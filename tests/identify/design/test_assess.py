@@ -1,0 +1,244 @@
+"""An assessment predicts the sigmas and verdicts of fits, and the effect of every remedy that it reports."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.design import AssessmentSettings, InformationAssessment, assess_information
+from fifthwheel.identify.design.predict import InformationPredictor, combine_information
+from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT
+from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import article_gyro_variance
+from fifthwheel.simulate import simulate
+from tests.identify.conftest import without
+
+EXACT = OneStage(priors={}, consider={}, nuisances=False)
+HEIGHT = "semitrailer.payload.height"
+FRONT = "tractor.front.cornering_stiffness"
+AXIS = "semitrailer.roll_axis_height"
+
+
+@pytest.fixture(scope="module")
+def record(truck) -> Record:
+    return simulate(truck, count=2, seed=4, name="lanes")
+
+
+@pytest.fixture(scope="module")
+def assessment(truck, record) -> InformationAssessment:
+    return assess_information([record], truck)
+
+
+def sigmas(assessment: InformationAssessment) -> np.ndarray:
+    return np.array([p.sigma for p in assessment.parameters])
+
+
+def test_errors_of_fits_scatter_as_predicted(truck):
+    """60 fits of one lane change each against the mean prediction from three of the logs; 9 % is chance."""
+    logs = [simulate(truck, count=1, seed=seed) for seed in range(60)]
+    expected = np.mean([sigmas(assess_information([log], truck, EXACT)) for log in logs[:3]], axis=0)
+    values = truck.parameters()
+    errors = [[e.value - values[e.name] for e in identify([log], truck, EXACT).parameters] for log in logs]
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert rms / expected == pytest.approx(1, abs=0.3)
+
+
+@pytest.mark.parametrize("settings", [OneStage(), EXACT], ids=["default", "exact"])
+@pytest.mark.parametrize("quantities", [(), ("roll_rate",)], ids=["all", "no roll rates"])
+def test_a_fit_gives_the_predicted_result(truck, record, quantities, settings):
+    """Sigma, verdict and correlated unknowns; the fit estimates the noise, and linearises at its own estimate."""
+    log = without(record, *quantities)
+    before = assess_information([log], truck, settings)
+    after = identify([log], truck, replace(settings, initial_payload_height=None))
+    for predicted in before.parameters:
+        estimate = after[predicted.name]
+        assert (predicted.verdict, predicted.unit) == (estimate.verdict, estimate.unit)
+        assert predicted.prior == pytest.approx(estimate.prior)
+        assert predicted.sigma == pytest.approx(estimate.sigma, rel=0.2)
+        assert set(predicted.correlated_with[:1]) <= set(estimate.correlated_with)
+
+
+def test_information_is_that_of_the_problem(truck, record):
+    """The sum over channels and segments without Huber's weights; a missing channel contributes nothing."""
+    vehicle = truck.with_logged_steering(record.signals, record.name)
+    log = LogData(
+        name="lanes",
+        segments=[record.cut(0, 7), record.cut(8, 15)],
+        noise=article_gyro_variance(["tractor", "semitrailer"]),
+    )
+    predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
+    names, information = combine_information([predictor.run_information(log)])
+    settings = replace(predictor.settings, outlier=np.inf)
+    problem = Problem(predictor.model, vehicle, [log], predictor.unknowns, settings)
+    expected = problem.expand(np.zeros(len(problem.names)), directions="all").hessian - np.eye(len(problem.names))
+    order = [problem.names.index(name) for name in names]
+    assert information == pytest.approx(expected[np.ix_(order, order)], rel=1e-9, abs=1e-9 * np.abs(expected).max())
+    not_logged = names.index("articulation.semitrailer.offset@0")
+    assert not information[not_logged].any()
+
+
+def test_every_run_has_its_own_sensor_errors_and_initial_states(truck, record):
+    vehicle = truck.with_logged_steering(record.signals, record.name)
+    predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
+    log = LogData(name="lanes", segments=[record.cut(0, 7), record.cut(8, 15)])
+    run = predictor.run_information(log)
+    names, information = combine_information([run, run], known=["steer.tractor.front.gain"])
+    shared = [name for name in run.names if "@" not in name and name != "steer.tractor.front.gain"]
+    own = [name for name in run.names if "@" in name]
+    assert {"steer.tractor.front.offset@0", "yaw_rate.tractor@0.1"} <= set(own)
+    assert [name for name in names if "@" not in name] == shared
+    assert {name for name in names if "@1" in name} == {name.replace("@0", "@1") for name in own}
+    single = run.information()
+    pick = np.ix_([run.names.index(n) for n in shared], [run.names.index(n) for n in shared])
+    both = np.ix_([names.index(n) for n in shared], [names.index(n) for n in shared])
+    assert information[both] == pytest.approx(2 * single[pick])
+    first, second = names.index("yaw_rate.tractor@0.1"), names.index("yaw_rate.tractor@1.1")
+    assert information[first, first] == information[second, second] > 0
+    assert information[first, second] == 0
+
+
+def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
+    one, two = assessment[HEIGHT].remedies
+    assert (one.known, two.known[0]) == ((AXIS,), AXIS)
+    for remedy in (one, two):
+        after = assess_information([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
+        assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+        assert remedy.sigma < 0.8 * assessment[HEIGHT].sigma
+    uncertain = OneStage(priors={"relaxation_length": 0.5})
+    (remedy, *_) = assess_information([record], truck, uncertain)[FRONT].remedies
+    after = assess_information([record], truck, replace(uncertain, fixed=remedy.known))[FRONT]
+    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+
+
+def test_one_more_lane_change_helps_as_predicted(truck):
+    straight = simulate(truck, manoeuvre="straight", duration=20, name="straight")
+    both = assess_information([straight, simulate(truck, count=1, seed=8)], truck)
+    for parameter in assess_information([straight], truck).parameters:
+        (remedy,) = parameter.remedies
+        assert (remedy.drive, remedy.known, remedy.channel) == (LANE_CHANGE, (), None)
+        assert both[parameter.name].verdict is Verdict.CONVERGED
+        assert remedy.sigma == pytest.approx(both[parameter.name].sigma, rel=0.05)
+
+
+def test_the_same_run_again_helps_as_predicted(truck):
+    """A sweep contains more information than a lane change, so another sweep is the best run to add."""
+    one, other = (simulate(truck, manoeuvre="sweep", seed=seed, name=str(seed)) for seed in (1, 2))
+    both = assess_information([one, other], truck, EXACT)
+    for parameter in assess_information([one], truck, EXACT, AssessmentSettings(enough=1e-6)).parameters:
+        (again,) = [remedy for remedy in parameter.remedies if remedy.kind == "drive"]
+        assert again.drive == REPEAT
+        assert again.sigma == pytest.approx(both[parameter.name].sigma, rel=0.05)
+
+
+def test_one_more_channel_helps_as_predicted(truck, record):
+    without_roll = assess_information([without(record, "roll_rate")], truck)
+    height = without_roll[HEIGHT]
+    assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
+    assert height.sigma == height.prior == 1.0
+    (remedy,) = height.remedies
+    assert remedy.channel == "roll_rate.semitrailer"
+    name = "roll_rate.semitrailer"
+    with_roll = without(record, "roll_rate").with_signals({name: record.signals[name]})
+    assert remedy.sigma == pytest.approx(assess_information([with_roll], truck)[HEIGHT].sigma, rel=0.05)
+    others = [p for p in without_roll.parameters if p.name != HEIGHT]
+    assert {p.verdict for p in others} == {Verdict.CONVERGED}
+
+
+def test_a_straight_run_contains_no_information(truck):
+    """Without roll rates the payload height needs both a lane change and a channel."""
+    straight = simulate(truck, manoeuvre="straight", duration=20)
+    for log in (straight, without(straight, "roll_rate")):
+        assessment = assess_information([log], truck)
+        assert {p.verdict for p in assessment.parameters} == {Verdict.NOT_EXCITED}
+        assert sigmas(assessment) == pytest.approx([p.prior for p in assessment.parameters])
+        assert all(p.correlated_with == () for p in assessment.parameters)
+    (remedy,) = assessment[HEIGHT].remedies
+    assert (remedy.drive, remedy.channel) == (LANE_CHANGE, "roll_rate.semitrailer")
+    assert remedy.sigma < 0.3
+
+
+def test_settings_of_the_assessment(truck, record, assessment):
+    assert [p.name for p in assessment.parameters if p.remedies] == [
+        p.name for p in assessment.parameters if p.sigma > 0.05 * p.value
+    ]
+
+    def assess(**settings: float) -> InformationAssessment:
+        return assess_information([record], truck, None, AssessmentSettings(**settings))
+
+    assert not any(p.remedies for p in assess(enough=1.0).parameters)
+    assert not any(p.remedies for p in assess(min_reduction=0.99).parameters)
+    assert len(assess(max_remedies=1)[HEIGHT].remedies) == 1
+    for p in assessment.parameters:
+        assert p.conditional_sigma < p.sigma < p.prior
+
+
+def test_an_unstable_vehicle_file_gives_a_caution(truck, record):
+    """The assessment uses the start of the fit; a vehicle that no stiffness makes stable is refused."""
+    unstable = truck.replace({"tractor.drive.cornering_stiffness": 3e5})
+    assessment = assess_information([record], unstable)
+    assert "unstable from 44 km/h" in assessment.cautions[0]
+    assert "stiffness of tractor.drive and semitrailer, where a fit would start" in assessment.cautions[0]
+    assert assessment["tractor.drive.cornering_stiffness"].value == 3e5
+    assert np.isfinite(sigmas(assessment)).all()
+    assert {p.verdict for p in assessment.parameters} == {Verdict.CONVERGED}
+    with pytest.raises(VehicleError, match=r"unstable at 24\.4 m/s, however stiff"):
+        assess_information([record], truck.replace({"tractor.drive.cornering_stiffness": 2e4}))
+
+
+def test_faults_of_a_log_are_listed(truck, record):
+    inverted = {"yaw_rate.semitrailer": -record.signals["yaw_rate.semitrailer"]}
+    with_gap = record.signals["roll_rate.tractor"].copy()
+    with_gap[300:420] = np.nan
+    assessment = assess_information([record.with_signals({**inverted, "roll_rate.tractor": with_gap})], truck)
+    assert [(log, f.signal, f.severity) for log, f in assessment.findings] == [
+        ("lanes", "yaw_rate.semitrailer", "error"),
+        ("lanes", "roll_rate.tractor", "warning"),
+    ]
+    assert not any("roll_rate.tractor" in note for note in assessment.notes)
+    stationary = record.with_signals({"speed": np.zeros(len(record)), "roll_rate.tractor": with_gap})
+    with pytest.raises(SignalError, match=r"(?s)speed: at most 0\.0 m/s.*\n.*roll_rate\.tractor: .*missing"):
+        assess_information([stationary], truck)
+    with pytest.raises(SignalError, match=r"logs: none given"):
+        assess_information([], truck)
+
+
+def test_the_noise_is_estimated_from_the_logs(truck, record):
+    gyros = article_gyro_variance(["tractor", "semitrailer"])
+    loud = simulate(truck, count=4, sensors={name: 4 * v for name, v in gyros.items()})
+    noiseless = simulate(truck, count=4, sensors=dict.fromkeys(gyros, 0.0))
+    estimated = assess_information([loud], truck).noise["simulated"]
+    lower_limit = assess_information([noiseless], truck).noise["simulated"]
+    for name, variance in gyros.items():
+        assert estimated[name] == pytest.approx(4 * variance, rel=0.3)
+        assert lower_limit[name] == pytest.approx(variance / 10)
+    known = OneStage(adapt_noise=False, noise={"yaw_rate.tractor": 1e-5})
+    assert assess_information([loud], truck, known).noise["simulated"] == {**gyros, "yaw_rate.tractor": 1e-5}
+    empty = record.with_signals({"roll_rate.tractor": np.full(len(record), np.nan)})
+    assert "roll_rate.tractor" not in assess_information([empty], truck).noise["lanes"]
+
+
+def test_estimated_and_fixed_parameters(truck, record):
+    assessment = assess_information([record], truck, OneStage(free=("tractor.yaw_inertia",), fixed=(FRONT,)))
+    assert [p.name for p in assessment.parameters] == ["tractor.yaw_inertia"]
+    assert any(FRONT in note for note in assessment.notes)
+    separate = assess_information([record], truck, OneStage(uniform_payload=False))
+    assert separate["semitrailer.sprung.cog_height"].value == pytest.approx(truck.derived()["semitrailer.cog_height"])
+    with pytest.raises(VehicleError, match="fixed: every parameter is fixed"):
+        assess_information([record], truck, OneStage(free=(FRONT,), fixed=(FRONT,)))
+    with pytest.raises(VehicleError, match="no such parameter"):
+        assess_information([record], truck, OneStage(fixed=("tractor.colour",)))
+
+
+def test_json(assessment):
+    content = json.loads(assessment.to_json())
+    assert [p["name"] for p in content["parameters"]] == [p.name for p in assessment.parameters]
+    assert content["parameters"][-1]["remedies"][0]["known"] == [AXIS]
+    assert content["logs"] == ["lanes"]
+    with pytest.raises(KeyError):
+        assessment["tractor.mass"]

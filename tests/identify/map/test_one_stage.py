@@ -1,0 +1,290 @@
+"""One stage on the linear vehicle: errors against the Cramér-Rao bound, sigmas, verdicts, faults."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.errors import VehicleError
+from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.observe import Observer
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
+from tests.identify.conftest import without
+
+KNOWN = OneStage(priors={}, consider={}, nuisances=False)
+HEIGHT = "semitrailer.payload.height"
+STEER = "steer.tractor.front"
+BOUND = {
+    "tractor.front.cornering_stiffness": 0.0035,
+    "tractor.drive.cornering_stiffness": 0.0025,
+    "semitrailer.cornering_stiffness": 0.0073,
+    "semitrailer.yaw_inertia": 0.0050,
+    HEIGHT: 0.0233,
+}
+"""Cramér-Rao bound of one lane change, as a fraction of the value; computed by benchmarks/accuracy.py."""
+
+
+def guesses(truck: Vehicle, factors: tuple[float, ...]) -> Vehicle:
+    values = truck.parameters()
+    return truck.replace({n: values[n] * f for n, f in zip(stage_1_names(truck), factors, strict=True)})
+
+
+def errors(result: Identification, truck: Vehicle) -> dict[str, float]:
+    truth = truck.parameters() | truck.derived()
+    return {e.name: e.value / truth[e.name] - 1 for e in (*result.parameters, *result.derived) if e.name in truth}
+
+
+def normalised_errors(result: Identification, truck: Vehicle) -> dict[str, float]:
+    """Errors in standard deviations."""
+    truth = truck.parameters() | truck.derived()
+    estimates = (*result.parameters, *result.derived)
+    return {e.name: (e.value - truth[e.name]) / e.sigma for e in estimates if e.sigma}
+
+
+@pytest.mark.parametrize(
+    "factors", [(0.6, 1.4, 0.6, 1.4), (1.4, 1.4, 1.4, 1.4), (1.4, 0.6, 1.4, 0.6), (0.6, 0.6, 1.4, 0.6)], ids=str
+)
+def test_one_lane_change_from_wrong_initial_values(truck: Vehicle, factors: tuple[float, ...]) -> None:
+    """One of the initial vehicles is unstable at the speed of the log."""
+    record = simulate(truck, count=1, seed=1)
+    result = identify([record], guesses(truck, factors), KNOWN)
+    assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
+    for name, error in errors(result, truck).items():
+        if name in BOUND:
+            assert abs(error) < 3.5 * BOUND[name], name
+    right = identify([record], truck, replace(KNOWN, initial_payload_height=None))
+    for e in result.parameters:  # the prior mean has some weight
+        assert abs(e.value - right[e.name].value) < 0.2 * e.sigma, e.name
+
+
+def test_sigma_is_close_to_the_bound(truck: Vehicle, guess: Vehicle) -> None:
+    result = identify([simulate(truck, count=1, seed=2)], guess, KNOWN)
+    truth = truck.parameters()
+    for e in result.parameters:
+        assert 0.9 * BOUND[e.name] < e.sigma / truth[e.name] < 1.4 * BOUND[e.name], e.name
+    assert set(result.histories) == {"one stage"}
+    history = result.histories["one stage"]
+    assert history.values[-1] == pytest.approx([e.value for e in result.parameters], rel=1e-3)
+    assert (np.diff(history.sigma[:, 0] / history.values[:, 0]) < 1e-3).all()
+
+
+@pytest.mark.slow
+def test_one_lane_change_reaches_the_bound(truck: Vehicle) -> None:
+    """The rms error is within sampling error of 1.1 times the bound; 90 % intervals contain the truth in 90 %."""
+    truth, ratios = truck.parameters(), []
+    for seed in range(100):
+        factors = tuple(np.random.default_rng([seed, 7]).choice([0.8, 1.2], 4))
+        result = identify([simulate(truck, count=1, seed=seed)], guesses(truck, factors), KNOWN)
+        ratios.append([(e.value / truth[e.name] - 1, e.sigma / truth[e.name]) for e in result.parameters])
+    error, sigma = np.moveaxis(np.array(ratios), -1, 0)
+    rms = np.sqrt(np.mean(error**2, axis=0)) / np.array(list(BOUND.values()))
+    covered = np.mean(np.abs(error) < 1.645 * sigma, axis=0)
+    assert (rms < 1.1 * 1.1).all(), rms  # an rms of 100 draws has a standard deviation of 7 %
+    assert ((covered >= 0.85) & (covered <= 0.97)).all(), covered
+
+
+@pytest.mark.parametrize("form", ["output_error", "prediction_error"])
+def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle, form: str) -> None:
+    """Gain, offset and delay of the steering, biases and a gain of gyros: all estimated within their sigma."""
+    record = simulate(truck, count=3, seed=3)
+    signals = dict(record.signals)
+    delayed = np.interp(record.time - 0.04, record.time, signals[STEER])
+    signals |= {
+        STEER: delayed / 1.05 + 0.004,
+        "yaw_rate.tractor": 1.003 * signals["yaw_rate.tractor"] + 0.002,
+        "roll_rate.semitrailer": signals["roll_rate.semitrailer"] - 0.003,
+    }
+    result = identify([replace(record, signals=signals)], guess, OneStage(form=form))
+    assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
+    assert max(np.abs(list(normalised_errors(result, truck).values()))) < 3.5
+    errors = {e.name: e for e in result.sensors}
+    for name, value in {
+        f"{STEER}.gain": 1.05,
+        f"{STEER}.offset": 0.004,
+        f"{STEER}.delay": 0.04,
+        "yaw_rate.tractor.offset": 0.002,
+        "yaw_rate.tractor.gain": 1.003,
+        "roll_rate.semitrailer.offset": -0.003,
+    }.items():
+        assert abs(errors[name].value - value) < 3.5 * errors[name].sigma, name
+    assert errors[f"{STEER}.delay"].sigma < 0.01
+    assert {e.verdict for e in result.uncertain} == {Verdict.FIXED}
+
+
+def test_offsets_of_several_logs(truck: Vehicle, guess: Vehicle) -> None:
+    records = []
+    for i, offset in enumerate((0.003, -0.002)):
+        record = simulate(truck, count=1, seed=i, name=f"log {i}")
+        records.append(record.with_signals({"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + offset}))
+    result = identify(records, guess, replace(KNOWN, nuisances=True))
+    offsets = {(e.log, e.name): e.value for e in result.sensors}
+    differences = [  # only the difference of the two gyros is identifiable
+        offsets[log, "yaw_rate.tractor.offset"] - offsets[log, "yaw_rate.semitrailer.offset"]
+        for log in ("log 0", "log 1")
+    ]
+    assert differences == pytest.approx([0.003, -0.002], abs=0.0006)
+    single = identify(records[:1], guess, replace(KNOWN, nuisances=True))
+    assert all(result[e.name].sigma < e.sigma for e in single.parameters)
+
+
+def test_robust_to_spikes_and_gaps(truck: Vehicle, guess: Vehicle) -> None:
+    record = simulate(truck, count=2, seed=5)
+    rng, signals = np.random.default_rng(0), {n: v.copy() for n, v in record.signals.items()}
+    for name in signals:
+        if "rate" in name:
+            signals[name][rng.integers(0, len(record), 20)] += rng.choice([-0.8, 0.8], 20)
+            signals[name][500:560] = np.nan
+    clean = identify([record], guess, KNOWN)
+    result = identify([replace(record, signals=signals)], guess, KNOWN)
+    for e in clean.parameters:
+        assert abs(result[e.name].value - e.value) < 1.5 * e.sigma, e.name
+    assert all(fraction == pytest.approx(20 / len(record), rel=0.3) for fraction in result.logs[0].rejected.values())
+
+
+def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
+    result = identify([simulate(truck, manoeuvre="straight", seed=1)], guess)
+    given = guess.parameters()
+    for e in result.parameters:
+        assert e.verdict is Verdict.NOT_EXCITED, e.name
+        assert e.value == given[e.name]
+        assert e.sigma == pytest.approx(e.prior)
+    assert all(e.verdict is Verdict.NOT_EXCITED for e in result.derived)
+
+
+def test_without_roll_rates_the_payload_is_not_identifiable(truck: Vehicle, guess: Vehicle) -> None:
+    result = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess)
+    height = result[HEIGHT]
+    assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
+    assert height.value == truck.parameters()[HEIGHT]
+    assert result["semitrailer.cog_height"].verdict is Verdict.NOT_IDENTIFIABLE
+    verdicts = {e.name: e.verdict for e in result.parameters}
+    assert [v for n, v in verdicts.items() if n != HEIGHT] == [Verdict.CONVERGED] * 4
+    # the uncertainty of the height is part of the other sigmas
+    certain = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess, OneStage(fixed=(HEIGHT,)))
+    assert result["semitrailer.cornering_stiffness"].sigma > certain["semitrailer.cornering_stiffness"].sigma
+
+
+def test_correlated_unknowns_are_named(truck: Vehicle, guess: Vehicle) -> None:
+    """Front stiffness and an unknown steering gain in one lane change."""
+    record = simulate(truck, count=1, seed=6)
+    loose = OneStage(steer_gain_prior=2.0, prior=0.05, priors={}, consider={})
+    result = identify([record], guess, loose)
+    front = result["tractor.front.cornering_stiffness"]
+    assert f"{STEER}.gain" in front.correlated_with
+
+
+def test_payload_of_any_shape(truck: Vehicle, guess: Vehicle) -> None:
+    result = identify([simulate(truck, count=10, seed=7)], guess, replace(KNOWN, uniform_payload=False))
+    names = [e.name for e in result.parameters]
+    assert names[-2:] == ["semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia"]
+    truth = truck.derived()
+    for name, allowed in (("semitrailer.cog_height", 0.015), ("semitrailer.roll_inertia", 0.2)):
+        e = result[name]
+        assert abs(e.value / truth[name] - 1) < allowed
+        assert abs(e.value - truth[name]) < 3 * e.sigma
+    assert result.vehicle.unit("semitrailer").payload is None
+
+
+def test_a_considered_parameter_widens_sigma_and_keeps_its_value(truck: Vehicle, guess: Vehicle) -> None:
+    record, soft = simulate(truck, count=2, seed=8), "semitrailer.roll_stiffness"
+    certain = identify([record], guess, KNOWN)
+    result = identify([record], guess, replace(KNOWN, consider={soft: 0.1}))
+    assert result[HEIGHT].value == pytest.approx(certain[HEIGHT].value, rel=1e-3)
+    # an error of 10 % in the suspension stiffness moves the payload height by about 12 %
+    assert 0.05 < result[HEIGHT].sigma / result[HEIGHT].value < 0.15
+    (uncertain,) = result.uncertain
+    assert (uncertain.name, uncertain.value, uncertain.verdict) == (soft, truck.parameters()[soft], Verdict.FIXED)
+    wrong = guess.replace({soft: 1.1 * truck.parameters()[soft]})
+    moved = identify([record], wrong, replace(KNOWN, consider={soft: 0.1}))[HEIGHT]
+    assert abs(moved.value - certain[HEIGHT].value) == pytest.approx(moved.sigma, rel=0.35)
+
+
+def test_an_uncertain_parameter_is_estimated(truck: Vehicle) -> None:
+    initial = truck.replace({f"{path}.relaxation_length": 0.6 for path in ("tractor.front", "tractor.drive")})
+    result = identify([simulate(truck, count=10, seed=9)], initial, replace(KNOWN, priors={"relaxation_length": 0.3}))
+    for e in result.uncertain:
+        assert abs(e.value - 0.45) < 3.5 * e.sigma
+        assert e.sigma < 0.5 * e.prior
+
+
+def test_fixed_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
+    record, front = simulate(truck, count=2, seed=10), "tractor.front.cornering_stiffness"
+    result = identify([record], guess, replace(KNOWN, fixed=(front,)))
+    assert (result[front].verdict, result[front].sigma) == (Verdict.FIXED, None)
+    only = identify([record], truck, replace(KNOWN, free=("tractor.yaw_inertia", "semitrailer.mass")))
+    assert [e.name for e in only.parameters] == ["tractor.yaw_inertia", "semitrailer.mass"]
+    assert max(np.abs(list(normalised_errors(only, truck).values()))) < 3.5
+    by_end = identify([record], guess, replace(KNOWN, fixed=("cornering_stiffness",)))
+    assert [e.verdict for e in by_end.parameters].count(Verdict.FIXED) == 3
+    for wrong in ({"consider": {"roll_axis_hight": 0.1}}, {"priors": {"nonsense": 0.1}}):
+        with pytest.raises(VehicleError, match="no such parameter"):
+            identify([record], guess, replace(KNOWN, **wrong))
+    with pytest.raises(VehicleError, match="is estimated, so it cannot be considered"):
+        identify([record], guess, replace(KNOWN, consider={"payload.height": 0.1}))
+    with pytest.raises(VehicleError, match=r"tractor\.yaw_inertai: no such parameter"):
+        identify([record], guess, replace(KNOWN, free=("tractor.yaw_inertai",)))
+    with pytest.raises(VehicleError, match="every parameter is fixed"):
+        identify([record], guess, replace(KNOWN, free=(front,), fixed=(front,), nuisances=False))
+    with pytest.raises(VehicleError, match=r"fifth_wheel\.roll_damping: expected above 0"):
+        identify([record], guess, replace(KNOWN, free=("fifth_wheel.roll_damping",)))
+
+
+def test_result_as_json_and_in_an_observer(truck: Vehicle, guess: Vehicle) -> None:
+    record = simulate(truck, count=2, seed=11, name="a run")
+    result = identify([record], guess)
+    data = json.loads(result.to_json())
+    assert data["method"] == "one-stage"
+    assert data["settings"]["consider"]["roll_stiffness"] == 0.1
+    assert len(data["uncertainty"]["names"]) == len(data["uncertainty"]["covariance"])
+    own = result.uncertainty("a run")
+    assert own is not None
+    assert f"{STEER}.offset" in own.names
+    other = result.uncertainty("another")  # its sensor errors have their priors
+    assert set(other.names) == set(own.names)
+    i = other.names.index(f"{STEER}.offset")
+    assert np.sqrt(other.covariance[i, i]) == pytest.approx(result.settings.steer_offset_prior)
+    assert np.count_nonzero(other.covariance[i]) == 1
+    observer = Observer(result.vehicle, record.signals, result.observer_settings("a run"))
+    plain, wider = observer.batch(record), observer.batch(record, own)
+    name = "sideslip.semitrailer"
+    assert wider.values[name] == pytest.approx(plain.values[name], nan_ok=True)
+    assert (wider.sigma[name] > plain.sigma[name]).all()
+    error = wider.values[name] - record.reference[name]
+    assert np.mean(np.abs(error) < 1.645 * wider.sigma[name]) > 0.8
+
+
+def test_few_steps_are_needed(truck: Vehicle, guess: Vehicle) -> None:
+    result = identify([simulate(truck, count=2, seed=12)], guess)
+    assert result.rounds <= 10
+
+
+def test_the_bank_of_the_road_is_estimated_if_the_steering_offset_is_known(truck: Vehicle, guess: Vehicle) -> None:
+    """A bank of 2 degrees moves the truck to the right."""
+    record, true_bank = simulate(truck, count=3, seed=13), np.radians(2)
+    steered = truck.with_logged_steering(record.signals, "the record")
+    outputs = tuple(name for name in record.signals if "rate" in name)
+    values = dynamics.all_parameters(steered, outputs)
+    banked, level = (
+        linear_response(
+            dynamics.model(steered, outputs, roll=True, bank=True),
+            values,
+            record.time,
+            {name: record.signals[name] for name in ("speed", STEER)},
+            np.array([*[0.0] * (len(dynamics.state_names(steered, roll=True))), bank]),
+        )[1]
+        for bank in (true_bank, 0.0)
+    )
+    signals = {name: record.signals[name] + (banked - level)[:, i] for i, name in enumerate(outputs)}
+    known = replace(KNOWN, nuisances=True, steer_offset_prior=1e-4, rate_offset_prior=1e-4)
+    result = identify([record.with_signals(signals)], guess, known)
+    bank, sigma = result.logs[0].bank
+    assert sigma < 0.02
+    assert abs(bank - true_bank) < 3 * sigma
+    assert max(np.abs(list(normalised_errors(result, truck).values()))) < 3.5
+    assert identify([record], guess, KNOWN).logs[0].bank is None

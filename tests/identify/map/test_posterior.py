@@ -1,0 +1,72 @@
+"""Covariances, correlations and verdicts on problems with a known solution."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.verdict import Verdict, information_verdicts
+
+NAMES = ("a", "b", "c")
+posterior = Posterior.from_information
+
+
+def information(jacobian: np.ndarray, sigma: float) -> np.ndarray:
+    return jacobian.T @ jacobian / sigma**2
+
+
+@pytest.fixture(scope="module")
+def jacobian() -> np.ndarray:
+    return np.random.default_rng(0).normal(size=(200, 3))
+
+
+def test_right_model(jacobian: np.ndarray) -> None:
+    """The covariance is the inverse of the information plus the prior."""
+    H = information(jacobian, 2.0)
+    result = posterior(NAMES, H)
+    assert result.covariance == pytest.approx(np.linalg.inv(np.eye(3) + H))
+    assert posterior(NAMES, H, H).covariance == pytest.approx(result.covariance)
+    assert result.sigma == pytest.approx(np.sqrt(np.diag(result.covariance)))
+
+
+def test_larger_score_covariance_widens_every_sigma(jacobian: np.ndarray) -> None:
+    H = 100 * information(jacobian, 1.0)
+    usual, wider = posterior(NAMES, H, H), posterior(NAMES, H, 9 * H)
+    assert wider.sigma == pytest.approx(3 * usual.sigma, rel=1e-3)
+    # scores that scatter less than predicted do not reduce a sigma
+    assert posterior(NAMES, H, H / 9).sigma == pytest.approx(usual.sigma)
+
+
+def test_considered_unknown_against_random_draws(jacobian: np.ndarray) -> None:
+    """Data and the considered unknown are drawn; the fit keeps the latter at its prior mean."""
+    rng, sigma = np.random.default_rng(1), 5.0
+    H = information(jacobian, sigma)
+    result = posterior(NAMES, H, considered=["c"])
+    P = np.linalg.inv(np.eye(2) + H[:2, :2])
+    errors = []
+    for _ in range(20_000):
+        z = rng.normal(size=3)
+        gradient = jacobian.T @ (jacobian @ z + sigma * rng.normal(size=len(jacobian))) / sigma**2
+        errors.append([*(P @ gradient[:2] - z[:2]), -z[2]])
+    assert result.covariance == pytest.approx(np.cov(np.array(errors).T), abs=0.02)
+    assert result.sigma[2] == 1.0
+    assert np.linalg.eigvalsh(result.covariance).min() > 0
+    assert (result.sigma[:2] > posterior(NAMES, H).sigma[:2]).all()
+
+
+def test_correlated_unknowns() -> None:
+    """Only the sum of a and b is measured."""
+    row = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    result = posterior(NAMES, information(row, 0.01))
+    assert result.correlated(0) == [1]
+    assert result.correlated(2) == []
+    assert result.most_limiting(1) == 0
+    assert result.conditional_sigma(0) == pytest.approx(0.01, rel=1e-2)
+    assert result.sigma[0] == pytest.approx(np.sqrt(0.5), rel=1e-2)
+    assert information_verdicts(result, [0, 2], 0.5) == {0: Verdict.NOT_IDENTIFIABLE, 2: Verdict.CONVERGED}
+
+
+def test_conditional_sigma_does_not_take_sensor_errors_as_known() -> None:
+    """a plus the sensor error c is measured well, but c is unknown."""
+    H = information(np.array([[1.0, 0.0, 1.0]]), 0.01)
+    assert posterior(NAMES, H).conditional_sigma(0) == pytest.approx(0.01, rel=1e-2)
+    assert posterior(NAMES, H, nuisances=[2]).conditional_sigma(0) == pytest.approx(np.sqrt(0.5), rel=1e-2)

@@ -1,0 +1,127 @@
+"""The cost of the one-stage problem, and its derivatives against differences."""
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.filters import tangent
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.map.likelihood import information, scores
+from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.parameters import one_stage_unknowns
+from fifthwheel.record import Record
+from fifthwheel.record.segments import segments_above
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
+
+
+def problem(truck: Vehicle, records: list[Record], settings: OneStage) -> Problem:
+    truck = truck.with_logged_steering(records[0].signals, "the records")
+    outputs = tuple(name for name in records[0].signals if "rate" in name)
+    free = tuple(dynamics.all_parameters(truck, outputs))
+    model = dynamics.model(truck, outputs, roll=True, bank=settings.nuisances, free=free)
+    logs = [LogData(name=r.name, segments=segments_above(r, 5.0)) for r in records]
+    return Problem(model, truck, logs, one_stage_unknowns(truck, outputs, settings), settings)
+
+
+@pytest.fixture(scope="module")
+def records(truck: Vehicle) -> list[Record]:
+    """Two logs; the first has a slow phase that cuts it in two, a gap in a channel and a spike."""
+    first, second = (simulate(truck, count=1, seed=seed, name=f"log {seed}").cut(0.5, 5.0) for seed in (1, 2))
+    speed, gyro = first.signals["speed"].copy(), first.signals["yaw_rate.tractor"].copy()
+    speed[200:260], gyro[300:340], gyro[100] = 3.0, np.nan, 3.0
+    return [first.with_signals({"speed": speed, "yaw_rate.tractor": gyro}), second]
+
+
+@pytest.mark.parametrize("form", ["output_error", "prediction_error"])
+def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
+    """By all unknowns: parameters, sensor errors, initial states and bank."""
+    p = problem(truck, records, OneStage(form=form, initial_payload_height=1.0, rate_gain_prior=0.05))
+    rng = np.random.default_rng(3)
+    z = 0.1 * rng.normal(size=len(p.names))
+    quadratic = p.expand(z, directions="all")
+    assert quadratic.cost == pytest.approx(p.cost(z), rel=1e-9)
+    step = 1e-4
+    for i in range(0, len(z), 1 if form == "output_error" else 3):
+        if p.names[i].endswith(".delay"):
+            continue  # linear interpolation of the steer angle is not differentiable
+        shift = np.eye(len(z))[i] * step
+        expected = (p.cost(z + shift) - p.cost(z - shift)) / (2 * step)
+        scale = np.sqrt(quadratic.hessian[i, i])
+        assert abs(quadratic.gradient[i] - expected) < 2e-4 * (abs(expected) + scale), p.names[i]
+    assert np.linalg.eigvalsh(quadratic.hessian).min() > 0.99
+
+
+def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:
+    p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage(initial_payload_height=None))
+    i = p.names.index("steer.tractor.front.delay")
+    costs = []
+    for delay in (-0.03, 0.0, 0.03):
+        z = np.zeros(len(p.names))
+        z[i] = delay / 0.1
+        costs.append(p.cost(z))
+    assert costs[1] < min(costs[0], costs[2]) - 1
+
+
+def test_names_of_logs_and_segments(truck: Vehicle, records: list[Record]) -> None:
+    p = problem(truck, records, OneStage())
+    assert len(set(p.names)) == len(p.names)
+    for name in ("steer.tractor.front.offset@0", "steer.tractor.front.offset@1", "bank.road@0.0", "bank.road@0.1"):
+        assert name in p.names
+    assert "steer.tractor.front.gain" in p.names
+    assert p.segments() == [(0, 0), (0, 1), (1, 0)]
+    assert not problem(truck, records, OneStage(form="prediction_error")).layout.initial_states[0][0].size
+
+
+def test_hessian_is_the_information(truck: Vehicle) -> None:
+    """The covariance of the scores of many logs is the Hessian at the true parameters, without the prior."""
+    settings = OneStage(priors={}, consider={}, nuisances=False, initial_payload_height=None, outlier=100.0)
+    scores = []
+    for seed in range(60):
+        p = problem(truck, [simulate(truck, count=1, seed=seed).cut(0.5, 4.5)], settings)
+        quadratic = p.expand(np.zeros(len(p.names)))
+        scores.append(quadratic.gradient[:5])
+    covariance = np.cov(np.array(scores).T)
+    information = (quadratic.hessian - np.eye(len(p.names)))[:5, :5]
+    # 60 draws: a variance has a standard deviation of 18 %
+    assert np.diag(covariance) / np.diag(information) == pytest.approx(np.ones(5), abs=0.55)
+
+
+def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
+    record = simulate(truck, count=1, seed=4)
+    gyro = record.signals["yaw_rate.tractor"].copy()
+    clean = problem(truck, [record], OneStage(initial_payload_height=None))
+    gyro[::97] += 2.0
+    spiked = problem(truck, [record.with_signals({"yaw_rate.tractor": gyro})], OneStage(initial_payload_height=None))
+    for p in (clean, spiked):
+        for _ in range(8):
+            p.update_noise(np.zeros(len(p.names)), autocorrelated=False)
+    estimate, expected = (p.logs[0].noise["yaw_rate.tractor"] for p in (spiked, clean))
+    assert expected == pytest.approx(0.000016, rel=0.15)
+    assert expected < estimate < 1.5 * expected
+
+
+def test_update_noise_leaves_the_given_logs_alone(truck: Vehicle) -> None:
+    settings = OneStage(initial_payload_height=None)
+    first = problem(truck, [simulate(truck, count=1, seed=4)], settings)
+    given = first.logs[0].noise["yaw_rate.tractor"]
+    second = Problem(first.model, first.vehicle, first.logs, first.unknowns, settings)
+    second.update_noise(np.zeros(len(second.names)), autocorrelated=True)
+    assert second.logs[0].noise["yaw_rate.tractor"] != given
+    assert second.variance(0)[0] == second.logs[0].effective_variance(second.model.outputs[0])
+    assert first.logs[0].noise["yaw_rate.tractor"] == given
+    assert set(first.logs[0].autocorrelation_factor.values()) == {1.0}
+
+
+def test_one_block_is_all_blocks(truck: Vehicle, records: list[Record], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tangent, "CHUNK", 37)
+    p = problem(truck, records, OneStage(form="prediction_error", nuisances=False))
+    z = np.zeros(len(p.names))
+    blocks, block = list(p.blocks(z, 1, 0)), p.block(z, 1, 0)
+    assert len(blocks) > 3
+    gradient, gram = (sum(parts) for parts in zip(*[information(b, 4.0) for b in blocks], strict=True))
+    merged_gradient, merged_gram = information(block, 4.0)
+    assert merged_gradient == pytest.approx(gradient, rel=1e-9, abs=1e-9)
+    assert merged_gram == pytest.approx(gram, rel=1e-9, abs=1e-9)
+    assert scores(block, 4.0).sum(axis=0) == pytest.approx(gradient, rel=1e-9, abs=1e-9)

@@ -1,0 +1,125 @@
+"""Logs and vehicle before an identification: what is refused, what is noted, what is left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.errors import SignalError
+from fifthwheel.identify import OneStage, TwoStage, identify
+from fifthwheel.identify.dataset import prepare_dataset
+from fifthwheel.identify.parameters import group_paths
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
+from tests.identify.conftest import without
+
+FRONT, REAR = "steer.tractor.front", "steer.semitrailer.rear"
+
+
+def copy(record: Record) -> Record:
+    signals = {name: values.copy() for name, values in record.signals.items()}
+    return replace(record, time=record.time.copy(), signals=signals)
+
+
+@pytest.mark.parametrize(
+    "settings", [OneStage(), OneStage(form="prediction_error"), TwoStage()], ids=["oe", "pe", "two"]
+)
+def test_identification_changes_none_of_its_arguments(truck: Vehicle, settings: OneStage | TwoStage) -> None:
+    """And so the same call has the same result, bit by bit."""
+    records = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2)]
+    speed = records[0].signals["speed"].copy()
+    speed[100] += 10.0  # a spike that is removed
+    records[0] = records[0].with_signals({"speed": speed})
+    given, vehicle = [copy(record) for record in records], truck.model_copy(deep=True)
+    results = [identify(records[:1], truck, settings, validate=records[1:]) for _ in range(2)]
+    assert records == given
+    assert truck == vehicle
+    assert results[0].to_json() == results[1].to_json()
+    for name, history in results[0].histories.items():
+        assert history.values.tobytes() == results[1].histories[name].values.tobytes()
+    assert results[0].fits[-1].predicted.tobytes() == results[1].fits[-1].predicted.tobytes()
+
+
+def test_dataset(truck: Vehicle) -> None:
+    slow = simulate(truck, count=1, seed=1, name="slow")
+    speed = slow.signals["speed"].copy()
+    speed[300:350] = 2.0
+    other = simulate(truck, count=1, seed=2, name="other")
+    given = slow.with_signals({"speed": speed})
+    dataset = prepare_dataset([given], truck, OneStage(fixed=("tractor.mass",), relaxation=False), [other])
+    (log,), (validation,) = dataset.logs, dataset.validation
+    assert [len(segment) for segment in log.segments] == [300, len(slow) - 350]
+    assert (log.name, validation.name, dataset.records) == ("slow", "other", (given,))
+    assert dataset.yaw == ("yaw_rate.tractor", "yaw_rate.semitrailer")
+    assert dataset.roll == ("roll_rate.tractor", "roll_rate.semitrailer")
+    assert dataset.vehicle.steer_signals() == (FRONT,)
+    assert dataset.initial_vehicle.steer_signals() == truck.steer_signals()
+    assert all(dataset.vehicle.parameters()[f"{path}.relaxation_length"] == 0 for path in group_paths(truck))
+    assert any(REAR in note and "taken as 0" in note for note in dataset.notes)
+    assert "tractor.mass is fixed: no sigma includes its uncertainty." in dataset.notes
+    source = dataset.identified_vehicle({"semitrailer.yaw_inertia": 4.0e5}).source
+    assert "identified on slow at 24.4 to 24.4 m/s" in source
+
+
+def test_noise_of_a_log(truck: Vehicle) -> None:
+    """Its own, else that of the settings, else that of the table."""
+    dataset = prepare_dataset([simulate(truck, count=1)], truck, OneStage())
+    log = replace(dataset.logs[0], noise={"yaw_rate.tractor": 1.0}, autocorrelation_factor={"yaw_rate.tractor": 3.0})
+    full = log.with_noise(truck, (*dataset.yaw, *dataset.roll), {"yaw_rate.tractor": 2.0, "roll_rate.tractor": 2.0})
+    assert full.noise["yaw_rate.tractor"] == 1.0
+    assert full.noise["roll_rate.tractor"] == 2.0
+    assert 0 < full.noise["yaw_rate.semitrailer"] < 1e-3
+    assert full.effective_variance("yaw_rate.tractor") == 3.0
+    assert full.effective_variance("roll_rate.tractor") == 2.0
+    assert set(log.noise) == {"yaw_rate.tractor"}
+
+
+def test_refused_logs(truck: Vehicle) -> None:
+    record = simulate(truck, count=1, name="one")
+    crawling = replace(record.with_signals({"speed": 0 * record.time + 1.0}), name="crawling")
+    cases = [
+        ([], [], "logs: none given"),
+        ([record], [record], "logs: one given more than once"),
+        ([record, replace(record, name="two")], [], "logs: two logs contain the same samples"),
+        ([without(record, "steer")], [], FRONT),
+        ([without(record, "speed")], [], "speed"),
+        ([without(record, "yaw_rate")], [], r"yaw_rate\.tractor: in none of the logs"),
+        ([record], [crawling], "speed: "),
+    ]
+    for records, validate, message in cases:
+        with pytest.raises(SignalError, match=message):
+            prepare_dataset(records, truck, OneStage(check=False), validate)
+
+
+def test_alternating_speed_about_the_limit(truck: Vehicle) -> None:
+    record = simulate(truck, count=1)
+    speed = np.where(np.arange(len(record)) % 2, 4.0, 6.0)
+    with pytest.raises(SignalError, match="never at 5 m/s or above for two samples"):
+        prepare_dataset([record.with_signals({"speed": speed})], truck, TwoStage(check=False))
+
+
+def test_a_steered_trailer(truck: Vehicle) -> None:
+    """A log with a steered trailer is used as such; a log without its steer angle is refused beside it."""
+    record = simulate(truck, count=3, seed=1, name="steered")
+    rear = 0.3 * record.signals[FRONT]
+    steered = truck.with_logged_steering({FRONT, REAR}, "")
+    outputs = tuple(name for name in record.signals if "rate" in name)
+    inputs = {n: record.signals[n] for n in ("speed", FRONT)} | {REAR: rear}
+    model = dynamics.model(steered, outputs, roll=True)
+    _, y = linear_response(model, dynamics.all_parameters(steered, outputs), record.time, inputs)
+    noise = np.random.default_rng(0).normal(size=y.shape) * [2e-2, 7e-3, 4e-3, 3.3e-3]
+    log = record.with_signals(inputs | {name: y[:, i] + noise[:, i] for i, name in enumerate(outputs)})
+    other = simulate(truck, count=1, seed=2, name="other")
+    result = identify([log], truck)
+    assert not any(REAR in note for note in result.notes)
+    for e in result.parameters:
+        assert e.sigma is not None
+        assert abs(e.value - truck.parameters()[e.name]) < 3 * e.sigma, e.name
+        assert e.verdict is Verdict.CONVERGED
+    for call in (lambda: identify([log], truck, validate=[other]), lambda: identify([log, other], truck)):
+        with pytest.raises(SignalError, match=r"steer\.semitrailer\.rear: not in other, but in another log"):
+            call()

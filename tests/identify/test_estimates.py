@@ -1,0 +1,115 @@
+"""Estimates, derived quantities and sensor errors, from values and sigmas."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.errors import SignalError
+from fifthwheel.identify import Estimate, TwoStage, Verdict
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.estimates import (
+    derived_from_covariance,
+    derived_from_payload_height,
+    fixed_estimate,
+    log_summary,
+    parameter_estimate,
+    sensor_error_estimates,
+    sensor_error_unit,
+)
+from fifthwheel.identify.parameters import sensor_error_unknowns, two_stage_unknowns
+from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
+
+HEIGHT, STIFFNESS = "semitrailer.payload.height", "tractor.front.cornering_stiffness"
+STEER, RATE = "steer.tractor.front", "yaw_rate.tractor"
+
+
+def height_estimate(truck: Vehicle, sigma_z: float = 0.05) -> Estimate:
+    (unknown,) = two_stage_unknowns(truck, [HEIGHT], TwoStage())
+    return parameter_estimate(unknown, 1.3, sigma_z, Verdict.CONVERGED, stage=2, settling_time=4.0)
+
+
+def test_parameter_estimate(truck: Vehicle) -> None:
+    """Sigma of a stiffness, which is estimated by its logarithm, is proportional to the estimate."""
+    (unknown,) = two_stage_unknowns(truck, [STIFFNESS], TwoStage())
+    estimate = parameter_estimate(unknown, 5.0e5, 0.1, Verdict.AT_BOUND)
+    assert estimate.sigma == pytest.approx(0.1 * TwoStage().prior * 5.0e5)
+    assert estimate.prior == pytest.approx(TwoStage().prior * truck.parameters()[STIFFNESS])
+    assert (estimate.initial, estimate.unit, estimate.stage) == (truck.parameters()[STIFFNESS], "N/rad", 1)
+    assert height_estimate(truck).sigma == pytest.approx(0.05 * TwoStage().height_prior)
+    fixed = fixed_estimate(STIFFNESS, 4.0e5)
+    assert (fixed.value, fixed.initial, fixed.sigma, fixed.verdict) == (4.0e5, 4.0e5, None, Verdict.FIXED)
+
+
+def test_both_ways_to_derived_quantities_agree_if_only_the_height_is_uncertain(truck: Vehicle) -> None:
+    """Forward differences against central differences with a covariance; and the CoG height by hand, equation (8)."""
+    height = height_estimate(truck)
+    vehicle = truck.replace({HEIGHT: height.value})
+    uncertainty = Uncertainty(names=(HEIGHT, f"{RATE}.gain"), covariance=np.diag([height.sigma**2, 1.0]))
+    simple = derived_from_payload_height(vehicle, [height])
+    joint = derived_from_covariance(truck, vehicle, [height], uncertainty)
+    assert [e.name for e in simple] == [e.name for e in joint] == ["semitrailer.cog_height", "semitrailer.roll_inertia"]
+    for one, other in zip(simple, joint, strict=True):
+        assert (one.value, one.unit, one.verdict) == (other.value, other.unit, other.verdict)
+        assert one.value == vehicle.derived()[one.name]
+        assert one.sigma == pytest.approx(other.sigma, rel=2e-4)
+    trailer = truck.unit("semitrailer")
+    fraction = trailer.payload.mass / (trailer.payload.mass + trailer.sprung.mass)
+    assert simple[0].sigma == pytest.approx(fraction / 2 * height.sigma, rel=1e-3)  # CoG at half the payload height
+
+
+def test_derived_quantities_without_information(truck: Vehicle) -> None:
+    assert derived_from_payload_height(truck, []) == []
+    assert all(e.sigma is None for e in derived_from_payload_height(truck, [fixed_estimate(HEIGHT, 1.0)]))
+    uncertainty = Uncertainty(names=(STIFFNESS,), covariance=np.eye(1))
+    assert derived_from_covariance(truck, truck, [height_estimate(truck)], uncertainty) == []
+
+
+def test_sensor_errors_of_two_logs(truck: Vehicle) -> None:
+    record = simulate(truck, count=1)
+    unknowns = sensor_error_unknowns(truck, [RATE], TwoStage())
+    logs = [
+        LogData(name="a", segments=[record], errors={f"{RATE}.offset": 0.003}),
+        LogData(name="b", segments=[record]),
+    ]
+    shared = {u.name: 1.1 for u in unknowns if not u.per_log}
+    sigma = {name: 0.5 for u in unknowns for name in (u.name, f"{u.name}@0", f"{u.name}@1")}
+    errors = sensor_error_estimates(unknowns, logs, shared, sigma)
+    assert [(e.log, e.value, e.unit) for e in errors if e.name == f"{RATE}.offset"] == [
+        ("a", 0.003, "rad/s"),
+        ("b", 0.0, "rad/s"),
+    ]
+    assert [(e.log, e.value) for e in errors if e.name == f"{STEER}.gain"] == [(None, 1.1)]
+    assert {e.sigma for e in errors if e.name == f"{RATE}.offset"} == {0.5 * TwoStage().rate_offset_prior}
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        (f"{STEER}.offset", "rad"),
+        (f"{STEER}.gain", "1"),
+        (f"{STEER}.delay", "s"),
+        ("roll_rate.semitrailer.offset", "rad/s"),
+        ("articulation.semitrailer.offset", "rad"),
+    ],
+)
+def test_units_of_sensor_errors(name: str, unit: str) -> None:
+    assert sensor_error_unit(name) == unit
+    with pytest.raises(SignalError, match="expected the name of a sensor error"):
+        sensor_error_unit(name.rpartition(".")[0])
+
+
+def test_log_summary(truck: Vehicle) -> None:
+    """Rejected are measurements that are present and not accepted."""
+    record = simulate(truck, count=1)
+    gyro = record.signals[RATE].copy()
+    gyro[:100] = np.nan
+    record = record.with_signals({RATE: gyro})
+    accepted = np.ones((len(record), 2))
+    accepted[:140, 0] = 0.0
+    log = LogData(name="log", segments=[record], noise={RATE: 1e-5})
+    summary = log_summary(record, log, (RATE, "articulation.semitrailer"), accepted)
+    assert summary.rejected == {RATE: pytest.approx(40 / (len(record) - 100))}
+    assert summary.noise == {RATE: 1e-5}
+    assert (summary.samples, summary.span) == (len(record), record.span)
+    assert summary.used == pytest.approx(record.span[1] - record.span[0])

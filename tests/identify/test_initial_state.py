@@ -1,0 +1,61 @@
+"""Derivatives of the initial state against differences of the steady state."""
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.filters.initial_state import steady_initial_state
+from fifthwheel.filters.rows import step_rows
+from fifthwheel.identify import OneStage, TwoStage, parameters
+from fifthwheel.identify.initial_state import initial_state_with_sensitivity, steady_state, steady_state_slopes
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
+
+OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer")
+
+
+@pytest.mark.parametrize("roll", [False, True])
+def test_derivative_by_z(truck: Vehicle, roll: bool) -> None:
+    record = simulate(truck, count=1).cut(1.5)
+    steered = truck.with_logged_steering(record.signals, "record")
+    settings = TwoStage()
+    unknowns = parameters.two_stage_unknowns(steered, parameters.stage_1_names(steered), settings)
+    unknowns += parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
+    names = [u.name for u in unknowns]
+    scaling = parameters.scaling(unknowns)
+    rows = step_rows(dynamics.model(steered, OUTPUTS, roll=roll), steered, record)
+    z = np.random.default_rng(0).normal(size=len(names)) * 0.1
+    x0, P0, derivative = initial_state_with_sensitivity(steered, names, scaling, z, rows, roll=roll)
+
+    def steady(z: np.ndarray) -> np.ndarray:
+        values = dict(zip(names, scaling.to_p(z).tolist(), strict=True))
+        return steady_initial_state(steered, rows.first, values, roll=roll)[0]
+
+    np.testing.assert_allclose(x0, steady(z))
+    central = [(steady(z + 1e-4 * e) - steady(z - 1e-4 * e)) / 2e-4 for e in np.eye(len(z))]
+    np.testing.assert_allclose(derivative, np.column_stack(central), atol=1e-4 * np.abs(derivative).max())
+    assert np.abs(derivative).max() > 1e-3
+    assert np.linalg.eigvalsh(P0).min() > 0
+
+
+def test_derivative_by_values(truck: Vehicle) -> None:
+    """Only parameters of the vehicle and steering offsets and gains move the steady state; the bank stays zero."""
+    record = simulate(truck, count=1).cut(1.5)
+    steered = truck.with_logged_steering(record.signals, "record")
+    unknowns = parameters.one_stage_unknowns(steered, OUTPUTS, OneStage(initial_payload_height=None))
+    model = dynamics.model(steered, OUTPUTS, roll=True, bank=True)
+    inputs = {name: float(record.signals[name][0]) for name in model.inputs} | {"steer.tractor.front": 0.02}
+    values = {u.name: u.centre for u in unknowns}
+    slopes = steady_state_slopes(model, steered, inputs, values, unknowns)
+    state = steady_state(model, steered, inputs, values)
+    for unknown, slope in zip(unknowns, slopes, strict=True):
+        step = 1e-3 * unknown.prior_sigma
+        higher, lower = (
+            steady_state(model, steered, inputs, values | {unknown.name: unknown.centre + s}) for s in (step, -step)
+        )
+        np.testing.assert_allclose(2 * step * slope, higher - lower, rtol=1e-5, atol=1e-12, err_msg=unknown.name)
+    moving = {u.name for u, slope in zip(unknowns, slopes, strict=True) if slope.any()}
+    assert {"tractor.front.cornering_stiffness", "steer.tractor.front.offset", "steer.tractor.front.gain"} <= moving
+    assert not moving & {"steer.tractor.front.delay", "yaw_rate.tractor.offset", "yaw_rate.tractor.gain"}
+    assert state[-1] == 0
+    assert not slopes[:, -1].any()

@@ -1,0 +1,52 @@
+"""The rules that decide a verdict."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.verdict import Verdict, estimate_verdict, information_verdicts, uninformed_parameters
+
+STIFFNESS, HEIGHT = "tractor.front.cornering_stiffness", "semitrailer.payload.height"
+YAW_RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer")
+LIMIT = 0.7
+
+
+def test_by_information() -> None:
+    """A parameter without information is not excited if there is none on any other, else not identifiable."""
+    empty = Posterior.from_information(("a", "b"), np.zeros((2, 2)))
+    assert set(information_verdicts(empty, [0, 1], LIMIT).values()) == {Verdict.NOT_EXCITED}
+    partial = Posterior.from_information(("a", "b"), np.diag([100.0, 0.0]))
+    assert information_verdicts(partial, [0, 1], LIMIT) == {0: Verdict.CONVERGED, 1: Verdict.NOT_IDENTIFIABLE}
+
+
+@pytest.mark.parametrize(
+    ("information", "channels", "expected"),
+    [
+        ([100.0, 100.0], (*YAW_RATES, "roll_rate.semitrailer"), {}),
+        ([100.0, 100.0], YAW_RATES, {HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+        ([100.0, 100.0], (*YAW_RATES, "roll_rate.tractor"), {HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+        ([0.0, 0.0], YAW_RATES, {STIFFNESS: Verdict.NOT_EXCITED, HEIGHT: Verdict.NOT_EXCITED}),
+        ([0.0, 100.0], YAW_RATES, {STIFFNESS: Verdict.NOT_IDENTIFIABLE, HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+    ],
+)
+def test_uninformed(information: list[float], channels: tuple[str, ...], expected: dict[str, Verdict]) -> None:
+    """A payload height needs the roll rate of its own unit, whatever the information says."""
+    posterior = Posterior.from_information((STIFFNESS, HEIGHT), np.diag(information))
+    assert uninformed_parameters(posterior, (STIFFNESS, HEIGHT), channels, LIMIT) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "converged", "expected"),
+    [
+        (1.0, True, Verdict.CONVERGED),
+        (1.0, False, Verdict.NOT_CONVERGED),
+        (0.509, True, Verdict.AT_BOUND),
+        (1.991, False, Verdict.AT_BOUND),
+        (0.511, True, Verdict.CONVERGED),
+    ],
+)
+def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> None:
+    """At a bound means closer than a tenth of sigma, converged or not."""
+    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0)
+    assert estimate_verdict(unknown, value, 0.1, converged=converged) is expected

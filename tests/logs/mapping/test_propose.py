@@ -1,0 +1,129 @@
+"""Proposed maps of logs with other names, units and signs."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.logs import SignalMap, read_log
+from fifthwheel.logs.mapping.propose import as_toml, propose_map
+from fifthwheel.logs.mapping.survey import survey_log
+from fifthwheel.logs.readers import open_log
+
+DEGREE = np.pi / 180
+COLUMNS = {
+    "Geschwindigkeit [km/h]": ("speed", 3.6),
+    "Lenkradwinkel [°]": ("steer.tractor.front", -20 / DEGREE),
+    "Gierrate Zugm. [°/s]": ("yaw_rate.tractor", 1 / DEGREE),
+    "Gierrate Auflieger": ("yaw_rate.semitrailer", 1 / DEGREE),
+    "Knickwinkel": ("articulation.semitrailer", -1),
+    "ay": ("lateral_acceleration.tractor", 1 / 9.80665),
+}
+
+
+def write_log(tmp_path, record, columns):
+    rows = np.column_stack([record.time, *(factor * record.signals[name] for name, factor in columns.values())])
+    lines = [";".join(["Zeit", *columns]), *(";".join(f"{x:.7g}" for x in row) for row in rows)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def survey_and_proposal(path, **options):
+    with open_log(path) as log:
+        survey = survey_log(log)
+        return survey, propose_map(log, survey, **options)
+
+
+def test_the_proposed_map_gives_the_original_record(tmp_path, weaving):
+    path = write_log(tmp_path, weaving, COLUMNS)
+    survey, proposal = survey_and_proposal(path, wheelbase=4.0)
+    toml = as_toml(proposal, survey)
+    record = read_log(path, SignalMap.parse(toml))
+    assert record.time == pytest.approx(weaving.time, abs=1e-5)
+    for name, values in weaving.signals.items():
+        if name != "steer.tractor.front":
+            assert record.signals[name] == pytest.approx(values, rel=1e-5, abs=1e-5), name
+    ratio = record.signals["steer.tractor.front"] / weaving.signals["steer.tractor.front"]
+    assert 0.7 < np.median(ratio) < 1.5  # the understeer gradient is unknown
+    assert "sign inverted" in proposal.reasons["articulation.semitrailer"]
+    assert "unit deg/s by its magnitude" in proposal.reasons["yaw_rate.semitrailer"]
+    assert "steering-wheel angle" in proposal.reasons["steer.tractor.front"]
+    assert proposal.missing == ("roll_rate.semitrailer: not found; without it the payload height cannot be identified",)
+    assert proposal.findings == ()
+
+
+def test_the_lagging_one_of_two_gyros_is_that_of_the_trailer(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "steer": ("steer.tractor.front", 1)}
+    columns |= {"gyro_z a": ("yaw_rate.semitrailer", 1), "gyro_z b": ("yaw_rate.tractor", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["yaw_rate.tractor"].column == "gyro_z b"
+    assert proposal.signals.signals["yaw_rate.semitrailer"].column == "gyro_z a"
+    assert "it lags the other gyro" in proposal.reasons["yaw_rate.semitrailer"]
+
+
+@pytest.mark.parametrize("repeated", ["Gyro_Z_1", "Gyro_Z.1"])
+def test_a_repeated_name_is_assigned_by_its_lag(tmp_path, weaving, repeated):
+    columns = {"vx": ("speed", 1), "Gyro_Z": ("yaw_rate.semitrailer", 1), repeated: ("yaw_rate.tractor", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["yaw_rate.tractor"].column == repeated
+    assert proposal.signals.signals["yaw_rate.semitrailer"].column == "Gyro_Z"
+
+
+def test_the_road_wheel_angle_is_preferred_to_the_steering_wheel_angle(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "YawRate": ("yaw_rate.tractor", 1)}
+    columns |= {"SteeringWheelAngle [deg]": ("steer.tractor.front", 20 / DEGREE)}
+    columns |= {"RoadWheelAngle [deg]": ("steer.tractor.front", 1 / DEGREE)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["steer.tractor.front"].column == "RoadWheelAngle"
+    assert proposal.others["steer.tractor.front"] == ["SteeringWheelAngle"]
+
+
+def test_yaw_rates_of_both_units_by_unit_and_name(tmp_path, weaving):
+    columns = {"Speed2D [m/s]": ("speed", 1), "RoadWheelAngle [rad]": ("steer.tractor.front", 1)}
+    columns |= {
+        "YAW [deg/s]": ("yaw_rate.tractor", 1 / DEGREE),
+        "YAW_TRL [deg/s]": ("yaw_rate.semitrailer", 1 / DEGREE),
+    }
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    record = read_log(tmp_path / "run.csv", SignalMap.parse(as_toml(proposal, survey)))
+    for signal, _ in columns.values():
+        assert record.signals[signal] == pytest.approx(weaving.signals[signal], rel=1e-5, abs=1e-6), signal
+
+
+def test_the_second_gyro_of_a_unit_is_another_candidate(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "gyro_z": ("yaw_rate.tractor", 1), "yaw_rate": ("yaw_rate.tractor", 1.001)}
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert len(proposal.others["yaw_rate.tractor"]) == 1
+    assert '# or column = "' in as_toml(proposal, survey)
+    assert any(text.startswith("steer.tractor.front") for text in proposal.missing)
+
+
+def test_a_survey_has_units_and_statistics_of_columns(tmp_path, weaving):
+    survey, _ = survey_and_proposal(write_log(tmp_path, weaving, COLUMNS))
+    speed = survey.contents["Geschwindigkeit"]
+    values = 3.6 * weaving.signals["speed"]
+    assert speed.column.unit == "km/h"
+    assert (speed.samples, speed.missing) == (len(weaving), 0)
+    assert speed.rate == pytest.approx(50, rel=1e-3)
+    assert (speed.low, speed.high) == pytest.approx((values.min(), values.max()), rel=1e-5)
+    assert (speed.mean, speed.sigma) == pytest.approx((values.mean(), values.std()), rel=1e-4)
+    assert (survey.start, survey.stop) == pytest.approx(weaving.span)
+
+
+def test_a_log_without_known_channels(tmp_path):
+    (tmp_path / "x.csv").write_text("t,coolant,state\n0,80,on\n1,81,on\n2,82,off\n")
+    survey, proposal = survey_and_proposal(tmp_path / "x.csv")
+    assert not proposal.signals.signals
+    assert len(proposal.missing) == 5
+    SignalMap.parse(as_toml(proposal, survey))
+    assert survey.contents["state"].fault
+
+
+@pytest.mark.parametrize("run", ["run01_s_bend", "run02_exit_ramp"])
+def test_a_real_truck(data, run):
+    _, proposal = survey_and_proposal(data / "real_truck" / f"{run}.csv", wheelbase=6.0)
+    columns = {signal: channel.column for signal, channel in proposal.signals.signals.items()}
+    assert columns["speed"] == "vx"
+    assert columns["steer.tractor.front"] == "steer_ang"
+    assert columns["yaw_rate.tractor"] in ("yaw_rate", "imu_gyro_z")
+    assert columns["articulation.semitrailer"] == "hitch"
+    assert all(channel.sign == 1 and channel.gain == 1 for channel in proposal.signals.signals.values())

@@ -1,0 +1,70 @@
+"""A reader that does what its file says: for tests of the isolation."""
+
+import os
+import re
+import signal
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from fifthwheel.errors import SignalError
+from fifthwheel.logs.source import Chunk, Column, LogSource
+
+
+def act(command: str) -> None:
+    if command == "crash":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    elif command == "exit":
+        os._exit(3)
+    elif command == "hang":
+        while True:
+            pass
+    elif command == "block":  # within C, without releasing the interpreter lock
+        re.match(r"(a+)+$", "a" * 60 + "b")
+    elif command == "memory":
+        np.ones(1 << 31)
+    elif command == "refuse":
+        raise SignalError("refused")
+    elif command == "foreign":
+        raise KeyError("some key")
+    elif command == "import":
+        import no_such_library  # noqa: F401
+    elif command == "print":
+        print("not a message" * 1000, flush=True)
+        os.write(1, b"nor this")
+
+
+def open_log(path: Path, databases=(), progress=lambda done: None) -> LogSource:
+    """The first line acts on opening, the second in the third piece; both processes' numbers go to a file."""
+    opening, reading = path.read_text().split("\n")[:2]
+    path.with_suffix(".pid").write_text(f"{os.getpid()} {os.getppid()}")
+    progress(0.5)
+    act(opening)
+    progress(1.0)
+    return FaultyLog(path.name, reading)
+
+
+class FaultyLog(LogSource):
+    """Ten pieces of a thousand rows of x = 2 t, and a table y without time."""
+
+    def __init__(self, name: str, reading: str) -> None:
+        super().__init__(name)
+        self.reading = reading
+        self.notes.append("opened")
+
+    @property
+    def columns(self) -> Mapping[str, Column]:
+        return {"x": Column(name="x", unit="m", clock="c", about="ä\n"), "y": Column(name="y")}
+
+    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+        for k in range(10):
+            time = np.arange(1000.0 * k, 1000.0 * (k + 1))
+            if k == 3:
+                act(self.reading)
+            if "x" in columns:
+                yield Chunk(values={"x": 2 * time}, time=time, clock="c", done=(k + 1) / 10)
+            if "y" in columns:
+                yield Chunk(values={"y": np.full(3, np.nan)}, done=(k + 1) / 10)
+        self.notes.append("read")
+        self.unusable["y"] = "no numbers"

@@ -1,0 +1,61 @@
+"""Open loops: the steer angle for a lateral acceleration against the yaw-roll model, and the shape of each."""
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.manoeuvres import single_sine, step_input
+from fifthwheel.manoeuvres.open_loops import random, single_track_steer, sweep
+from fifthwheel.vehicle import get
+from tests.manoeuvres.conftest import KMH_88, G
+
+
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4", "auburn_6x4_unladen"])
+@pytest.mark.parametrize("frequency", [0.01, 0.1, 0.4, 0.8])
+def test_single_track_steer_is_close_to_the_yaw_roll_model(name, frequency):
+    vehicle, speed = get(name), 20.0
+    m = dynamics.matrices(vehicle, speed, roll=True)
+    response = dynamics.frequency_response(vehicle, speed, np.array([frequency]), roll=True)[0, :, 0]
+    velocity, yaw_rate = (response[m.states.index(f"{q}.tractor")] for q in ("lateral_velocity", "yaw_rate"))
+    s, tractor = 2j * np.pi * frequency, vehicle.units[0]
+    front = s * (velocity + (tractor.axles[0].position - tractor.cog) * yaw_rate) + speed * yaw_rate
+    assert single_track_steer(vehicle, speed, 1.5, frequency) * abs(front) == pytest.approx(1.5, rel=0.3)
+    assert single_track_steer(vehicle, speed, 1.0, 0.002) == pytest.approx(
+        single_track_steer(vehicle, speed, 1.0), rel=1e-2
+    )
+
+
+def test_steady_steer_is_that_of_the_text_books(truck):
+    loads = truck.axle_loads()
+    understeer = loads["tractor.front"] / 475e3 - loads["tractor.drive"] / 766e3
+    assert single_track_steer(truck, 20.0, 2.0) == pytest.approx(2.0 * (3.7 / 400 + understeer / G))
+
+
+def test_single_sine(truck):
+    sine = single_sine(truck, frequency=0.5, lead=2.0)
+    steered = np.flatnonzero(np.abs(sine.steer) > 1e-12)
+    assert sine.time[steered[[0, -1]]] == pytest.approx([2.01, 3.99])
+    assert sine.steer.max() == pytest.approx(-sine.steer.min(), rel=1e-3)
+
+
+def test_step(truck):
+    step = step_input(truck, acceleration=2.0)
+    assert step.steer[-1] == single_track_steer(truck, KMH_88, 2.0)
+    ramp = step.time[(step.steer > 1e-9) & (step.steer < step.steer[-1] - 1e-9)]
+    assert ramp == pytest.approx(np.arange(1.01, 1.095, 0.01))
+
+
+def test_random_is_limited_to_its_band(truck):
+    noise = random(truck, duration=200, seed=5)
+    power = np.abs(np.fft.rfft(noise.steer)) ** 2
+    frequency = np.fft.rfftfreq(len(noise.steer), 0.01)
+    assert power[(frequency > 0.04) & (frequency < 1.01)].sum() > 0.99 * power.sum()
+    np.testing.assert_array_equal(noise.steer, random(truck, duration=200, seed=5).steer)
+    assert not np.array_equal(noise.steer, random(truck, duration=200, seed=6).steer)
+
+
+def test_sweep_has_the_phase_of_a_linear_sweep(truck):
+    wave = sweep(truck)
+    crossings = wave.time[1:-1][wave.steer[:-2] * wave.steer[1:-1] < 0]
+    cycles = 0.1 * crossings + (1.5 - 0.1) * crossings**2 / (2 * 60)  # integral of the frequency from 0.1 to 1.5 Hz
+    np.testing.assert_allclose(cycles, np.arange(1, len(cycles) + 1) / 2, atol=0.02)

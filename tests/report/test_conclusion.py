@@ -1,0 +1,138 @@
+"""The conclusion in words: result, reasons, cautions, next steps."""
+
+from dataclasses import replace
+
+import pytest
+
+from fifthwheel import vehicle
+from fifthwheel.identify import SensorError, identify
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.report import StateConditions, conclude_identification, conclude_states
+from fifthwheel.report.text.words import counted, spoken
+from fifthwheel.simulate import simulate
+from tests.report.conftest import NASTY
+
+
+def with_verdict(identification, verdict, **changes):
+    """The identification with its first parameter changed."""
+    first, *rest = identification.parameters
+    return replace(identification, parameters=(replace(first, verdict=verdict, **changes), *rest))
+
+
+def test_all_identified(result):
+    conclusion = conclude_identification(result.identification, result.records[:1])
+    assert conclusion.good
+    assert conclusion.headline == "All 5 parameters are identified from 1 log; 1 has a sigma above 15 %."
+    assert len([line for line in conclusion.found if "vehicle file" in line]) == 5
+    assert any("CoG height, derived" in line for line in conclusion.found)
+    assert conclusion.unknown == ()
+
+
+def test_a_wide_sigma_calls_for_more_excitation(result):
+    conclusion = conclude_identification(with_verdict(result.identification, Verdict.CONVERGED, sigma=2e5))
+    assert "2 have a sigma above 15 %" in conclusion.headline
+    assert any("To improve tractor.front.cornering_stiffness" in line for line in conclusion.next_steps)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changes", "reason", "advice"),
+    [
+        (Verdict.NOT_CONVERGED, {}, "(not converged): ", "Add another log"),
+        (Verdict.AT_BOUND, {}, "limit of the permitted range", "error in the vehicle file"),
+        (Verdict.FIXED, {}, "(fixed): ", ""),
+        (Verdict.NOT_EXCITED, {"sigma": 1e5}, "(not excited): the logs do not reduce sigma from", "lane change"),
+        (Verdict.NOT_EXCITED, {"sigma": None}, "no roll rate of the tractor", "Log the roll rate of the tractor"),
+        (Verdict.NOT_IDENTIFIABLE, {"correlated_with": ()}, "no channel", "Log the roll rate of the tractor"),
+        (
+            Verdict.NOT_IDENTIFIABLE,
+            {"correlated_with": ("semitrailer.yaw_inertia",)},
+            "do not separate it from semitrailer yaw inertia",
+            "fix semitrailer.yaw_inertia",
+        ),
+        (Verdict.NOT_IDENTIFIABLE, {"correlated_with": ("steer.tractor.front.gain",)}, "separate", "by calibration"),
+    ],
+)
+def test_each_verdict_has_a_reason_and_advice(result, verdict, changes, reason, advice):
+    conclusion = conclude_identification(with_verdict(result.identification, verdict, **changes), result.records)
+    assert any(reason in line for line in conclusion.unknown)
+    assert any(advice in line for line in conclusion.next_steps) or not advice
+    assert "4 of 5" in conclusion.headline or verdict is Verdict.FIXED
+
+
+def test_a_straight_run_identifies_nothing():
+    truck = vehicle.get("cheng_cebon_2011")
+    record = simulate(truck, manoeuvre="straight", duration=10, seed=3, name="straight")
+    identification = identify([record], truck)
+    for records in ([record], []):  # the terminal has no records
+        conclusion = conclude_identification(identification, records)
+        assert conclusion.headline == "No parameter is identified from 1 log: the excitation is too small."
+        assert "two or more lane changes" in conclusion.next_steps[0]
+        assert "almost straight running" in conclusion.next_steps[0]
+
+
+def test_everything_fixed(result):
+    fixed = tuple(replace(e, verdict=Verdict.FIXED) for e in result.identification.parameters)
+    conclusion = conclude_identification(replace(result.identification, parameters=fixed))
+    assert conclusion.headline == "All parameters are fixed: nothing was estimated."
+
+
+def test_cautions_come_with_their_cure(result):
+    error = SensorError(name="steer.tractor.front.gain", value=1.25, sigma=0.05, unit="1", log=None)
+    conclusion = conclude_identification(replace(result.identification, sensors=(error,)))
+    (caution,) = [line for line in conclusion.cautions if line.startswith("steer.tractor.front: ")]
+    assert "1.250 ± 0.050 times the logged angle" in caution
+    assert caution.endswith("correct it in the signal map.")
+
+
+def test_states_that_do_not_fit_are_a_caution(result):
+    large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
+    conclusion = conclude_identification(result.identification, result.records, states=[large])
+    assert any("bands of the states are too narrow" in line for line in conclusion.cautions)
+
+
+def test_a_poor_prediction_does_not_validate(result):
+    identification = result.identification
+    assert any("predicted only" in line for line in conclude_identification(identification).found)
+    fits = tuple(f if f.identified_on else replace(f, explained=0.3, rms=10 * f.rms) for f in identification.fits)
+    conclusion = conclude_identification(replace(identification, fits=fits))
+    assert any("only 30.0 % of the variance is explained" in line for line in conclusion.cautions)
+    assert conclusion.next_steps[0].startswith("Identify on")
+    assert not any("predicted only" in line for line in conclusion.found)
+
+
+def test_what_a_prediction_validates(result):
+    fits = result.identification.fits
+    for changes, expected in (
+        ({"explained": 0.97, "rms": 1.0}, "at least 97.0 % is explained"),
+        ({"rms": 1e-9}, "no residual is larger than the sensor noise"),
+        ({"rms": 1e-9, "explained": 0.0}, "the truck hardly turns in it"),
+    ):
+        changed = tuple(f if f.identified_on else replace(f, **changes) for f in fits)
+        conclusion = conclude_identification(replace(result.identification, fits=changed))
+        assert any(line.startswith(f"{NASTY} (predicted only): ") and expected in line for line in conclusion.found)
+
+
+def test_conclusion_of_states(result):
+    conclusion = conclude_states(result.states, result.records)
+    assert not conclusion.good
+    assert any("too slow for the model" in line for line in conclusion.found)
+    assert any("sideslip.semitrailer" in line and "deg" in line for line in conclusion.found)
+    large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
+    conclusion = conclude_states([large], result.records)
+    assert any("bands of the states are too narrow" in line for line in conclusion.cautions)
+    assert conclusion.headline.endswith("do not rely on these states.")
+    assert not any("reliable" in line for line in conclusion.found)
+
+
+def test_what_the_bands_include():
+    assert "(-i)" in StateConditions().in_words()
+    assert "(-i)" not in StateConditions().in_words(identified=True)
+    names = ("tractor.yaw_inertia", "steer.tractor.front.offset@a", "steer.tractor.front.offset@", "yaw_rate.x.gain")
+    text = StateConditions(smoothed=True, uncertain=names).in_words()
+    assert "1 vehicle parameter and 2 sensor errors" in text
+    assert "Smoothed" in text
+
+
+def test_words():
+    assert spoken("semitrailer.cog_height") == "semitrailer CoG height"
+    assert (counted(1, "log"), counted(2, "log")) == ("1 log", "2 logs")

@@ -1,0 +1,114 @@
+"""The architecture, read from the imports: rooms import only rooms before them, and there is no circle."""
+
+import ast
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import fifthwheel
+
+SOURCE = Path(fifthwheel.__file__).parent
+
+ROOMS = (
+    "_types",
+    "errors",
+    "units",
+    "formatting",
+    "names",
+    "_atomic",
+    "record",
+    "checks",
+    "logs",
+    "vehicle",
+    "native",
+    "dynamics",
+    "manoeuvres",
+    "filters",
+    "simulate",
+    "observe",
+    "identify",
+    "diagnose",
+    "report",
+    "workflow",
+    "plant",
+    "studies",
+    "cli",
+)
+"""The data flow: a room imports only rooms that stand before it."""
+
+MAX_FILES = 14
+"""Modules of a folder, without its __init__."""
+
+
+def modules() -> dict[str, ast.Module]:
+    """Syntax tree of every module by its dotted name within the package."""
+    return {
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): ast.parse(path.read_text())
+        for path in SOURCE.rglob("*.py")
+    }
+
+
+def imported(tree: ast.Module, names: set[str], *, deferred: bool) -> Iterator[str]:
+    """Modules of the package that a module imports; with `deferred` also those imported in functions."""
+    for node in ast.walk(tree) if deferred else top_level(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "fifthwheel":
+            base = node.module.removeprefix("fifthwheel").removeprefix(".")
+            for alias in node.names:
+                full = f"{base}.{alias.name}" if base else alias.name
+                yield full if full in names else base
+
+
+def top_level(tree: ast.Module) -> Iterator[ast.stmt]:
+    """Statements that run when the module is imported; a block for type checkers does not run."""
+    for node in tree.body:
+        if isinstance(node, ast.If):
+            if "TYPE_CHECKING" not in ast.unparse(node.test):
+                yield from node.body
+        else:
+            yield node
+
+
+def test_a_room_imports_only_rooms_before_it() -> None:
+    trees = modules()
+    wrong = []
+    for name, tree in trees.items():
+        room = name.partition(".")[0]
+        if room in ("__init__", "__main__"):
+            continue
+        for other in imported(tree, set(trees), deferred=True):
+            if other and ROOMS.index(other.partition(".")[0]) > ROOMS.index(room):
+                wrong.append(f"{name} imports {other}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_circle_between_modules() -> None:
+    trees = modules()
+    graph = {
+        name: {
+            other
+            for other in imported(tree, set(trees), deferred=True)
+            if other and other != name and not name.startswith(other + ".")
+        }
+        for name, tree in trees.items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_every_room_is_listed() -> None:
+    present = {path.stem for path in SOURCE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
+    assert present - {"__init__", "__main__"} <= set(ROOMS)
+
+
+def test_folders_are_small() -> None:
+    counts = {
+        folder: len([p for p in folder.glob("*.py") if p.name != "__init__.py"])
+        for folder in SOURCE.rglob("*")
+        if folder.is_dir()
+    }
+    large = {str(folder.relative_to(SOURCE)): count for folder, count in counts.items() if count > MAX_FILES}
+    assert not large

@@ -1,0 +1,152 @@
+"""docs/glossary.md is complete: every public name, quantity, parameter, verdict, status and fault has its line."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+PAGE = Path(__file__).parents[1] / "docs" / "glossary.md"
+
+PACKAGES = (
+    "record",
+    "checks",
+    "logs",
+    "vehicle",
+    "observe",
+    "identify",
+    "identify.online",
+    "identify.design",
+    "manoeuvres",
+    "plant",
+    "report",
+)
+
+TERMS = (
+    "prior, prior sigma",
+    "posterior",
+    "sigma",
+    "conditional sigma",
+    "verdict",
+    "considered parameter",
+    "fixed parameter",
+    "uncertain parameter",
+    "estimated parameter",
+    "bias",
+    "offset",
+    "gain",
+    "delay",
+    "time base",
+    "timestamp",
+    "innovation",
+    "residual",
+    "autocorrelation factor",
+    "Fisher information",
+    "identifiability",
+    "excitation",
+    "segment",
+    "record",
+    "log",
+    "signal map",
+    "sideslip",
+    "articulation angle",
+    "understeer gradient",
+    "payload height",
+    "relaxation length",
+    "roll axis",
+    "fifth wheel",
+    "lane change J2179",
+    "one stage",
+    "two stages",
+    "dual EKF",
+    "joint filter",
+    "smoother",
+    "NIS",
+    "NEES",
+    "variance budget",
+)
+
+
+def table(title: str) -> list[list[str]]:
+    """Cells of the lines of all tables under a heading, without the header."""
+    text = PAGE.read_text(encoding="utf-8")
+    section = re.search(rf"^## {re.escape(title)}$(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    assert section, title
+    lines = re.sub(r"^\|.*\n\|---.*\n", "", section[1], flags=re.MULTILINE).splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+
+
+def exported() -> set[tuple[str, str]]:
+    """(name, package) of everything in the `__all__` of the packages."""
+    return {
+        (name, package)
+        for package in PACKAGES
+        for name in getattr(importlib.import_module(f"fifthwheel.{package}"), "__all__", ())
+    }
+
+
+def enumeration(path: str) -> list[str]:
+    """Values of a text enumeration, or names of another one."""
+    module, _, name = path.rpartition(".")
+    members = getattr(importlib.import_module(f"fifthwheel.{module}"), name)
+    return [str(member) if isinstance(member, str) else member.name for member in members]
+
+
+def test_every_public_name_has_one_line_and_every_line_a_public_name() -> None:
+    lines = [(row[0].strip("`"), row[1].strip("`")) for row in table("Public names")]
+    assert len(lines) == len(set(lines))
+    missing, obsolete = exported() - set(lines), set(lines) - exported()
+    assert not missing, f"add to the table of public names: {sorted(missing)}"
+    assert not obsolete, f"remove from the table of public names: {sorted(obsolete)}"
+
+
+def test_every_line_of_a_public_name_says_what_it_is() -> None:
+    assert all(len(row) == 3 and row[2] for row in table("Public names"))
+
+
+def test_every_quantity_has_its_unit() -> None:
+    from fifthwheel.record.signal_names import QUANTITIES
+
+    assert {row[0].strip("`"): row[1] for row in table("Quantities of signals")} == QUANTITIES
+
+
+def test_every_parameter_has_its_unit() -> None:
+    from fifthwheel.vehicle.paths import SI_UNITS
+
+    lines = table("Parameters of the vehicle")
+    units = {(row[1].strip("`").rpartition(".")[2], row[2]) for row in lines}
+    assert units >= set(SI_UNITS.items())
+    assert {quantity for quantity, _ in units} == set(SI_UNITS)
+
+
+@pytest.mark.parametrize(
+    ("title", "path"),
+    [("Verdicts", "identify.Verdict"), ("Status", "observe.Status"), ("Faults", "checks.Fault")],
+)
+def test_every_member_of_an_enumeration_has_its_line(title: str, path: str) -> None:
+    assert [row[0].strip("`") for row in table(title)] == enumeration(path)
+
+
+def test_every_term_has_its_place_and_its_meaning() -> None:
+    lines = [row for title in ("Estimation", "Vehicle dynamics", "Logs and records") for row in table(title)]
+    assert set(TERMS) <= {row[0] for row in lines}
+    for row in lines:
+        assert len(row) == 5, row
+        assert row[3], row
+        assert row[4], row
+
+
+def test_modules_of_the_terms_exist() -> None:
+    """Each `module` in the third column can be found in the package."""
+    source = PAGE.parents[1] / "src" / "fifthwheel"
+    for title in ("Estimation", "Vehicle dynamics", "Logs and records"):
+        for row in table(title):
+            for name in re.findall(r"`([a-z_.]+)`", row[3]):
+                path = source.joinpath(*name.split("."))
+                assert path.is_dir() or path.with_suffix(".py").is_file(), name
+
+
+@pytest.mark.parametrize("title", ["Estimation", "Vehicle dynamics", "Logs and records"])
+def test_terms_are_in_alphabetical_order(title: str) -> None:
+    terms = [row[0].casefold() for row in table(title)]
+    assert terms == sorted(terms)

@@ -1,0 +1,139 @@
+"""The runs as functions of data: what they return, what they write, and that they print nothing."""
+
+import json
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify import OneStage, identify
+from fifthwheel.logs import write_record
+from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get, load, save
+from fifthwheel.workflow import (
+    IdentificationRun,
+    load_identification,
+    read_records,
+    read_vehicle,
+    run_identification,
+    run_states,
+    write_results,
+)
+
+TRUCK = get("cheng_cebon_2011")
+RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="other")
+NAMES = {"identification.json", "vehicle.toml", "states.parquet", "report.html"}
+
+
+@pytest.fixture(scope="module")
+def progress() -> list[tuple[str, int, int]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def run(progress) -> IdentificationRun:
+    return run_identification([RUN], TRUCK, validate=[OTHER], progress=lambda *call: progress.append(call))
+
+
+def test_an_identification_with_its_states(run, progress, capsys):
+    plain = identify([RUN], TRUCK, OneStage(), validate=[OTHER])
+    assert run.identification.to_json() == plain.to_json()
+    assert [record.name for record in run.records] == [states.name for states in run.states] == ["run", "other"]
+    observer = Observer(plain.vehicle, RUN.signals, plain.observer_settings("run"))
+    expected = observer.batch(RUN, plain.uncertainty("run"))
+    for name, values in expected.values.items():
+        np.testing.assert_array_equal(run.states[0].values[name], values)
+        np.testing.assert_array_equal(run.states[0].sigma[name], expected.sigma[name])
+    assert [call for call in progress if call[0] == "states"] == [("states", k, 2) for k in range(3)]
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_conclusion_with_remedies(run):
+    """The payload height is uncertain, so remedies are predicted at the identified vehicle."""
+    assert run.assessment is not None
+    assert run.assessment["semitrailer.payload.height"].remedies
+    assert run.as_dict()["conclusion"] == run.conclusion.as_dict()
+    assert "other" in " ".join(run.conclusion.found)
+
+
+def test_no_remedies_where_all_is_known():
+    exact = run_identification([simulate(TRUCK, count=6)], TRUCK, OneStage(consider={}, nuisances=False))
+    assert {e.verdict for e in exact.identification.parameters} == {"converged"}
+    assert exact.assessment is None
+
+
+def test_files_of_an_identification(run, tmp_path):
+    files = write_results(run, tmp_path)
+    assert set(files) == {path.name for path in tmp_path.iterdir()} == NAMES
+    assert json.loads(files["identification.json"].read_text()) == json.loads(json.dumps(run.as_dict()))
+    assert load(files["vehicle.toml"]).parameters() == pytest.approx(run.identification.vehicle.parameters())
+    assert set(parquet.read_table(files["states.parquet"])["log"].to_pylist()) == {"run", "other"}
+    stored = load_identification(files["identification.json"])
+    assert stored.logs == {"run"}
+    assert stored.uncertainty is not None
+    assert stored.uncertainty.names == run.identification.covariance.names
+
+
+def test_states_with_the_sensor_errors_of_each_log(run, tmp_path, capsys):
+    stored = load_identification(write_results(run, tmp_path)["identification.json"])
+    vehicle = run.identification.vehicle
+    states = run_states([RUN, OTHER], vehicle, identification=stored)
+    (note,) = states.notes
+    assert note == "other: not a log of the identification; its sensor errors are estimated from the log itself"
+    for k in range(2):
+        for name, values in run.states[k].values.items():
+            np.testing.assert_allclose(states.states[k].values[name], values, rtol=1e-6, atol=1e-9)
+    assert states.uncertain == stored.uncertainty.names
+    assert capsys.readouterr() == ("", "")
+    assert set(write_results(states, tmp_path)) == {"states.parquet", "report.html"}
+
+
+def test_states_of_a_log_without_information_on_its_sensors(run, tmp_path):
+    stored = load_identification(write_results(run, tmp_path)["identification.json"])
+    slow = OTHER.with_signals({"speed": np.ones(len(OTHER))})
+    states = run_states([slow], run.identification.vehicle, identification=stored, check=False)
+    assert states.notes[0].startswith("other: not a log of the identification; its sensor errors are unknown")
+
+
+def test_states_alone():
+    settings = ObserverSettings(min_speed=30.0)
+    states = run_states([RUN], TRUCK, settings, smooth=True)
+    assert (states.smoothed, states.uncertain, states.notes) == (True, (), ())
+    assert states.as_dict()["logs"][0]["status"]["too_slow"] == 1.0
+    inverted = RUN.with_signals({"yaw_rate.tractor": -RUN.signals["yaw_rate.tractor"]})
+    with pytest.raises(SignalError, match=r"^yaw_rate\.tractor: "):
+        run_states([inverted], TRUCK)
+    assert run_states([inverted], TRUCK, check=False).states
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{}", '{"sensors": []}', '{"sensors": [], "logs": []}', '{"sensors": [], "logs": [{"name": "a"}]}', "3"],
+)
+def test_another_file_than_identification_json_is_refused(text, tmp_path):
+    path = tmp_path / "identification.json"
+    path.write_text(text)
+    with pytest.raises(
+        SignalError, match=r"identification\.json: not an identification\.json; .* `fifthwheel identify`"
+    ):
+        load_identification(path)
+
+
+def test_records_of_the_same_stem_have_distinct_names(tmp_path):
+    paths = [tmp_path / "a" / "run.csv", tmp_path / "b" / "run.csv", tmp_path / "c.csv"]
+    for path in paths:
+        path.parent.mkdir(exist_ok=True)
+        write_record(OTHER, path)
+    calls = []
+    records = read_records(paths, progress=lambda *call: calls.append(call))
+    assert [record.name for record in records] == [str(paths[0]), str(paths[1]), "c"]
+    assert calls[-1] == ("reading c.csv", 1000, 1000)
+
+
+def test_a_vehicle_by_name_or_file(tmp_path):
+    save(TRUCK, tmp_path / "truck.toml")
+    assert read_vehicle("cheng_cebon_2011") == read_vehicle(str(tmp_path / "truck.toml")) == TRUCK
+    with pytest.raises(VehicleError, match=r"lorry: no such file, and not in the catalogue, which has .*cheng"):
+        read_vehicle("lorry")
