@@ -12,6 +12,7 @@ from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import noise as variances
 from fifthwheel.identify import parameters
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
@@ -25,13 +26,18 @@ class LogData:
     name: str
     segments: Sequence[Record]
     errors: Mapping[str, float] = field(default_factory=dict)  # sensor errors that belong to this log, by name, SI
-    noise: Mapping[str, float] = field(default_factory=dict)  # noise variance of each channel, SI squared
+    noise: Mapping[str, float] = field(default_factory=dict)  # variance of each channel's residuals, SI squared
     autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `residuals`
+    noise_models: Mapping[str, NoiseModel] = field(default_factory=dict)  # of each channel; white noise where missing
 
     def with_noise(self, vehicle: Vehicle, channels: Sequence[str], given: Mapping[str, float]) -> "LogData":
         """The log with the noise variance of every channel: its own, else the given one, else that of the table."""
         table = {name: variances.sensor_variance(vehicle, name, given) for name in channels}
         return replace(self, noise={**table, **self.noise})
+
+    def noise_model(self, channel: str) -> NoiseModel:
+        """Noise model of a channel: its own, or white noise."""
+        return self.noise_models.get(channel) or NoiseModel(white=self.noise[channel])
 
     def effective_variance(self, channel: str) -> float:
         """Noise variance of a channel times its autocorrelation factor."""

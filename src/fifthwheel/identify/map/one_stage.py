@@ -41,6 +41,8 @@ from fifthwheel.vehicle import Vehicle
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
+NOISE_ROUNDS = 2
+"""Number of fits with a noise model; each takes the residuals of the one before."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""
 
@@ -152,15 +154,15 @@ class _Estimator:
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum:
         """The maximum of the posterior.
 
-        With adapted noise in two phases: the first takes residuals as white and updates the noise at every step; the
-        second keeps the noise, enlarged by the autocorrelation factors.
+        With adapted noise in several phases: the first takes residuals as white and updates the noise at every step;
+        each of the others fits the noise model to the residuals of the phase before, and keeps it.
         """
         lower, upper = problem.bounds
         z = self._initial(problem)
-        phases: list[tuple[str, Callable[[Array], None]]] = [("fit", _keep_noise)]
+        white = functools.partial(problem.update_noise, autocorrelated=False)
+        phases: list[tuple[str, Callable[[Array], None]]] = [("fit", white if self.settings.adapt_noise else _keep_noise)]
         if self.settings.adapt_noise:
-            white = functools.partial(problem.update_noise, autocorrelated=False)
-            phases = [("fit", white), ("fit with estimated noise", _keep_noise)]
+            phases += [("fit with estimated noise", _keep_noise)] * NOISE_ROUNDS
         for number, (title, accept) in enumerate(phases):
             if number:
                 problem.update_noise(z, autocorrelated=True)
@@ -334,7 +336,7 @@ def _uncertain_estimate(unknown: Unknown, value: float, sigma_z: float, settings
 def _summary(estimator: _Estimator, problem: Problem, minimum: Minimum, posterior: Posterior, i: int) -> LogSummary:
     """What was used of log i; with the bank of its first segment if it is estimated."""
     log, bank = problem.logs[i], None
-    blocks = [b for j in range(len(log.segments)) for b in problem.blocks(minimum.z, i, j, directions="none")]
+    blocks = [b for j in range(len(log.segments)) for b in problem.residuals(minimum.z, i, j)]
     sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
     accepted = (sizes <= estimator.settings.gate).astype(float)
     if estimator.model.bank and problem.output_error:

@@ -22,7 +22,7 @@ Derivatives. e and s are differentiated exactly along every unknown (`filters.ta
 to the gradient of J, and to the Hessian I + H with H the Fisher information of the logs (Gauss-Newton).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -43,6 +43,7 @@ from fifthwheel.identify.initial_state import steady_state, steady_state_slopes
 from fifthwheel.identify.map import likelihood
 from fifthwheel.identify.map.gauss_newton import Quadratic
 from fifthwheel.identify.map.likelihood import ResidualBlock
+from fifthwheel.identify.noise_model import NoiseModel, Whitener, fit_noise_model
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
@@ -186,6 +187,10 @@ class Problem:
         """Effective noise variance of every channel (m,)."""
         return np.array([self.logs[log].effective_variance(name) for name in self.model.outputs])
 
+    def sample_interval(self, log: int) -> float:
+        """Typical time between two samples of a log, s."""
+        return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.logs[log].segments])))
+
     def cost(self, z: Array) -> float:
         """J(z); infinite where the vehicle is so unstable that J overflows."""
         total, limit = float(z @ z) / 2, self.settings.outlier
@@ -208,7 +213,15 @@ class Problem:
         return Quadratic(cost, gradient, hessian)
 
     def blocks(self, z: Array, i: int, j: int, *, directions: Directions = "all") -> Iterator[ResidualBlock]:
-        """Residuals of segment j of log i at z, block by block."""
+        """Residuals of segment j of log i at z, block by block; those of the free-running model are whitened."""
+        blocks = self.residuals(z, i, j, directions=directions)
+        if not self.output_error:
+            return blocks
+        dt, log = self.sample_interval(i), self.logs[i]
+        return whitened(blocks, [log.noise_model(name) for name in self.model.outputs], dt)
+
+    def residuals(self, z: Array, i: int, j: int, *, directions: Directions = "none") -> Iterator[ResidualBlock]:
+        """Residuals of segment j of log i at z, block by block, as they are."""
         values = self.values(z, i)
         rows = self._step_rows(i, j, values)
         # the delays have been applied to the rows, so the model has none
@@ -269,29 +282,37 @@ class Problem:
         )
 
     def update_noise(self, z: Array, *, autocorrelated: bool) -> None:
-        """Replace the noise of each channel in `logs` by the variance of its residuals at z.
+        """Replace the noise of each channel in `logs` by that of its residuals at z.
 
         Residuals beyond the limit for outliers count as lying on it.
 
         Args:
-            autocorrelated: also replace the autocorrelation factor of each channel.
+            autocorrelated: residuals are not taken as white: the output-error form fits a noise model to them, the
+                prediction-error form enlarges their variance by an autocorrelation factor.
         """
         self.logs = tuple(self._with_residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
 
     def _with_residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
-        log, limit = self.logs[i], self.settings.outlier
-        noise, factors = dict(log.noise), dict(log.autocorrelation_factor)
-        blocks = [block for j in range(len(log.segments)) for block in self.blocks(z, i, j, directions="none")]
+        log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
+        noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
+        segments = [list(self.residuals(z, i, j)) for j in range(len(log.segments))]
         for c, name in enumerate(self.model.outputs):
-            error = np.concatenate([block.error[:, c] for block in blocks])
-            size = error / np.sqrt(np.concatenate([block.variance[:, c] for block in blocks]))
-            size = np.clip(size[np.isfinite(size)], -limit, limit)
+            sizes = []
+            for blocks in segments:
+                error = np.concatenate([block.error[:, c] for block in blocks])
+                size = error / np.sqrt(np.concatenate([block.variance[:, c] for block in blocks]))
+                sizes.append(np.clip(size[np.isfinite(size)], -limit, limit))
+            size = np.concatenate(sizes)
             if len(size) < FEWEST_RESIDUALS:
                 continue
-            noise[name] *= factors[name] * float(np.clip(np.mean(size**2), 1e-3, 1e3))
-            if autocorrelated:
-                factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time * log.segments[0].rate))
-        return replace(log, noise=noise, autocorrelation_factor=factors)
+            variance = log.effective_variance(name)
+            noise[name] = variance * float(np.clip(np.mean(size**2), 1e-3, 1e3))
+            models.pop(name, None)
+            if autocorrelated and self.output_error:
+                models[name] = fit_noise_model([s * np.sqrt(variance) for s in sizes], dt)
+            elif autocorrelated:
+                factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time / dt))
+        return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)
 
     @cached_property
     def _given(self) -> dict[str, float]:
@@ -376,6 +397,27 @@ class Problem:
                 variance_jacobian=slopes[..., m : 2 * m],
                 indices=run.indices,
             )
+
+
+def whitened(blocks: Iterable[ResidualBlock], models: Sequence[NoiseModel], dt: float) -> Iterator[ResidualBlock]:
+    """Consecutive blocks of residuals of one segment, whitened, with variance 1.
+
+    Args:
+        blocks: with constant variances.
+        models: of the m channels.
+        dt: sample interval, s. Missing samples are left out as if there were no gap.
+    """
+    errors, slopes = ([Whitener(model, dt) for model in models] for _ in range(2))
+    for block in blocks:
+        error, jacobian = np.full_like(block.error, np.nan), np.zeros_like(block.jacobian)
+        for c in range(len(models)):
+            present: NDArray[np.bool_] | slice = np.isfinite(block.error[:, c])
+            if np.all(present):
+                present = slice(None)
+            error[present, c] = errors[c](block.error[present, c])
+            if len(jacobian):
+                jacobian[:, present, c] = slopes[c](block.jacobian[:, present, c])
+        yield replace(block, error=error, jacobian=jacobian, variance=np.ones_like(error))
 
 
 def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Indices]:

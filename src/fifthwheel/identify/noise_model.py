@@ -1,0 +1,146 @@
+"""The residuals of a channel as white noise plus a discrepancy: their spectrum, their fit, and their whitening.
+
+A free-running model does not describe a real vehicle exactly, so its residuals are autocorrelated. They are modelled as
+the sum of white sensor noise and a stationary first-order process, the discrepancy (Kennedy and O'Hagan 2001):
+
+    e_k = d_k + v_k,    v_k ~ N(0, r),    d_k = phi d_k-1 + w_k,    var d = q,    phi = exp(-dt / tau).
+
+The innovations of its stationary Kalman filter, divided by their standard deviation, are white with variance 1. The same
+filter applied to the derivatives of the residuals turns generalised least squares into ordinary least squares.
+r, q and tau maximise the likelihood of Whittle (1953) of the residuals' periodogram.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.signal import lfilter, periodogram
+
+from fifthwheel._types import Array
+
+LONGEST_TIME_CONSTANT = 10.0
+"""Of the discrepancy, s; a slower one is not separable from a sensor's offset."""
+BINS = 60
+"""Number of frequency bins of the periodogram, equally spaced in ln(frequency)."""
+FEWEST_SAMPLES = 64
+"""A segment with fewer residuals does not contribute to the fit of the noise model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseModel:
+    """White noise and discrepancy of one channel."""
+
+    white: float
+    """Variance r of the white noise, SI squared."""
+    discrepancy: float = 0.0
+    """Variance q of the discrepancy, SI squared."""
+    time_constant: float = 1.0
+    """tau of the discrepancy, s."""
+
+    @property
+    def variance(self) -> float:
+        """Variance of a residual, r + q."""
+        return self.white + self.discrepancy
+
+    def scaled(self, factor: float) -> "NoiseModel":
+        """The model with both variances multiplied by a factor."""
+        return NoiseModel(
+            white=self.white * factor, discrepancy=self.discrepancy * factor, time_constant=self.time_constant
+        )
+
+    def filter(self, dt: float) -> tuple[float, float, float]:
+        """phi, the stationary Kalman gain K, and the standard deviation of an innovation, at a sample interval in s."""
+        phi, r, q = math.exp(-dt / self.time_constant), self.white, self.discrepancy
+        b = r * (1 - phi**2) - (1 - phi**2) * q
+        P = (-b + math.sqrt(b * b + 4 * r * (1 - phi**2) * q)) / 2  # stationary variance of the prediction of d
+        return phi, P / (P + r), math.sqrt(P + r)
+
+    def spectrum(self, frequency: Array, dt: float) -> Array:
+        """One-sided spectral density at frequencies in Hz, SI squared per Hz."""
+        phi = math.exp(-dt / self.time_constant)
+        shape = (1 - phi**2) / (1 - 2 * phi * np.cos(2 * np.pi * frequency * dt) + phi**2)
+        return np.asarray(2 * dt * (self.white + self.discrepancy * shape))
+
+
+class Whitener:
+    """Whitens the residuals of one channel, and their derivatives, piece by piece along a segment.
+
+    Args:
+        model: of the channel.
+        dt: sample interval, s.
+    """
+
+    def __init__(self, model: NoiseModel, dt: float) -> None:
+        phi, gain, self.deviation = model.filter(dt)
+        self.numerator, self.denominator = np.array([1.0, -phi]), np.array([1.0, -phi * (1 - gain)])
+        self.white, self.first_deviation = model.discrepancy == 0.0, math.sqrt(model.variance)
+        self._state: Array | None = None
+
+    def __call__(self, rows: Array) -> Array:
+        """Rows (..., N) of consecutive samples, whitened, with variance 1; the next call continues from here."""
+        if self.white:
+            return rows / self.deviation
+        first = self._state is None
+        state = np.zeros((*rows.shape[:-1], 1)) if self._state is None else self._state
+        whitened, self._state = lfilter(self.numerator, self.denominator, rows, axis=-1, zi=state)
+        whitened /= self.deviation
+        if first:  # before the first sample nothing is known of the discrepancy: the innovation has the variance r + q
+            whitened[..., :1] *= self.deviation / self.first_deviation
+        return np.asarray(whitened)
+
+
+def fit_noise_model(segments: Sequence[Array], dt: float, *, floor: float = 0.0) -> NoiseModel:
+    """The noise model of the residuals of one channel by maximum likelihood.
+
+    Args:
+        segments: residuals of each segment (N_i,), without missing samples.
+        dt: sample interval, s.
+        floor: smallest variance of the white noise, SI squared.
+    """
+    frequency, density, count = _binned_periodogram([s for s in segments if len(s) >= FEWEST_SAMPLES], dt)
+    everything = np.concatenate(list(segments))
+    total = max(float(np.mean(everything**2)), floor, np.finfo(float).tiny)
+    if len(frequency) < 4:
+        return NoiseModel(white=total)
+    high = max(float(np.median(density[-max(len(density) // 6, 1) :])) / (2 * dt), 1e-4 * total, floor)
+    shortest, longest = 2 * dt, min(LONGEST_TIME_CONSTANT, max(len(s) for s in segments) * dt / 4)
+
+    def model(theta: Array) -> NoiseModel:
+        r, q, tau = np.exp(np.clip(theta, -80.0, 80.0))
+        return NoiseModel(
+            white=max(float(r), floor, 1e-6 * total),
+            discrepancy=float(q),
+            time_constant=float(np.clip(tau, shortest, longest)),
+        )
+
+    def cost(theta: Array) -> float:
+        expected = model(theta).spectrum(frequency, dt)
+        return float(count @ (np.log(expected) + density / expected))
+
+    starts = [
+        np.log([high, max(total - high, 1e-3 * total), np.clip(tau, shortest, longest)]) for tau in (0.1, 0.5, 2.0)
+    ]
+    options = {"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400}
+    best = min((minimize(cost, start, method="Nelder-Mead", options=options) for start in starts), key=lambda r: r.fun)
+    fitted = model(np.asarray(best.x))
+    white = np.log([total, 1e-12 * total, 1.0])
+    if cost(white) <= best.fun + 2.0:  # no discrepancy that the residuals show
+        return NoiseModel(white=max(total, floor))
+    return fitted
+
+
+def _binned_periodogram(segments: Sequence[Array], dt: float) -> tuple[Array, Array, Array]:
+    """Frequency, Hz, mean density, SI squared per Hz, and number of values of each bin of the periodograms."""
+    if not segments:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    pairs = [periodogram(s, 1 / dt, window="boxcar", detrend=False) for s in segments]
+    frequency, density = (np.concatenate([pair[i][1:] for pair in pairs]) for i in (0, 1))
+    edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BINS + 1)
+    bins = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, BINS - 1)
+    count = np.bincount(bins, minlength=BINS).astype(float)
+    used = count > 0
+    sums = (np.bincount(bins, weights=values, minlength=BINS)[used] for values in (frequency, density))
+    mean_frequency, mean_density = (values / count[used] for values in sums)
+    return mean_frequency, mean_density, count[used]
