@@ -24,7 +24,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel.identify import OneStage, TwoStage, article, identify
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.parameters import longest_matching_key, one_stage_unknowns, stage_1_names
 from fifthwheel.identify.settings import CommonSettings

@@ -31,7 +31,7 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.free_run import free_run_fits
+from fifthwheel.identify.fit_evaluation import free_run_fits
 from fifthwheel.identify.parameters import sensor_error_unknowns
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.record import Record

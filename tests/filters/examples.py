@@ -12,7 +12,7 @@ from fifthwheel import dynamics, vehicle
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Model, Noise
-from fifthwheel.filters.rows import step_rows
+from fifthwheel.filters.step_rows import step_rows
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 

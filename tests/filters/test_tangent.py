@@ -9,8 +9,8 @@ import pytest
 from fifthwheel import dynamics, vehicle
 from fifthwheel.filters import Noise, tangent
 from fifthwheel.filters.model import sizes
-from fifthwheel.filters.noise import PROCESS_VARIANCE, process_covariance
-from fifthwheel.filters.rows import step_rows
+from fifthwheel.filters.step_rows import step_rows
+from fifthwheel.filters.variances import PROCESS_VARIANCE, process_covariance
 from fifthwheel.simulate import simulate
 
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
@@ -48,20 +48,20 @@ def test_derivatives(setting: tuple[dynamics.ChainModel, np.ndarray, np.ndarray]
     monkeypatch.setattr(tangent, "CHUNK", 97)  # several chunks, the last one shorter
     x0 = 0.01 * rng.normal(size=n)
     if form == "simulation":
-        scan, rows, others, start = tangent.simulation(model), rows[:, : 1 + n_d], np.zeros(0), x0
+        scan, rows, others, start = tangent.simulation_tangent(model), rows[:, : 1 + n_d], np.zeros(0), x0
     else:
         noise = Noise(
             process=process_covariance(model.states, PROCESS_VARIANCE), measurement=np.full(m, 1e-4), gate=5.0
         )
-        scan, others = tangent.innovations(model), noise.vector()
-        start, _ = tangent.start_of_filter(x0, 1e-4 * np.eye(n), np.zeros((1, n)))
+        scan, others = tangent.innovations_tangent(model), noise.vector()
+        start, _ = tangent.initial_carry(x0, 1e-4 * np.eye(n), np.zeros((1, n)))
     count = 6
     starts = np.zeros((count, len(start)))
     starts[:, :n] = 0.01 * rng.normal(size=(count, n))
     directions = 0.02 * np.maximum(np.abs(p), 1e-3) * rng.normal(size=(count, len(p)))
 
     def run(**arguments: Any) -> Iterator[tangent.Chunk]:
-        return tangent.in_chunks(scan, rows, others=others, **arguments)
+        return tangent.run_in_chunks(scan, rows, others=others, **arguments)
 
     values, slopes = outputs(run, start, p, starts, directions)
     assert len(values) == len(rows)

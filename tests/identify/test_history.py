@@ -40,7 +40,7 @@ def test_a_value_that_settles_in_the_last_tenth_has_not_settled(values: list[flo
 
 
 def test_histories_one_after_another() -> None:
-    both = history([1.0, 2.0]).then(history([3.0, 4.0, 5.0]))
+    both = history([1.0, 2.0]).followed_by(history([3.0, 4.0, 5.0]))
     assert both.time.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert both.values[:, 0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert both.starts == (0, 2)

@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.filters.rows import step_rows
+from fifthwheel.filters.step_rows import step_rows
 from fifthwheel.identify import OneStage, TwoStage, parameters
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity, steady_state, steady_state_slopes
 from fifthwheel.simulate import simulate

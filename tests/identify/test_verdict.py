@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, information_verdicts, uninformed_parameters
 

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
-from fifthwheel.filters.noise import OBSERVER_PROCESS_VARIANCE
+from fifthwheel.filters.variances import OBSERVER_PROCESS_VARIANCE
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import GYRO_VARIANCE
 from fifthwheel.vehicle import Vehicle, get

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from fifthwheel import dynamics
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
-from fifthwheel.filters.noise import OBSERVER_PROCESS_VARIANCE
+from fifthwheel.filters.variances import OBSERVER_PROCESS_VARIANCE
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import GYRO_VARIANCE

@@ -77,7 +77,7 @@ class SegmentRms:
     high: Array
 
     @property
-    def as_expected(self) -> float:
+    def fraction_within_limits(self) -> float:
         """Fraction of the segments within the limits."""
         return float(np.mean((self.rms >= self.low) & (self.rms <= self.high)))
 

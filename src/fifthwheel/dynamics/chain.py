@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from fifthwheel.dynamics import unit as unit_equations
+from fifthwheel.dynamics import unit_equations
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -91,7 +91,7 @@ class Equations:
 
     def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
         """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s."""
-        A0, A1, A2, B0, B2 = (self._solved(matrix) for matrix in (self.A0, self.A1, self.A2, self.B0, self.B2))
+        A0, A1, A2, B0, B2 = (self._solve_E(matrix) for matrix in (self.A0, self.A1, self.A2, self.B0, self.B2))
         return A0 + A1 / speed + A2 * speed, B0 + B2 * speed
 
     def E(self) -> ca.SX:
@@ -103,7 +103,7 @@ class Equations:
                 E[row, column] = self.mass[i, j]
         return E
 
-    def _solved(self, right: ca.SX) -> ca.SX:
+    def _solve_E(self, right: ca.SX) -> ca.SX:
         """E^-1 right."""
         solved = ca.SX(right)
         solution = solve_positive_definite(self.mass, right[list(self.velocities), :])
@@ -209,7 +209,7 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: boo
             body = unit_equations.roll_body(p, unit)
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motions.roll[i], motions.roll_rate[i]))
         for group in unit.axle_groups:
-            slip = unit_equations.mean_slip(p, unit, group, *kinematics)
+            slip = unit_equations.mean_slip_angle(p, unit, group, *kinematics)
             speed_times_slip[unit.group_path(group)] = u * slip.direction - slip.drift
         # a_i = J_i w' + u r_1 for every unit: v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
         convective = inertia[:, 0] * (u * motions.r[0] + GRAVITY * motions.bank)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from fifthwheel.dynamics.chain import BANK, Motion
-from fifthwheel.dynamics.unit import mass_matrix, tyre_forces
+from fifthwheel.dynamics.unit_equations import mass_matrix, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY

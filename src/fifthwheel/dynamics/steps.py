@@ -49,7 +49,7 @@ class StepLimit:
         return np.asarray(limit / (self.margin * np.array(fastest)))
 
     @functools.cached_property
-    def safe(self) -> list[float]:
+    def safe_step_by_speed(self) -> list[float]:
         """A step that is within the limit at all speeds from i to i + 1 m/s, for each integer i, s.
 
         A shorter step needs no subdivision, which a plain number decides faster than an array.

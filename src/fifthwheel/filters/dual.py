@@ -112,7 +112,7 @@ class DualFiltered:
     end: DualState  # after the last row
 
 
-def scaled(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX) -> ca.SX:
+def symbolic_to_p(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX) -> ca.SX:
     """Symbolic form of `Scaling.to_p`."""
     return ca.vertcat(
         *[
@@ -148,7 +148,7 @@ def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
 
     symbol = ca.SX.sym("z", n_p)
-    p_of_z = scaled(logarithmic, symbol, centre, scale)
+    p_of_z = symbolic_to_p(logarithmic, symbol, centre, scale)
     p = ca.substitute(p_of_z, symbol, z)
 
     def wrt_z(function: ca.Function, *arguments: ca.SX) -> ca.SX:

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.dual import PRECISION, Scaling, scaled
+from fifthwheel.filters.dual import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.filters.kalman import Noise, observe, predict
 from fifthwheel.filters.model import Model, pack, packed_size, sizes, split, unpack
 from fifthwheel.filters.update import gate, joseph
@@ -70,7 +70,7 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
 
     base_z = z + use_given * (given_z - z)
     symbol = ca.SX.sym("z", n_p)
-    p_of_z = scaled(logarithmic, symbol, centre, scale)
+    p_of_z = symbolic_to_p(logarithmic, symbol, centre, scale)
     p = ca.substitute(p_of_z, symbol, base_z)
 
     def wrt_z(function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
@@ -102,7 +102,7 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
         V = V - gain @ psi
         x = x + gain * innovation_at_base
         P = joseph(P, cross, gain, row, r[i])
-        Pz = _corrected(Pz, cross_z, gain_z, of_parameters + noise_z)
+        Pz = _corrected_covariance(Pz, cross_z, gain_z, of_parameters + noise_z)
         used.append(accepted)
         squares.append(weight[i] * innovation**2 / (of_state + of_parameters))
     x = x + V @ (z - base_z)
@@ -133,7 +133,7 @@ def _sensitivity(
     return F @ (V + dt / 2 * first) + dt / 2 * last
 
 
-def _corrected(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance: ca.SX) -> ca.SX:
+def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance: ca.SX) -> ca.SX:
     """(I - K h) P (I - K h)' + K r K' for any gain K, from cross = P h' and the variance of the innovation.
 
     The products are expanded and only the lower triangle is computed: a third of the operations of Joseph's form.
@@ -185,7 +185,7 @@ def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], indic
     c, centre, scale = split(constant, [n_c, n_p, n_p])
     P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
     x_and_z = ca.SX.sym("x_and_z", n_x + n_p)
-    p = scaled(logarithmic, x_and_z[n_x:], centre, scale)
+    p = symbolic_to_p(logarithmic, x_and_z[n_x:], centre, scale)
     reported = report.observation(x_and_z[:n_x], d, p[list(indices)], c)
     reported, slopes = ca.substitute([reported, ca.jacobian(reported, x_and_z)], [x_and_z], [ca.vertcat(x, z)])
     variances = []

@@ -53,7 +53,7 @@ def _with_tangent(
 
 
 @functools.cache
-def simulation(model: Model) -> Scan:
+def simulation_tangent(model: Model) -> Scan:
     """The free-running model: sample = [dt, d]; output = y; others = c."""
     n_x, n_d, n_p, n_c, _ = sizes(model)
     x, row, p, c = (ca.SX.sym(name, size) for name, size in (("x", n_x), ("row", 1 + n_d), ("p", n_p), ("c", n_c)))
@@ -63,7 +63,7 @@ def simulation(model: Model) -> Scan:
 
 
 @functools.cache
-def innovations(model: Model) -> Scan:
+def innovations_tangent(model: Model) -> Scan:
     """The Kalman filter: sample = [dt, d, y, weight]; output = [innovation, variance, accepted].
 
     others = [c, Q, R, gate^2], which are not differentiated.
@@ -97,7 +97,7 @@ class Chunk(NamedTuple):
     slopes: Array  # derivatives of the outputs along each of the k directions, (k, M, n_output / 2)
 
 
-def in_chunks(
+def run_in_chunks(
     scan: Scan,
     rows: Array,
     *,
@@ -110,7 +110,7 @@ def in_chunks(
     """Outputs of a step and their derivatives over a record, in chunks of rows.
 
     Args:
-        scan: `simulation` or `innovations` of a model.
+        scan: `simulation_tangent` or `innovations_tangent` of a model.
         rows: (N, n_sample).
         start: carry before the first row, (n,).
         start_directions: derivative of the start along each of the k directions, (k, n).
@@ -128,8 +128,8 @@ def in_chunks(
         yield Chunk(chunk, out[0, :, :half], out[:, :, half:])
 
 
-def start_of_filter(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `innovations` before the first row, and its derivatives; the initial covariance is constant.
+def initial_carry(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
+    """Carry of `innovations_tangent` before the first row, and its derivatives; the initial covariance is constant.
 
     Args:
         x0, P0: initial state (n,) and covariance (n, n).

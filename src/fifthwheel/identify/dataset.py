@@ -10,7 +10,7 @@ import numpy as np
 from fifthwheel.checks import check, raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import variances
 from fifthwheel.identify import parameters
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage

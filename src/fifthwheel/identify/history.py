@@ -25,7 +25,7 @@ class ParameterHistory:
         """Number of passes."""
         return len(self.starts)
 
-    def then(self, later: "ParameterHistory") -> "ParameterHistory":
+    def followed_by(self, later: "ParameterHistory") -> "ParameterHistory":
         """This history followed by a later one of the same parameters."""
         return ParameterHistory(
             names=self.names,

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from fifthwheel.identify.dual.two_stage import identify_two_stage
-from fifthwheel.identify.map.one_stage import identify_one_stage
+from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress, TwoStage
+from fifthwheel.identify.two_stage.estimator import identify_two_stage
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 

@@ -13,7 +13,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_state, steady_initial_state
-from fifthwheel.filters.rows import StepRows
+from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.names import is_sensor_error
 from fifthwheel.vehicle import Vehicle

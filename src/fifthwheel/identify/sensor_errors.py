@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from fifthwheel.identify.map.one_stage import identify_one_stage
+from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.parameters import estimated_parameters
 from fifthwheel.identify.result import sensor_settings
 from fifthwheel.identify.settings import OneStage

@@ -48,7 +48,7 @@ class CommonSettings:
     adapt_noise: bool = True
     """Rescale R to the variance of the residuals after every pass or step."""
     process_noise: float = 1.0
-    """Process noise as a multiple of the default (`filters.noise.PROCESS_VARIANCE`); the article has none."""
+    """Process noise as a multiple of the default (`filters.variances.PROCESS_VARIANCE`); the article has none."""
     gate: float = 6.0
     """Measurements with an innovation beyond this number of standard deviations are rejected."""
     min_speed: float = 5.0

@@ -3,7 +3,7 @@
 from collections.abc import Container, Sequence
 from enum import StrEnum
 
-from fifthwheel.identify.map.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
 
 

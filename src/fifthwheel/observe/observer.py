@@ -140,7 +140,7 @@ class Observer:
             row[0] = 0.0
             row[1 : 1 + k] = inputs
         else:
-            last, short = self._last, self._model.step_limit.safe
+            last, short = self._last, self._model.step_limit.safe_step_by_speed
             if gap > short[int(inputs[0])] or gap > short[int(last[0])]:
                 self._subdivide(previous, time, last, inputs)
             else:

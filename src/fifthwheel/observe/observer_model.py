@@ -12,8 +12,7 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.filters import Noise
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
 from fifthwheel.filters.model import pack_array
 from fifthwheel.names import SENSOR_ERROR_KINDS, ParameterPath, SensorErrorName, SignalName

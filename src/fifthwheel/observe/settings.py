@@ -28,7 +28,7 @@ class ObserverSettings:
     noise: Mapping[str, float] = field(default_factory=dict)
     """Noise variance of measured signals, SI squared; by default the article's R."""
     process_noise: float = 1.0
-    """Factor of the process noise `filters.noise.OBSERVER_PROCESS_VARIANCE`, equation (14) of the article."""
+    """Factor of the process noise `filters.variances.OBSERVER_PROCESS_VARIANCE`, equation (14) of the article."""
     bank: float | None = None
     """Prior sigma of the bank of the road, rad. The bank is then a state, "bank.road"; with None the road is level."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)

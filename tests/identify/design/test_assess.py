@@ -12,7 +12,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design import AssessmentSettings, InformationAssessment, assess_information
 from fifthwheel.identify.design.predict import InformationPredictor, combine_information
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance

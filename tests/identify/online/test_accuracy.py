@@ -10,7 +10,7 @@ from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify import identify
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.parameters import one_stage_unknowns, scaling, stage_1_names
 from fifthwheel.identify.settings import OneStage

@@ -11,7 +11,7 @@ import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel.checks import Finding, check
 from fifthwheel.errors import SignalError
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information

@@ -10,7 +10,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import variances
 from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, is_stable, possible_channels
@@ -151,7 +151,7 @@ def design_experiment(
     channels = _usable_channels(vehicle, channels)
     targets = dict(targets) if targets else _default_targets(vehicle, settings)
     settings = _with_targets_estimated(vehicle, targets, settings)
-    truck = _as_fitted(vehicle, channels, settings)
+    truck = _prepared_vehicle(vehicle, channels, settings)
     speeds = [speed for speed in planning.speeds if is_stable(truck, speed)]
     if not speeds:
         raise VehicleError(
@@ -238,7 +238,7 @@ def _with_targets_estimated(vehicle: Vehicle, targets: Mapping[str, float], sett
     return settings
 
 
-def _as_fitted(vehicle: Vehicle, channels: Sequence[str], settings: OneStage) -> Vehicle:
+def _prepared_vehicle(vehicle: Vehicle, channels: Sequence[str], settings: OneStage) -> Vehicle:
     """The vehicle as a fit of the run uses it; only its first axle steers."""
     truck = vehicle.with_logged_steering(vehicle.steer_signals()[:1], vehicle.name)
     straight = steer_record(truck, 20.0, np.zeros(200), 100.0, "design")

@@ -15,7 +15,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from fifthwheel._types import Array
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
 
 PULSE_SIZE = 1e-5

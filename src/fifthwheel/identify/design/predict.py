@@ -18,8 +18,8 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.map.posterior import Posterior
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict, information_verdicts

@@ -95,7 +95,7 @@ class Learner:
             raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
         self._time = time
         problem = live.problem
-        status = live.take(time, [get(n) for n in problem.model.inputs], [get(n) for n in problem.outputs])
+        status = live.push(time, [get(n) for n in problem.model.inputs], [get(n) for n in problem.outputs])
         answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
         names = live.view.names
         if status in (Status.OK, Status.COASTING):
@@ -130,7 +130,7 @@ class Learner:
         k = len(problem.model.inputs)
         for time, row in zip(record.time.tolist(), rows, strict=True):
             self._time = time
-            self._live.take(time, row[:k], row[k:])
+            self._live.push(time, row[:k], row[k:])
 
     @property
     def parameters(self) -> tuple[LearnedValue, ...]:

@@ -7,11 +7,10 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics import steps
-from fifthwheel.filters import Noise, joint
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import Noise, joint, variances
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA
 from fifthwheel.filters.relinearised import RelinearisedFilter
-from fifthwheel.filters.rows import StepRows
+from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity
 from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.inputs import HeldInputs
@@ -53,7 +52,7 @@ class LiveFilter:
         self._accepted_time = -math.inf  # of the last accepted measurement, s
         self._last_inputs: Sequence[float] = ()  # of the last sample
 
-    def take(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
+    def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
 
         Args:
@@ -73,7 +72,7 @@ class LiveFilter:
             self._start(time, held)
         excited = self._excitation.update(gap, held) and time - self._start_time >= learner.settling_time
         self.learning = excited and self._inputs.has_settled(time)
-        last, max_step = self._last_inputs, self._step_limit.safe
+        last, max_step = self._last_inputs, self._step_limit.safe_step_by_speed
         if gap > max_step[int(held[0])] or gap > max_step[int(last[0])]:
             self._divide_step(previous, time, held, excited)
         elif gap:

@@ -269,7 +269,7 @@ def _channel(page: PageBuilder, log: str, signal: str, states: "States | None", 
         text += f" {whiteness.describe_innovation_rms(size.rms, int(np.isfinite(accepted).sum()))}"
         segments = whiteness.segment_rms(states.time, accepted)
         if segments is not None:
-            note = f"{percent(segments.as_expected)} of the segments as expected"
+            note = f"{percent(segments.fraction_within_limits)} of the segments as expected"
             plot = residuals.rms_by_segment(segments, f"log {log}", name)
             plots.append(CaptionedPlot("Rms of the innovation", note, plot))
     summary = f"{code(signal)}: <span>{escape(text)}</span>"

@@ -19,9 +19,9 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import linear_response
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_state
-from fifthwheel.filters.rows import delay_corrected_inputs, steer_sigma
+from fifthwheel.filters.step_rows import delay_corrected_inputs, steer_sigma
 from fifthwheel.identify.dataset import Dataset, LogData, speed_range
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Fit

@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.identify import TwoStage, parameters
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.dual.stage import StageResult, has_changed, run_stage, shift_delays, stage_model
+from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, shift_delays, stage_model
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 

@@ -33,17 +33,16 @@ from numpy.typing import NDArray
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters import Noise, tangent
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_state
-from fifthwheel.filters.rows import StepRows, steer_sigma, step_rows
+from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import steady_state, steady_state_slopes
-from fifthwheel.identify.map import likelihood
-from fifthwheel.identify.map.gauss_newton import Quadratic
-from fifthwheel.identify.map.likelihood import ResidualBlock
 from fifthwheel.identify.noise_model import NoiseModel, Whitener, fit_noise_model
+from fifthwheel.identify.one_stage import likelihood
+from fifthwheel.identify.one_stage.gauss_newton import Quadratic
+from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
@@ -206,7 +205,7 @@ class Problem:
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.segments():
                 for block in self.blocks(z, i, j, directions=directions):
-                    block_gradient, block_information = likelihood.information(block, limit)
+                    block_gradient, block_information = likelihood.gradient_and_information(block, limit)
                     cost += likelihood.loss(block, limit)
                     gradient[block.indices] += block_gradient
                     hessian[np.ix_(block.indices, block.indices)] += block_information
@@ -348,8 +347,8 @@ class Problem:
         """The log less the free-running model."""
         m, k, rows = len(self.model.outputs), len(run.indices), run.rows
         inputs = 1 + 2 * len(self.model.inputs)  # columns of time step and inputs
-        chunks = tangent.in_chunks(
-            tangent.simulation(self.model),
+        chunks = tangent.run_in_chunks(
+            tangent.simulation_tangent(self.model),
             rows.rows[:, :inputs],
             start=run.x0,
             start_directions=run.x0_directions,
@@ -376,9 +375,9 @@ class Problem:
         table = variances.PROCESS_VARIANCE | {"bank": self.settings.bank_walk**2}
         process = variances.process_covariance(self.model.states, table, max(self.settings.process_noise, 1e-9))
         noise = Noise(process=process, measurement=run.variance, gate=self.settings.gate)
-        start, start_directions = tangent.start_of_filter(run.x0, run.P0, run.x0_directions)
-        chunks = tangent.in_chunks(
-            tangent.innovations(self.model),
+        start, start_directions = tangent.initial_carry(run.x0, run.P0, run.x0_directions)
+        chunks = tangent.run_in_chunks(
+            tangent.innovations_tangent(self.model),
             rows.rows,
             start=start,
             start_directions=start_directions,

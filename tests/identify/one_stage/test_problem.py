@@ -7,8 +7,8 @@ from fifthwheel import dynamics
 from fifthwheel.filters import tangent
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.map.likelihood import information, scores
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import one_stage_unknowns
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
@@ -120,8 +120,8 @@ def test_one_block_is_all_blocks(truck: Vehicle, records: list[Record], monkeypa
     z = np.zeros(len(p.names))
     blocks, block = list(p.blocks(z, 1, 0)), p.block(z, 1, 0)
     assert len(blocks) > 3
-    gradient, gram = (sum(parts) for parts in zip(*[information(b, 4.0) for b in blocks], strict=True))
-    merged_gradient, merged_gram = information(block, 4.0)
+    gradient, gram = (sum(parts) for parts in zip(*[gradient_and_information(b, 4.0) for b in blocks], strict=True))
+    merged_gradient, merged_gram = gradient_and_information(block, 4.0)
     assert merged_gradient == pytest.approx(gradient, rel=1e-9, abs=1e-9)
     assert merged_gram == pytest.approx(gram, rel=1e-9, abs=1e-9)
     assert scores(block, 4.0).sum(axis=0) == pytest.approx(gradient, rel=1e-9, abs=1e-9)

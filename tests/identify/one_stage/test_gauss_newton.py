@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.identify.map.gauss_newton import Quadratic, minimise, trust_region_step
+from fifthwheel.identify.one_stage.gauss_newton import Quadratic, minimise, trust_region_step
 
 Array = np.ndarray
 

@@ -1,4 +1,4 @@
-"""Fisher information of the logs at the estimate of two stages, with all unknowns free together.
+"""The posterior at the estimate of two stages, from the Fisher information of the logs on all unknowns together.
 
 The dual filter runs once more with fixed parameters. For each sample and channel it gives an innovation e, its variance
 s^2 and the gradient g of the prediction with respect to z. With the prior z ~ N(0, I):
@@ -24,13 +24,13 @@ from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState, Scaling
 from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.filters.rows import delay_corrected_inputs, step_rows
+from fifthwheel.filters.step_rows import delay_corrected_inputs, step_rows
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.dual.stage import filter_noise, shift_delays
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import TwoStage
+from fifthwheel.identify.two_stage.stage import filter_noise, shift_delays
 from fifthwheel.names import is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -40,7 +40,7 @@ SINGULAR = 1e14
 
 
 @dataclass(frozen=True, kw_only=True)
-class Information:
+class TwoStagePosterior:
     """Covariances of all k unknowns in units of z, whose prior is N(0, I); the unknowns of log i are "name@i"."""
 
     names: tuple[str, ...]
@@ -52,7 +52,7 @@ class Information:
     def excited(self, name: str, limit: float) -> bool:
         """Whether the logs bring the sigma of an unknown below `limit` times its prior sigma, if the model is right.
 
-        True for an unknown that is not part of this information, and for all if the vehicle is unstable.
+        True for an unknown that is not part of this posterior, and for all if the vehicle is unstable.
         """
         if self.unstable or name not in self.names:
             return True
@@ -65,7 +65,7 @@ class Information:
         return np.sqrt(np.maximum(np.diag(self.covariance), np.diag(self.sandwich)) + self.bias**2)
 
 
-def evaluate_information(
+def evaluate_posterior(
     model: ChainModel,
     vehicle: Vehicle,
     logs: Sequence[LogData],
@@ -74,8 +74,8 @@ def evaluate_information(
     values: Mapping[str, float],
     settings: TwoStage,
     gated: bool = True,
-) -> Information:
-    """Information of all logs at the estimate.
+) -> TwoStagePosterior:
+    """Posterior at the estimate, given all logs.
 
     Args:
         model: in which all unknowns are free.
@@ -106,7 +106,7 @@ def evaluate_information(
     if unstable:
         information, score_covariance, bias_score = np.eye(k), np.eye(k), np.zeros(k)
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Information(
+    return TwoStagePosterior(
         names=tuple(names),
         covariance=covariance,
         sandwich=covariance @ score_covariance @ covariance,

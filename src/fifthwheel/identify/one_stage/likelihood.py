@@ -59,7 +59,7 @@ def loss(block: ResidualBlock, limit: float) -> float:
     return float(total)
 
 
-def information(block: ResidualBlock, limit: float) -> tuple[Array, Array]:
+def gradient_and_information(block: ResidualBlock, limit: float) -> tuple[Array, Array]:
     """Gradient of the loss (k,), and Fisher information (k, k)."""
     error, present, weight = _weights(block, limit)
     k, root = len(block.indices), np.sqrt(weight)

@@ -75,7 +75,7 @@ class SlipAngle(NamedTuple):
     drift: ca.SX  # lateral velocity across the heading of the first unit, m/s
 
 
-def axle_slip(
+def axle_slip_angle(
     p: Mapping[str, ca.SX], unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: SteerAngles
 ) -> SlipAngle:
     """Slip angle of one axle; arguments as in `tyre_forces`."""
@@ -84,9 +84,9 @@ def axle_slip(
     return SlipAngle(delta + heading, across + arm * r)
 
 
-def mean_slip(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
-    """Mean slip angle of the axles of a group; `motion` as in `axle_slip` from `across` on."""
-    slips = [axle_slip(p, unit, axle, *motion) for axle in group.axles]
+def mean_slip_angle(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
+    """Mean slip angle of the axles of a group; `motion` as in `axle_slip_angle` from `across` on."""
+    slips = [axle_slip_angle(p, unit, axle, *motion) for axle in group.axles]
     n = len(slips)
     return SlipAngle(sum((s.direction for s in slips), ca.SX(0)) / n, sum((s.drift for s in slips), ca.SX(0)) / n)
 
@@ -121,11 +121,11 @@ def tyre_forces(
     for group in unit.axle_groups:
         path = unit.group_path(group)
         stiffness = p[f"{path}.cornering_stiffness"] / len(group.axles)
-        mean = mean_slip(p, unit, group, across, heading, r, steer)
+        mean = mean_slip_angle(p, unit, group, across, heading, r, steer)
         lag = lagged_slip[path] - (mean.direction - mean.drift * inverse_speed) if path in lagged_slip else 0
         for axle in group.axles:
             arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-            slip = axle_slip(p, unit, axle, across, heading, r, steer)
+            slip = axle_slip_angle(p, unit, axle, across, heading, r, steer)
             side_force = stiffness * (slip.direction - slip.drift * inverse_speed + lag)
             force += side_force
             moment += arm * side_force

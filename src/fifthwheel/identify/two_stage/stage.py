@@ -19,10 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters import Noise, dual
-from fifthwheel.filters import noise as variances
+from fifthwheel.filters import Noise, dual, variances
 from fifthwheel.filters.dual import DualCoupling, DualFiltered, DualState, Scaling
-from fifthwheel.filters.rows import StepRows, step_rows
+from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity

@@ -21,13 +21,13 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.filters import dual
 from fifthwheel.identify import estimates, parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
-from fifthwheel.identify.dual.information import Information, evaluate_information
-from fifthwheel.identify.dual.stage import StageResult, has_changed, run_stage, stage_model
-from fifthwheel.identify.free_run import evaluate_fits
+from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.history import ParameterHistory, is_settled, settled_since
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Estimate, Identification
 from fifthwheel.identify.settings import Progress, TwoStage
+from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
+from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, stage_model
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath, SignalName
 from fifthwheel.native import compile_in_background
@@ -84,7 +84,7 @@ class _State:
                 values[name] = float(history.values[since:, i].mean())
             settled[name] = result.settled if settings.restart else is_settled(since, len(history.values))
         if title in self.histories:
-            history = self.histories[title].then(history)
+            history = self.histories[title].followed_by(history)
         return replace(
             self,
             values=values,
@@ -114,25 +114,25 @@ class _Estimator:
     unknowns: tuple[Unknown, ...]
     """Of `model`."""
 
-    def solve(self, progress: Progress) -> tuple[_State, Information]:
+    def solve(self, progress: Progress) -> tuple[_State, TwoStagePosterior]:
         """Both stages, again and again until the set of parameters that are not excited no longer changes.
 
         The first set is that of the yaw model at the initial values. After the first attempt a parameter may leave it;
         from then on the set only grows.
         """
         state = self._initial(frozenset())
-        information = self._information(self.yaw_model, self.yaw_unknowns, state, gated=False)
-        not_excited = self._not_excited(information)
+        posterior = self._posterior(self.yaw_model, self.yaw_unknowns, state, gated=False)
+        not_excited = self._not_excited(posterior)
         for attempt in itertools.count():
             state = self._stages(self._initial(not_excited), progress)
-            information = self._information(self.model, self.unknowns, state)
-            latest = self._not_excited(information)
+            posterior = self._posterior(self.model, self.unknowns, state)
+            latest = self._not_excited(posterior)
             if attempt:
                 latest |= not_excited
             if latest == not_excited:
                 break
             not_excited = latest
-        return state, information
+        return state, posterior
 
     def _initial(self, not_excited: frozenset[str]) -> _State:
         """The state before the first stage."""
@@ -192,27 +192,27 @@ class _Estimator:
         )
         return state.after(title, result, self.settings)
 
-    def _information(
+    def _posterior(
         self, model: ChainModel, unknowns: Sequence[Unknown], state: _State, *, gated: bool = True
-    ) -> Information:
+    ) -> TwoStagePosterior:
         vehicle, settings = self.dataset.vehicle, self.settings
-        return evaluate_information(
+        return evaluate_posterior(
             model, vehicle, state.logs, unknowns, values=state.values, settings=settings, gated=gated
         )
 
-    def _not_excited(self, information: Information) -> frozenset[str]:
+    def _not_excited(self, posterior: TwoStagePosterior) -> frozenset[str]:
         """Estimated parameters that the logs do not determine."""
         names = [u.name for u in self.unknowns if not u.nuisance]
-        return frozenset(name for name in names if not information.excited(name, self.settings.excited))
+        return frozenset(name for name in names if not posterior.excited(name, self.settings.excited))
 
-    def sigma_z(self, state: _State, information: Information) -> dict[str, float]:
+    def sigma_z(self, state: _State, posterior: TwoStagePosterior) -> dict[str, float]:
         """Standard deviations of all unknowns in units of their priors; the sensor errors of log i as "name@i".
 
         Where stage 1 has run with the yaw model only, those of its parameters include the bias by the missing roll.
         """
-        sigma = dict(zip(information.names, information.sigma.tolist(), strict=True))
+        sigma = dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
         if self.model.roll and state.rounds == 1:
-            yaw = self._information(self.yaw_model, self.yaw_unknowns, state)
+            yaw = self._posterior(self.yaw_model, self.yaw_unknowns, state)
             bias = dict(zip(yaw.names, yaw.bias.tolist(), strict=True))
             sigma |= {u.name: math.hypot(sigma[u.name], bias[u.name]) for u in self.stage_1}
         return sigma
@@ -264,9 +264,9 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _Estimator:
     )
 
 
-def _identification(estimator: _Estimator, state: _State, information: Information) -> Identification:
+def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePosterior) -> Identification:
     """The result: estimates with sigma and verdict, sensor errors, fits of all logs."""
-    dataset, model, sigma_z = estimator.dataset, estimator.model, estimator.sigma_z(state, information)
+    dataset, model, sigma_z = estimator.dataset, estimator.model, estimator.sigma_z(state, posterior)
     estimated = (*estimator.stage_1, *estimator.stage_2)
     vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimated})
     shared = {u.name: state.values.get(u.name, u.centre) for u in estimator.unknowns if u.nuisance and not u.per_log}

@@ -23,12 +23,12 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import estimates, parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
-from fifthwheel.identify.free_run import evaluate_fits
+from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.map import likelihood
-from fifthwheel.identify.map.gauss_newton import Minimum, minimise
-from fifthwheel.identify.map.posterior import Posterior
-from fifthwheel.identify.map.problem import Problem
+from fifthwheel.identify.one_stage import likelihood
+from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
+from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.result import Estimate, Identification, LogSummary
@@ -160,7 +160,9 @@ class _Estimator:
         lower, upper = problem.bounds
         z = self._initial(problem)
         white = functools.partial(problem.update_noise, autocorrelated=False)
-        phases: list[tuple[str, Callable[[Array], None]]] = [("fit", white if self.settings.adapt_noise else _keep_noise)]
+        phases: list[tuple[str, Callable[[Array], None]]] = [
+            ("fit", white if self.settings.adapt_noise else _keep_noise)
+        ]
         if self.settings.adapt_noise:
             phases += [("fit with estimated noise", _keep_noise)] * NOISE_ROUNDS
         for number, (title, accept) in enumerate(phases):
@@ -197,7 +199,7 @@ def _posterior(estimator: _Estimator, problem: Problem, z: Array) -> tuple[Poste
         segment, scores = problem.logs[i].segments[j], []
         for block in problem.blocks(z, i, j):
             for piece in block.split(length):
-                piece_gradient, piece_information = likelihood.information(piece, settings.outlier)
+                piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
                 information[np.ix_(piece.indices, piece.indices)] += piece_information
                 gradient[piece.indices] += piece_gradient
                 P = np.linalg.inv(np.eye(k) + information * np.outer(free, free))

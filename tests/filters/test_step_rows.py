@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.rows import StepRows, step_rows
+from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from tests.observe.conftest import STEER, YAWS, put, rows

@@ -9,7 +9,7 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.identify import TwoStage, parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
-from fifthwheel.identify.free_run import evaluate_fits, free_run_fits
+from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
