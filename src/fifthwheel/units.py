@@ -90,6 +90,8 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<symbol>1(?![0-9])|%|-|°C|°|[A-Za-zµμ]+)(?:\s*(?:\^|\*\*)?\s*(?P<power>[-+]?\d{1,2}))?|(?P<mark>[*·./()]))\s*"
 )
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_PLUS_MINUS = re.compile(r"\s*(?:\+/?-|±)\s*")
+_EXACT = re.compile(r"\s+exact\s*$")
 
 
 def factor(unit: str, si: str, *, strict: bool = False) -> float:
@@ -128,10 +130,50 @@ def quantity(value: float | str, si: str, *, strict: bool = False) -> float:
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return float(value)
-    match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) <= 2 * MAX_LENGTH else None
-    if match is None:
-        raise UnitError(f"expected a number with a unit such as '1 {si}', got {_shown(value)}")
-    return float(match[1]) * (factor(match[2], si, strict=strict) if match[2] else 1.0)
+    number, unit = _number_and_unit(value, si)
+    return number * (factor(unit, si, strict=strict) if unit else 1.0)
+
+
+def uncertain_quantity(value: float | str, si: str, *, strict: bool = False) -> tuple[float, float | None]:
+    """A value in the SI unit `si` and its standard deviation: 0 if it is exact, None if the text does not state it.
+
+    The standard deviation follows "+-", "+/-" or "±", with a unit or in percent of the value. Its unit may be missing
+    only if the value has none either.
+
+    Raises:
+        UnitError: the value or its standard deviation is not valid; arguments as in `factor`.
+
+    >>> uncertain_quantity("8 t +- 200 kg", "kg"), uncertain_quantity("8 t exact", "kg"), uncertain_quantity("8 t", "kg")
+    ((8000.0, 200.0), (8000.0, 0.0), (8000.0, None))
+    """
+    if not isinstance(value, str) or len(value) > 5 * MAX_LENGTH:
+        return quantity(value, si, strict=strict), None
+    exact = _EXACT.search(value)
+    text, *sigmas = _PLUS_MINUS.split(value[: exact.start()] if exact else value)
+    if len(sigmas) + (exact is not None) > 1:
+        raise UnitError(f"expected one '+- ...' or 'exact' after the value, got {_shown(value)}; keep one")
+    size = quantity(text, si, strict=strict)
+    if not sigmas:
+        return size, 0.0 if exact else None
+    number, unit = _number_and_unit(sigmas[0], si, "after '+-': ")
+    if unit == "%":
+        if size == 0:
+            raise UnitError(
+                f"after '+-': expected {si}, because percent of 0 is 0, got {_shown(value)}; write '+- 1 {si}'"
+            )
+        sigma = abs(size) * number / 100
+    elif not unit and (needed := _number_and_unit(text, si)[1]):
+        raise UnitError(f"after '+-': expected a unit, got {_shown(value)}; write '+- {number:g} {needed}'")
+    else:
+        try:
+            sigma = quantity(sigmas[0], si, strict=strict)
+        except UnitError as error:
+            raise UnitError(f"after '+-': {error}; give one standard deviation in {si} or in percent") from None
+    if not 0 <= sigma < math.inf:
+        raise UnitError(
+            f"after '+-': expected a finite standard deviation, 0 or more, got {_shown(value)}; give its magnitude"
+        )
+    return size, sigma
 
 
 def is_unit(text: str) -> bool:
@@ -145,6 +187,14 @@ def is_unit(text: str) -> bool:
     except UnitError:
         return False
     return True
+
+
+def _number_and_unit(value: object, si: str, place: str = "") -> tuple[float, str]:
+    """The parts of a quantity as written; the unit is empty if there is none. `place` begins the message."""
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) <= 2 * MAX_LENGTH else None
+    if match is None:
+        raise UnitError(f"{place}expected a number with a unit such as '1 {si}', got {_shown(value)}")
+    return float(match[1]), match[2]
 
 
 def _shown(value: object) -> str:

@@ -50,7 +50,7 @@ def test_round_trip_is_exact(stiffness: float) -> None:
     ],
 )
 def test_quantities(text: object, unit: str, value: float) -> None:
-    assert read_quantity(text, unit, "x") == pytest.approx(value, rel=1e-12)
+    assert read_quantity(text, unit, "x") == (pytest.approx(value, rel=1e-12), None)
 
 
 @pytest.mark.parametrize(

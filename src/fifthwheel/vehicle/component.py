@@ -1,10 +1,10 @@
 """Base of all components of a vehicle: immutable, keyword-only, finite, with errors that name the path and the cure."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from reprlib import repr as shorten
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from fifthwheel.errors import VehicleError, suggestion
 
@@ -12,6 +12,17 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class HashableDict(dict[str, float]):
+    """A dictionary in a frozen component; nobody alters it."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+
+NonNegatives = Annotated[Mapping[str, NonNegative], AfterValidator(HashableDict)]
+"""Numbers >= 0 by name."""
 
 
 class Component(BaseModel):

@@ -1,7 +1,8 @@
-"""Vehicle files: TOML with quantities such as "475 kN/rad"; a number without a unit is SI.
+"""Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; a number without a unit is SI.
 
 name = "my truck"
 source = "workshop, 3 May"
+exact = true              # every number is exact; false by default
 
 [[unit]]
 name = "tractor"
@@ -27,16 +28,17 @@ import tomli_w
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import UnitError, VehicleError, suggestion
-from fifthwheel.units import quantity
+from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
-from fifthwheel.vehicle.paths import SI_UNITS
+from fifthwheel.vehicle.paths import SI_UNITS, unit_of
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Coupling, Vehicle
 
 Table = dict[str, Any]
 
-FILE_KEYS = {"units": "unit", "couplings": "coupling", "axle_groups": "axle_group"}
-"""Key in a file of each field with several tables: the singular, because TOML repeats the header for each table."""
+FILE_KEYS = {"units": "unit", "couplings": "coupling", "axle_groups": "axle_group", "stated": "exact"}
+"""Key in a file of each field that has another one. For several tables it is the singular, because TOML repeats the
+header for each table. A file states standard deviations beside the values, or that all of them are 0."""
 
 
 def load(path: str | Path) -> Vehicle:
@@ -61,13 +63,25 @@ def loads(text: str) -> Vehicle:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise VehicleError(f"expected TOML, got {error}; correct that line") from None
-    fields = _fields(table, "", Vehicle)
-    fields["units"] = [_unit(unit, f"unit[{i}]") for i, unit in enumerate(_tables(fields, "units", ""))]
+    stated: dict[str, float] = {}
+    fields = _fields(table, "", Vehicle, stated)
+    exact = fields.pop("stated", False)
+    if not isinstance(exact, bool):
+        raise VehicleError(f"exact: expected true or false, got {exact!r}; write exact = true, or omit the key")
+    fields["units"] = [_unit(unit, f"unit[{i}]", stated) for i, unit in enumerate(_tables(fields, "units", ""))]
     fields["couplings"] = [
-        _fields(coupling, _name(coupling, f"coupling[{i}]"), Coupling)
-        for i, coupling in enumerate(_tables(fields, "couplings", ""))
+        _fields(coupling, _name(coupling, Coupling.model_fields["name"].default), Coupling, stated)
+        for coupling in _tables(fields, "couplings", "")
     ]
-    return Vehicle(**fields)
+    vehicle = Vehicle(**fields, stated=stated)
+    if not exact:
+        return vehicle
+    for path, sigma in stated.items():
+        if sigma:
+            raise VehicleError(
+                f"{path}: expected no '+-' in a file with exact = true, got {sigma:g} {unit_of(path)}; remove one of the two"
+            )
+    return vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
 
 
 def save(vehicle: Vehicle, path: str | Path) -> None:
@@ -82,55 +96,68 @@ def save(vehicle: Vehicle, path: str | Path) -> None:
 
 def dump(vehicle: Vehicle) -> str:
     """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""
-    table: Table = _file_value(vehicle.model_dump(exclude_none=True))
+    stated = {} if vehicle.is_exact else vehicle.stated
+    texts = {path: _text(value, unit_of(path), stated.get(path)) for path, value in vehicle.parameters().items()}
+    table: Table = _file_value(vehicle.fields_with(texts) | {"stated": vehicle.is_exact or None})
     return tomli_w.dumps(table)
 
 
-def _file_value(value: Any, key: str = "") -> Any:
-    """Fields in the form of a file: singular headers, values with their units."""
+def _text(value: float, si: str, sigma: float | None) -> str:
+    """A number as it stands in a file."""
+    stated = "" if sigma is None else f" +- {sigma!r} {si}" if sigma else " exact"
+    return f"{value!r} {si}{stated}"
+
+
+def _file_value(value: Any) -> Any:
+    """Fields in the form of a file: with its keys, and without those that have no value."""
     if isinstance(value, dict):
-        return {FILE_KEYS.get(k, k): _file_value(v, k) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_file_value(item) for item in value]
-    return f"{value!r} {SI_UNITS[key]}" if key in SI_UNITS else value
+        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None}
+    return [_file_value(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def _unit(table: Table, label: str) -> Table:
+def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
     """Fields of a unit; `label` names it in messages if it has no name."""
     path = _name(table, label)
-    fields = _fields(table, path, Unit)
+    fields = _fields(table, path, Unit, stated)
     for key, kind in (("sprung", SprungMass), ("payload", Payload)):
         if key in fields:
-            fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind)
+            fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind, stated)
     groups = _tables(fields, "axle_groups", path)
-    fields["axle_groups"] = [_group(group, path, only=len(groups) == 1) for group in groups]
+    fields["axle_groups"] = [_group(group, path, stated, only=len(groups) == 1) for group in groups]
     return fields
 
 
-def _group(file_table: Table, unit: str, *, only: bool) -> Table:
+def _group(file_table: Table, unit: str, stated: dict[str, float], *, only: bool) -> Table:
     """Fields of an axle group; `only` where the unit has no other, so that its paths do not contain its name."""
-    path = unit if only else f"{unit}.{_name(file_table, 'axle_group')}"
+    path = unit if only else f"{unit}.{_name(file_table, AxleGroup.model_fields['name'].default)}"
     axle: Table = {key: file_table[key] for key in ("position", "steerable") if key in file_table}
     table: Table = {key: value for key, value in file_table.items() if key not in axle}
     if axle and "axles" in table:
         raise VehicleError(f"{path}: expected either axles or {' and '.join(axle)}, got both; keep one")
-    fields = _fields(table, path, AxleGroup)
+    fields = _fields(table, path, AxleGroup, stated)
     axles = [axle] if axle else _tables(fields, "axles", path)
-    fields["axles"] = [_fields(a, f"{unit}.{_name(a, _name(table, 'axles'))}", Axle) for a in axles]
+    fields["axles"] = [_fields(a, f"{unit}.{_name(a, _name(table, 'axles'))}", Axle, stated) for a in axles]
     return fields
 
 
-def _fields(table: Table, path: str, kind: type[Component]) -> Table:
-    """The table of a component with the keys of its fields and its quantities in SI."""
+def _fields(table: Table, path: str, kind: type[Component], stated: dict[str, float]) -> Table:
+    """The table of a component with the keys of its fields and its quantities in SI.
+
+    The standard deviations that it states are added to `stated`.
+    """
     fields = {FILE_KEYS.get(field, field): field for field in kind.model_fields}
     prefix = f"{path}." if path else ""
     for key in table:
         if key not in fields:
             raise VehicleError(f"{prefix}{key}: no such key; {suggestion(key, fields)}")
-    return {
-        fields[key]: read_quantity(value, SI_UNITS[key], f"{prefix}{key}") if key in SI_UNITS else value
-        for key, value in table.items()
-    }
+    values: Table = {}
+    for key, value in table.items():
+        if key in SI_UNITS:
+            value, sigma = read_quantity(value, SI_UNITS[key], f"{prefix}{key}")
+            if sigma is not None:
+                stated[f"{prefix}{key}"] = sigma
+        values[fields[key]] = value
+    return values
 
 
 _CURES = {
@@ -139,11 +166,13 @@ _CURES = {
 }
 
 
-def read_quantity(value: Any, si: str, path: str) -> float:
-    """A value of a vehicle file in the SI unit `si`. An angle is a dimension: N is not accepted for N/rad.
+def read_quantity(value: Any, si: str, path: str) -> tuple[float, float | None]:
+    """A value of a vehicle file and its stated standard deviation, in the SI unit `si`.
+
+    An angle is a dimension: N is not accepted for N/rad.
 
     Args:
-        value: a number in `si`, or a text of a number and a unit.
+        value: a number in `si`, or a text as in `units.uncertain_quantity`.
         si: the SI unit.
         path: of the value, for the message.
 
@@ -151,7 +180,7 @@ def read_quantity(value: Any, si: str, path: str) -> float:
         VehicleError: the value is not a number with a suitable unit.
     """
     try:
-        return quantity(value, si, strict=True)
+        return uncertain_quantity(value, si, strict=True)
     except UnitError as error:
         cure = f"; {_CURES[si]}" if si in _CURES else ""
         raise VehicleError(f"{path}: {error}{cure}") from None

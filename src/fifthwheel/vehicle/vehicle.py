@@ -1,7 +1,8 @@
 """A vehicle: a chain of units, with one coupling between each unit and the next."""
 
 import functools
-from collections.abc import Container, Mapping
+import math
+from collections.abc import Container, Iterable, Mapping
 from itertools import pairwise
 from typing import Any, Self
 
@@ -9,7 +10,7 @@ from pydantic import Field, model_validator
 
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.vehicle.axle_loads import static_axle_loads
-from fifthwheel.vehicle.component import Component, Name, NonNegative, Number
+from fifthwheel.vehicle.component import Component, Name, NonNegative, NonNegatives, Number
 from fifthwheel.vehicle.paths import SI_UNITS
 from fifthwheel.vehicle.payload import laden
 from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit, require_unique
@@ -41,6 +42,9 @@ class Vehicle(Component):
     source: str = Field(default="", description="Origin of the numbers.")
     units: tuple[Unit, ...] = Field(min_length=1)
     couplings: tuple[Coupling, ...] = ()
+    stated: NonNegatives = Field(
+        default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
+    )
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:
@@ -68,6 +72,7 @@ class Vehicle(Component):
                     f"{unit.name}.cog: expected between {min(supports):g} and {max(supports):g} m, where the unit is"
                     f" supported, got {unit.cog:g} m; x is positive forward from the unit's own origin"
                 )
+        self._location_of(self.stated)
         return self
 
     def _supports(self, unit: Unit) -> list[float]:
@@ -118,7 +123,7 @@ class Vehicle(Component):
         return locations
 
     def replace(self, values: Mapping[str, float]) -> "Vehicle":
-        """The same vehicle with other values of some parameters, validated again.
+        """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay.
 
         Args:
             values: by path, SI.
@@ -126,17 +131,49 @@ class Vehicle(Component):
         Raises:
             VehicleError: a path does not exist, or a value is not valid.
         """
-        fields, locations = self.model_dump(), self._locations()
-        for path, value in values.items():
+        return Vehicle(**self.fields_with(values))
+
+    def with_stated(self, sigmas: Mapping[str, float]) -> "Vehicle":
+        """The same vehicle with other stated standard deviations of some parameters.
+
+        Args:
+            sigmas: by path, SI; 0 for an exact number.
+
+        Raises:
+            VehicleError: a path does not exist, or a standard deviation is negative or not finite.
+        """
+        return Vehicle(**self.model_dump() | {"stated": {**self.stated, **sigmas}})
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether every parameter is stated to be exact."""
+        return all(self.stated.get(path) == 0 for path in self._parameters)
+
+    def fields_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """All fields as nested dictionaries and lists, with other values of some scalars by path.
+
+        Raises:
+            VehicleError: a path does not exist.
+        """
+        fields = self.model_dump()
+        for path, location in self._location_of(values).items():
+            _owner(fields, location)[location[-1]] = values[path]
+        return fields
+
+    def _location_of(self, paths: Iterable[str]) -> dict[str, FieldLocation]:
+        """Location of some scalars by path; a VehicleError where there is none."""
+        locations = self._locations()
+        for path in paths:
             if path not in locations:
                 raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, locations)}")
-            _owner(fields, locations[path])[locations[path][-1]] = value
-        return Vehicle(**fields)
+        return {path: locations[path] for path in paths}
 
     def lumped(self) -> "Vehicle":
         """The same vehicle with each payload lumped into its sprung body.
 
         The load may then have any shape: CoG height and roll inertia of the body are two independent parameters.
+        They are stated to be exact if all numbers of body and payload are; otherwise nothing is stated on them. The
+        stated standard deviation of the body's mass is that of the sum if both masses have one.
         """
         p, fields = self.parameters(), self.model_dump()
         for unit in fields["units"]:
@@ -146,6 +183,7 @@ class Vehicle(Component):
                 about_cog = body.roll_inertia - body.mass * lever**2
                 unit["sprung"] |= {"mass": body.mass, "cog_height": body.cog_height, "roll_inertia": about_cog}
                 unit["payload"] = None
+                fields["stated"] = _lumped_sigmas(fields["stated"], unit["name"], p)
         return Vehicle(**fields)
 
     def with_logged_steering(self, signals: Container[str], source: str) -> "Vehicle":
@@ -201,6 +239,20 @@ class Vehicle(Component):
             values[f"{unit.name}.cog_height"] = body.cog_height
             values[f"{unit.name}.roll_inertia"] = body.roll_inertia
         return values
+
+
+def _lumped_sigmas(stated: Mapping[str, float], unit: str, paths: Iterable[str]) -> dict[str, float]:
+    """Stated standard deviations once the payload of a unit is lumped into its sprung body; see `Vehicle.lumped`."""
+    body, payload = f"{unit}.sprung.", f"{unit}.payload."
+    inputs = [path for path in paths if path.startswith((body, payload)) or path == f"{unit}.roll_axis_height"]
+    replaced = {f"{body}{key}" for key in ("mass", "cog_height", "roll_inertia")}
+    lumped = {path: s for path, s in stated.items() if path not in replaced and not path.startswith(payload)}
+    masses = [stated[path] for path in (f"{body}mass", f"{payload}mass") if path in stated]
+    if len(masses) == 2:
+        lumped[f"{body}mass"] = math.hypot(*masses)
+    if all(stated.get(path) == 0 for path in inputs):
+        lumped |= dict.fromkeys(replaced, 0.0)
+    return lumped
 
 
 def _require_within(path: str, position: float, low: float, high: float) -> None:

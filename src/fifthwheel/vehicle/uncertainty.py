@@ -1,0 +1,160 @@
+"""The uncertainty of the masses and lengths of a vehicle, as independent changes that each alter several parameters.
+
+One weighing gives the masses of all units, one drawing the positions of all axles, and what the payload does not weigh
+the empty body does. Numbers that come from one measurement are therefore wrong together: a change alters them together.
+
+A number with a stated standard deviation is altered by its own change only, so that the changes together give it
+exactly the stated standard deviation. All other numbers have the standard deviations of `DEFAULT_SIGMAS`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fifthwheel.vehicle.unit import Unit
+from fifthwheel.vehicle.vehicle import Vehicle
+
+MASS_SCALE = "mass_scale"
+"""Name of the change of all masses together."""
+
+
+class DefaultSigma(NamedTuple):
+    """A standard deviation that holds where the vehicle file states none."""
+
+    sigma: float
+    of: str
+    """The quantity of which sigma is a fraction, or "m" for metres."""
+    reason: str
+
+
+DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
+    MASS_SCALE: DefaultSigma(
+        0.02,
+        "all masses and inertias",
+        "One scale weighs all units: a static weighbridge has 0.1 %, weighing in motion of class 2 (OIML R 134) 2 %,"
+        " on-board scales 5 %.",
+    ),
+    "mass": DefaultSigma(
+        0.02,
+        "mass of the unit",
+        "Coupled units are weighed axle by axle, and fuel, driver and equipment are not those of the run: 150 kg of"
+        " fuel are 2 % of a tractor.",
+    ),
+    "payload.mass": DefaultSigma(
+        0.03,
+        "payload mass",
+        "The payload is the laden less the unladen mass, or that of the freight documents without pallets and straps.",
+    ),
+    "cog.laden": DefaultSigma(
+        0.15, "m", "Loads are seldom placed by measure: a load of 60 % of the unit's mass that is 0.25 m off."
+    ),
+    "cog.unladen": DefaultSigma(
+        0.05,
+        "m",
+        "Axle loads of 2 % give 0.03 m with a wheelbase of 3.7 m; a full or empty tank and the driver give the rest.",
+    ),
+    "axle_positions": DefaultSigma(
+        0.01,
+        "distance from the front reference",
+        "A tape along the frame or the dimensions of a brochure, whose variants differ by some centimetres.",
+    ),
+    "coupling": DefaultSigma(
+        0.01, "wheelbase", "A fifth wheel can be slid along the frame, in steps of 0.05 m or more; few note its place."
+    ),
+}
+"""Standard deviations of numbers on which the vehicle file states nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A random change of a vehicle, N(0, 1), independent of all others: parameter = value + slope * change."""
+
+    name: str
+    slopes: Mapping[str, float]
+    """Change of each parameter by one standard deviation, SI, by path."""
+
+
+def changes(vehicle: Vehicle) -> tuple[Change, ...]:
+    """The uncertainty of a vehicle as independent changes, front to rear; empty if every number is exact.
+
+    The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
+    `<unit>.axle_positions` and `<unit>.coupling`; and the path of every other parameter with a stated standard
+    deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and relaxation
+    lengths have a change of their own only if their standard deviation is stated.
+    """
+    stated = vehicle.stated
+    slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
+    for i, unit in enumerate(vehicle.units):
+        if f"{unit.name}.mass" not in stated:
+            slopes[MASS_SCALE] |= _mass_scale(vehicle, unit)
+        slopes[f"{unit.name}.mass"] = _mass(vehicle, unit)
+        slopes |= _division(vehicle, unit)
+        cog = f"{unit.name}.cog"
+        default = DEFAULT_SIGMAS["cog.laden" if unit.payload else "cog.unladen"].sigma
+        slopes[cog] = {cog: stated.get(cog, default)}
+        slopes |= _positions(vehicle, i)
+    slopes |= {path: {path: sigma} for path, sigma in stated.items() if path not in slopes}
+    nonzero = {name: {path: s for path, s in by_path.items() if s} for name, by_path in slopes.items()}
+    return tuple(Change(name=name, slopes=by_path) for name, by_path in nonzero.items() if by_path)
+
+
+def _mass_scale(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
+    """Slopes of the mass scale on a unit: a body of the same shape and another density."""
+    p, fraction = vehicle.parameters(), DEFAULT_SIGMAS[MASS_SCALE].sigma
+    keys = ("yaw_inertia", "sprung.roll_inertia", "sprung.roll_yaw_product")
+    inertias = {path: fraction * p[path] for key in keys if (path := f"{unit.name}.{key}") not in vehicle.stated}
+    return _scaled_masses(vehicle, unit, fraction) | inertias
+
+
+def _mass(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
+    """Slopes of the change of a unit's mass."""
+    sigma = vehicle.stated.get(f"{unit.name}.mass", DEFAULT_SIGMAS["mass"].sigma * unit.mass)
+    return _scaled_masses(vehicle, unit, sigma / unit.mass)
+
+
+def _scaled_masses(vehicle: Vehicle, unit: Unit, fraction: float) -> dict[str, float]:
+    """Slopes of the masses of a unit whose mass changes by a fraction.
+
+    Sprung body and payload together change by the same fraction. If one of them is stated, the other takes all of it.
+    """
+    masses = {f"{unit.name}.sprung.mass": unit.sprung.mass}
+    if unit.payload is not None:
+        masses[f"{unit.name}.payload.mass"] = unit.payload.mass
+    free = {path: mass for path, mass in masses.items() if path not in vehicle.stated}
+    scale = fraction * sum(masses.values()) / sum(free.values()) if free else 0.0
+    return {f"{unit.name}.mass": fraction * unit.mass} | {path: scale * mass for path, mass in free.items()}
+
+
+def _division(vehicle: Vehicle, unit: Unit) -> dict[str, dict[str, float]]:
+    """Changes of the division of a unit's mass between payload and sprung body, whose sum stays.
+
+    A stated mass of the sprung body determines the division as well as a stated payload. If both are stated, each has
+    its change, and the axles and wheels take the difference: the mass of the unit stays.
+    """
+    if unit.payload is None:
+        return {}
+    body, payload = f"{unit.name}.sprung.mass", f"{unit.name}.payload.mass"
+    match vehicle.stated.get(body), vehicle.stated.get(payload):
+        case None, None:
+            sigma = DEFAULT_SIGMAS["payload.mass"].sigma * unit.payload.mass
+            return {payload: {payload: sigma, body: -sigma}}
+        case None, float(sigma):
+            return {payload: {payload: sigma, body: -sigma}}
+        case float(sigma), None:
+            return {body: {body: sigma, payload: -sigma}}
+    return {}
+
+
+def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
+    """Changes of the positions on unit i against its front reference: the first axle, or the coupling in front of it."""
+    unit, stated = vehicle.units[i], vehicle.stated
+    reference = vehicle.couplings[i - 1].trailing_position if i else unit.axles[0].position
+    fraction = DEFAULT_SIGMAS["axle_positions"].sigma
+    axles = {f"{unit.name}.{axle.name}.position": fraction * (axle.position - reference) for axle in unit.axles}
+    slopes = {f"{unit.name}.axle_positions": {path: s for path, s in axles.items() if path not in stated}}
+    if i < len(vehicle.couplings):
+        path = f"{vehicle.couplings[i].name}.leading_position"
+        wheelbase = reference - unit.axle_groups[-1].position if i else vehicle.wheelbase
+        sigma = DEFAULT_SIGMAS["coupling"].sigma * abs(wheelbase)
+        slopes[f"{unit.name}.coupling"] = {} if path in stated else {path: sigma}
+    return slopes
