@@ -177,6 +177,35 @@ def motion(
     )
 
 
+def slip_angles(
+    p: Mapping[str, ca.SX],
+    vehicle: Vehicle,
+    x: ca.SX,
+    speed: ca.SX,
+    steer: Mapping[str, ca.SX],
+    *,
+    roll: bool,
+) -> dict[str, ca.SX]:
+    """Slip angle of each axle group by its path, rad: the lagged one, or the mean of its axles.
+
+    Args:
+        p: parameters by path.
+        vehicle: units, axles and couplings; its numbers are not used.
+        x: state (n,).
+        speed: m/s.
+        steer: steer angle of each steered axle by its signal's name, rad.
+        roll: yaw and roll, or yaw only.
+    """
+    motions, angles = motion(p, vehicle, x, speed, roll=roll), {}
+    for i, unit in enumerate(vehicle.units):
+        for group in unit.axle_groups:
+            path = unit.group_path(group)
+            kinematics = (motions.across[i], motions.heading[i], motions.r[i], steer)
+            mean = unit_equations.mean_slip_angle(p, unit, group, *kinematics)
+            angles[path] = motions.lagged_slip.get(path, mean.direction - mean.drift / speed)
+    return angles
+
+
 def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
     """Indices of the generalised velocities in the state."""
     names = state_names(vehicle, roll=roll)

@@ -14,7 +14,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.errors import SignalError
-from fifthwheel.names import SENSOR_ERROR_KINDS, SignalName
+from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
@@ -32,6 +32,7 @@ class ChainModel:
     vehicle: Vehicle  # gives the structure; its numbers are not used, p and c hold them
     roll: bool  # yaw and roll, or yaw only
     bank: bool  # whether the bank of the road is a state
+    extended: bool  # whether it has the parameters of `extension_parameters`
     states: tuple[str, ...]  # (n,) names of x
     inputs: tuple[str, ...]  # (k,) speed and steer signals
     outputs: tuple[str, ...]  # names of y
@@ -63,12 +64,32 @@ def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
     return parameters
 
 
-def all_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, float]:
+TIME_SCALE = "time_base.scale"
+"""Duration of a true second on the time base of the log, a parameter of an extended model."""
+
+
+def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, float]:
+    """Parameters of an extended model, with the defaults at which it is the plain model.
+
+    They describe what a plain model leaves out, so that an estimator can state its effect:
+
+        <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
+        <sensor>.delay           s, latency of a gyro or an articulation sensor, to first order
+        <sensor>.misalignment    rad, of a gyro: its output contains that fraction of the other rate of its unit
+        time_base.scale          duration of a true second on the time base of the log
+    """
+    values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
+    for name in outputs:
+        values |= sensors.extension_parameters(name)
+    return values | {TIME_SCALE: 1.0}
+
+
+def all_parameters(vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False) -> dict[str, float]:
     """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
     values = vehicle.parameters() | steer_parameters(vehicle)
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
-    return values
+    return values | extension_parameters(vehicle, outputs) if extended else values
 
 
 def topology(vehicle: Vehicle) -> tuple[object, ...]:
@@ -81,7 +102,13 @@ _models: dict[tuple[object, ...], ChainModel] = {}
 
 
 def model(
-    vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, free: Sequence[str] = (), bank: bool = False
+    vehicle: Vehicle,
+    outputs: Sequence[str],
+    *,
+    roll: bool,
+    free: Sequence[str] = (),
+    bank: bool = False,
+    extended: bool = False,
 ) -> ChainModel:
     """The discrete-time model of a vehicle; vehicles of equal topology share one model.
 
@@ -91,6 +118,7 @@ def model(
         roll: yaw and roll, or yaw only.
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
+        extended: whether the model has the parameters of `extension_parameters`.
 
     Raises:
         SignalError: the vehicle or the yaw-only model does not have an output.
@@ -102,15 +130,17 @@ def model(
         sensors.unit_index(vehicle, name)
         if not roll and SignalName.of(name).quantity in sensors.NEEDS_ROLL:
             raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
-    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank)
+    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended)
     if key not in _models:
-        _models[key] = _build(vehicle, tuple(outputs), roll, tuple(free), bank)
+        _models[key] = _build(vehicle, tuple(outputs), roll, tuple(free), bank, extended)
     return _models[key]
 
 
-def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[str, ...], bank: bool) -> ChainModel:
+def _build(
+    vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[str, ...], bank: bool, extended: bool
+) -> ChainModel:
     """Build the symbolic functions; arguments as in `model`."""
-    names = tuple(all_parameters(vehicle, outputs))
+    names = tuple(all_parameters(vehicle, outputs, extended=extended))
     unknown = set(free) - set(names)
     if unknown:
         raise KeyError(f"no such parameters: {sorted(unknown)}")
@@ -122,17 +152,23 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
     n, k = len(states), 1 + len(steers)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
     measured_before, measured_after = d[1:k], d[k + 1 :]
-    error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in SENSOR_ERROR_KINDS}
+    error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
+    duration = dt * value[TIME_SCALE] if extended else dt
     shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
+    if extended:
+        slip = chain.slip_angles(
+            value, vehicle, x, d[k], dict(zip(steers, ca.vertsplit(after), strict=True)), roll=roll
+        )
+        value |= {f"{path}.cornering_stiffness": _softened(value, path, alpha) for path, alpha in slip.items()}
     equations = chain.equations(value, vehicle, roll=roll, bank=bank)
     A, B = equations.state_space((d[0] + d[k]) / 2)
     correction = error["gain"] * shift
     order = ORDER[roll, bool(chain.relaxation_groups(vehicle))]
-    transition = taylor(A, B, x, before + correction, after + correction, dt, order)
+    transition = taylor(A, B, x, before + correction, after + correction, duration, order)
     later = ca.SX.sym("later", n)
     rates = (A @ x + B @ (before + correction), A @ later + B @ (after + correction))
-    matrix = transition_matrix(A, dt, order)
+    matrix = transition_matrix(A, duration, order)
 
     speed = d[k]
     A, B = equations.state_space(speed)
@@ -154,6 +190,7 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
         vehicle=vehicle,
         roll=roll,
         bank=bank,
+        extended=extended,
         states=states,
         inputs=("speed", *steers),
         outputs=outputs,
@@ -164,6 +201,16 @@ def _build(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[s
         state_jacobian=ca.Function("state_jacobian", [x, dt, d, p, c], [matrix]),
         rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(end) for end in rates]),
     )
+
+
+SMOOTHING = 0.001
+"""Slip angle below which softening is smooth, rad."""
+
+
+def _softened(value: Mapping[str, ca.SX], path: str, slip: ca.SX) -> ca.SX:
+    """C / (1 + softening |slip|) of an axle group."""
+    magnitude = ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING
+    return value[f"{path}.cornering_stiffness"] / (1 + value[f"{path}.softening"] * magnitude)
 
 
 def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX, order: int) -> ca.SX:

@@ -96,6 +96,9 @@ QUANTITIES: dict[str, Quantity] = {
 }
 """Quantities of a unit, by the first word of a signal's name."""
 
+RATES = frozenset({"yaw_rate", "roll_rate"})
+"""Quantities that a gyro measures."""
+
 NEEDS_ROLL = frozenset({"roll_rate", "roll"})
 """Quantities that only the yaw-roll model has."""
 
@@ -129,9 +132,30 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     return parameters
 
 
+def extension_parameters(name: str) -> dict[str, float]:
+    """Further parameters of a sensor in an extended model: delay, s, and for gyros misalignment, rad."""
+    quantity = SignalName.of(name).quantity
+    parameters = {f"{name}.delay": 0.0} if quantity in (*RATES, "articulation") else {}
+    return parameters | ({f"{name}.misalignment": 0.0} if quantity in RATES else {})
+
+
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; for the bank of the road, which has no sensor, the state."""
     if name == BANK:
         return inputs.motion.bank
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
-    return quantity.expression(inputs, i, name) * inputs.p[f"{name}.gain"] + inputs.p[f"{name}.offset"]
+    value, p = quantity.expression(inputs, i, name), inputs.p
+    if f"{name}.delay" in p:
+        value -= p[f"{name}.delay"] * _derivative(inputs, i, SignalName.of(name).quantity)
+    if f"{name}.misalignment" in p:
+        yaw = SignalName.of(name).quantity == "yaw_rate"
+        other = inputs.motion.roll_rate[i] if yaw else inputs.motion.r[i]
+        value += p[f"{name}.misalignment"] * other
+    return value * p[f"{name}.gain"] + p[f"{name}.offset"]
+
+
+def _derivative(inputs: SensorInputs, i: int, quantity: str) -> ca.SX:
+    """Derivative of a rate or of the articulation angle with respect to time."""
+    if quantity == "articulation":
+        return inputs.motion.r[i] - inputs.motion.r[i - 1]
+    return inputs.acceleration[i][1 if quantity == "yaw_rate" else 2]

@@ -52,7 +52,7 @@ def steady_state(
         model: which states there are.
         vehicle: its parameters.
         inputs: speed and steer angles by name.
-        values: of the unknowns, SI; they replace parameters of the vehicle and give steering offsets and gains.
+        values: of model parameters, SI; they replace parameters of the vehicle and give steering offsets and gains.
     """
     x0, _ = steady_initial_state(vehicle, inputs, values, roll=model.roll)
     return np.append(x0, 0.0) if model.bank else x0
@@ -71,12 +71,11 @@ def steady_state_slopes(
     """
     relevant = {*vehicle.parameters(), *dynamics.steer_parameters(vehicle)}
     slopes = np.zeros((len(unknowns), len(model.states)))
-    for slope, unknown in zip(slopes, unknowns, strict=True):
-        if unknown.name in relevant and not is_sensor_error(unknown.name, "delay"):
+    for row, unknown in zip(slopes, unknowns, strict=True):
+        moved = {n: rate for n, rate in unknown.slopes.items() if n in relevant and not is_sensor_error(n, "delay")}
+        if moved:
             step = 1e-4 * unknown.prior_sigma
-            higher, lower = (
-                steady_state(model, vehicle, inputs, {**values, unknown.name: values[unknown.name] + s})
-                for s in (step, -step)
-            )
-            slope[:] = (higher - lower) / (2 * step)
+            shifted = [{n: values[n] + s * rate for n, rate in moved.items()} for s in (step, -step)]
+            higher, lower = (steady_state(model, vehicle, inputs, {**values, **changed}) for changed in shifted)
+            row[:] = (higher - lower) / (2 * step)
     return slopes

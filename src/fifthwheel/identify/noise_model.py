@@ -5,8 +5,8 @@ the sum of white sensor noise and a stationary first-order process, the discrepa
 
     e_k = d_k + v_k,    v_k ~ N(0, r),    d_k = phi d_k-1 + w_k,    var d = q,    phi = exp(-dt / tau).
 
-The innovations of its stationary Kalman filter, divided by their standard deviation, are white with variance 1. The same
-filter applied to the derivatives of the residuals turns generalised least squares into ordinary least squares.
+The innovations of its stationary Kalman filter, divided by their standard deviation, are white with variance 1. The
+same filter applied to the derivatives of the residuals turns generalised into ordinary least squares.
 r, q and tau maximise the likelihood of Whittle (1953) of the residuals' periodogram.
 """
 

@@ -2,7 +2,8 @@
 and bounds."""
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
 from fifthwheel.names import ParameterPath, SignalName, ends_with
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.uncertainty import changes
 
 HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
@@ -18,6 +20,10 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
+ROAD_FRICTION = 0.8
+"""Of a dry road."""
+SOFTENING = 3.0
+"""Typical softening of an axle group whose load is not determined, 1/rad."""
 ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
 """Parameters of a unit that are identifiable only from its own roll rate."""
 
@@ -36,6 +42,7 @@ class Unknown:
     per_log: bool = False  # each log has its own
     uncertain: bool = False  # an uncertain parameter of the vehicle file, estimated too
     considered: bool = False  # not estimated, but part of every sigma
+    moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
     start: float = 1.0  # standard deviation of z at the start of the dual filter
     walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
 
@@ -43,6 +50,11 @@ class Unknown:
     def prior_sigma(self) -> float:
         """Prior standard deviation of p, SI."""
         return self.scale * (self.centre if self.logarithmic else 1.0)
+
+    @property
+    def slopes(self) -> Mapping[str, float]:
+        """The model parameters that it changes, each with its derivative with respect to p; by default its own."""
+        return self.moves or {self.name: 1.0}
 
     def slope(self, value: float) -> float:
         """dp/dz at a value of p."""
@@ -162,8 +174,16 @@ def expand_names(vehicle: Vehicle, names: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(paths))
 
 
-def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
+def one_stage_unknowns(
+    vehicle: Vehicle, outputs: Sequence[str], settings: OneStage, *, extended: bool = True
+) -> list[Unknown]:
     """All unknowns of one stage but the initial states: estimated, uncertain and considered parameters, sensor errors.
+
+    Args:
+        vehicle: its values are the prior means.
+        outputs: measured signals.
+        settings: of the identification.
+        extended: also the considered changes of the vehicle file and model errors; see `settings.MODEL_ERRORS`.
 
     Raises:
         VehicleError: a name in the settings is unknown, a parameter is estimated and considered, or an estimated
@@ -179,11 +199,75 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         *_estimated_unknowns(vehicle, estimated, settings),
         *_vehicle_file_unknowns(vehicle, estimated, settings),
     ]
+    if extended:
+        unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
     unknowns += sensor_error_unknowns(vehicle, outputs, settings)
     if settings.nuisances:
         rates = [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
         unknowns += [_sensor_error(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in rates]
+    return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
+
+
+def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
+    """The considered changes of the masses and lengths of the vehicle file.
+
+    Args:
+        vehicle: with the standard deviations that its file states.
+        done: parameters that have an unknown of their own.
+        settings: of the identification; parameters that it fixes are exact.
+    """
+    factor = settings.consider.get("vehicle_file", 0.0)
+    exact = expand_names(vehicle, settings.fixed)
+    unknowns = []
+    for change in changes(vehicle) if factor else ():
+        moves = {path: s * factor for path, s in change.slopes.items() if path not in done and path not in exact}
+        if moves:
+            unknowns.append(_considered(f"{change.name}", 1.0, moves))
     return unknowns
+
+
+def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
+    """The considered model errors: softening tyres, latency and misalignment of the gyros."""
+    unknowns = []
+    factor = settings.consider.get("softening", 0.0)
+    for path, slope in (softening(vehicle) if factor else {}).items():
+        unknowns.append(_considered(f"{path}.softening", slope * factor))
+    for kind in ("delay", "misalignment"):
+        sigma = settings.consider.get(kind, 0.0)
+        if sigma and settings.nuisances:
+            rates = [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
+            unknowns += [replace(_considered(f"{name}.{kind}", sigma), nuisance=True) for name in rates]
+    return unknowns
+
+
+def softening(vehicle: Vehicle) -> dict[str, float]:
+    """Typical softening of each axle group by its path, 1/rad.
+
+    The side force of a tyre under the vertical load Fz on a road with the friction mu has the cornering stiffness
+    C / (1 + softening |alpha|) to first order, with softening = C / (3 mu Fz) (Fiala 1954). The load is the static one.
+    """
+    groups = {unit.group_path(group): group for unit in vehicle.units for group in unit.axle_groups}
+    try:
+        loads = vehicle.axle_loads()
+    except VehicleError:
+        loads = {}
+    return {
+        path: group.cornering_stiffness / (3 * ROAD_FRICTION * loads[path]) if loads.get(path, 0.0) > 0 else SOFTENING
+        for path, group in groups.items()
+    }
+
+
+def _considered(name: str, sigma: float, moves: Mapping[str, float] = MappingProxyType({})) -> Unknown:
+    """A considered unknown that is 0 in the model."""
+    return Unknown(
+        name=name,
+        centre=0.0,
+        scale=sigma,
+        lower=-BOUND_SIGMAS * sigma,
+        upper=BOUND_SIGMAS * sigma,
+        considered=True,
+        moves=moves,
+    )
 
 
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:

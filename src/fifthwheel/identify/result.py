@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +85,8 @@ class Identification:
     sensors: tuple[SensorError, ...]
     uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
+    variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Of each parameter: the fraction of its variance that each considered unknown causes, the largest first."""
     histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]
@@ -125,6 +127,7 @@ class Identification:
             "derived": [asdict(estimate) for estimate in self.derived],
             "uncertain": [asdict(estimate) for estimate in self.uncertain],
             "uncertainty": None if self.covariance is None else self.covariance.as_dict(),
+            "variance_budget": {name: dict(terms) for name, terms in self.variance_budget.items()},
             "sensors": [asdict(error) for error in self.sensors],
             "logs": [asdict(log) for log in self.logs],
             "fit": [

@@ -116,7 +116,18 @@ class TwoStage(CommonSettings):
             raise SignalError(f"forgetting: expected a number above 0 and at most 1, got {self.forgetting}")
 
 
+MODEL_ERRORS: Mapping[str, float] = {
+    "vehicle_file": 1.0,
+    "softening": 1.0,
+    "delay": 0.01,
+    "misalignment": math.radians(3),
+}
+"""Considered groups of unknowns: the standard deviations of masses and lengths in the vehicle file, as a multiple of
+those that the file states or implies (`vehicle.uncertainty`); the softening of tyres with the slip angle, as a multiple
+of the typical one (`parameters.softening`); latency, s, and misalignment, rad, of each gyro."""
+
 DEFAULT_CONSIDERED: Mapping[str, float] = {
+    **MODEL_ERRORS,
     "roll_stiffness": 0.1,
     "tyre_roll_stiffness": 0.1,
     "roll_damping": 0.3,

@@ -133,7 +133,7 @@ class InformationPredictor:
             )
         channels = possible_channels(vehicle)
         unknowns = parameters.one_stage_unknowns(vehicle, channels, settings)
-        free = tuple(dynamics.all_parameters(vehicle, channels))
+        free = tuple(dynamics.all_parameters(vehicle, channels, extended=True))
         start, start_vehicle = _stable_start(vehicle, unknowns, speeds)
         return cls(
             vehicle=vehicle,
@@ -141,7 +141,7 @@ class InformationPredictor:
             estimated=tuple(estimated),
             channels=channels,
             unknowns=tuple(unknowns),
-            model=dynamics.model(vehicle, channels, roll=True, bank=settings.nuisances, free=free),
+            model=dynamics.model(vehicle, channels, roll=True, bank=settings.nuisances, free=free, extended=True),
             start=start,
             start_vehicle=start_vehicle,
         )

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 import fifthwheel
 from fifthwheel import dynamics
@@ -58,7 +59,7 @@ def identify_one_stage(
     """Identify a vehicle in one stage; arguments and errors as in `identify`."""
     dataset = prepare_dataset(records, vehicle, settings, validate)
     outputs = (*dataset.yaw, *dataset.roll)
-    free = tuple(dynamics.all_parameters(dataset.vehicle, outputs))
+    free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True))
     estimated = parameters.estimated_parameters(dataset.vehicle, settings)
     if not estimated and not settings.nuisances:
         raise VehicleError(
@@ -69,7 +70,7 @@ def identify_one_stage(
         dataset=dataset,
         settings=settings,
         outputs=outputs,
-        model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=settings.nuisances, free=free),
+        model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=settings.nuisances, free=free, extended=True),
         estimated=tuple(estimated),
     )
     return _identification(estimator, estimator.solve(progress))
@@ -230,10 +231,13 @@ def _identification(estimator: _Estimator, solution: _Solution) -> Identificatio
     dataset, settings, outputs = estimator.dataset, estimator.settings, estimator.outputs
     problem, minimum = solution.problem, solution.minimum
     posterior, history = _posterior(estimator, problem, minimum.z)
+    given = dataset.initial_vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
-    vehicle_values = {u.name: shared[u.name] for u in problem.unknowns if not u.nuisance}
-    shared_errors = {u.name: shared[u.name] for u in problem.unknowns if u.nuisance and not u.per_log}
+    file_unknowns = [u for u in problem.unknowns if not u.nuisance and not u.moves and u.name in given]
+    vehicle_values = {u.name: shared[u.name] for u in file_unknowns}
+    sensor_errors = [u for u in problem.unknowns if u.nuisance and not u.considered]
+    shared_errors = {u.name: shared[u.name] for u in sensor_errors if not u.per_log}
     evaluation = evaluate_fits(
         dataset,
         logs,
@@ -245,12 +249,11 @@ def _identification(estimator: _Estimator, solution: _Solution) -> Identificatio
     )
     converged = minimum.converged and evaluation.trusted
     estimated, uncertain = [], []
-    for u in problem.unknowns:
+    for u in file_unknowns:
         if u.name in estimator.estimated:
             estimated.append(_estimate(estimator, solution, posterior, history, u, shared[u.name], converged))
-        elif not u.nuisance:
+        else:
             uncertain.append(_uncertain_estimate(u, shared[u.name], sigma[u.name], settings))
-    given = dataset.initial_vehicle.parameters()
     fixed = parameters.expand_names(dataset.vehicle, settings.fixed)
     estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
@@ -261,9 +264,10 @@ def _identification(estimator: _Estimator, solution: _Solution) -> Identificatio
         initial_vehicle=dataset.initial_vehicle,
         parameters=tuple(estimated),
         derived=tuple(estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance)),
-        sensors=tuple(estimates.sensor_error_estimates(problem.unknowns, logs, shared, sigma)),
+        sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
         covariance=covariance,
+        variance_budget=_variance_budget(problem, posterior, estimator.estimated),
         histories={"one stage": history},
         logs=tuple(_summary(estimator, problem, minimum, posterior, i) for i in range(len(logs))),
         fits=evaluation.fits,
@@ -349,20 +353,38 @@ def _summary(estimator: _Estimator, problem: Problem, minimum: Minimum, posterio
 
 
 def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Uncertainty:
-    """Joint covariance of everything but the initial states, SI.
+    """Joint covariance of the parameters of the vehicle and of the sensor errors, SI.
 
-    The sensor errors of log i have the names "name@log". Those of any other log, "name@", have their prior.
+    The sensor errors of log i have the names "name@log". Those of any other log, "name@", have their prior. A
+    considered change of the vehicle file contributes to every parameter that it alters.
     """
-    names, indices, slopes = [], [], []
+    known = dynamics.all_parameters(problem.vehicle, problem.model.outputs)  # by an observer
+    rows: dict[str, Array] = {}
     for i, log in enumerate(problem.logs):
         values = problem.values(minimum.z, i)
-        slope = problem.scaling.slope(np.array([values[u.name] for u in problem.unknowns]))
-        for u, index, s in zip(problem.unknowns, problem.layout.unknowns[i], slope, strict=True):
+        slopes = problem.scaling.slope(np.array([values[u.name] for u in problem.unknowns]))
+        for u, index, slope in zip(problem.unknowns, problem.layout.unknowns[i], slopes, strict=True):
             if i == 0 or u.per_log:
-                names.append(f"{u.name}@{log.name}" if u.per_log else u.name)
-                indices.append(int(index))
-                slopes.append(float(s))
-    k, others = len(names), [u for u in problem.unknowns if u.per_log]
-    covariance = np.diag([*[0.0] * k, *[u.scale**2 for u in others]])
-    covariance[:k, :k] = posterior.covariance[np.ix_(indices, indices)] * np.outer(slopes, slopes)
-    return Uncertainty(names=(*names, *[f"{u.name}@" for u in others]), covariance=covariance)
+                for name, factor in u.slopes.items():
+                    if name in known:
+                        row = rows.setdefault(f"{name}@{log.name}" if u.per_log else name, np.zeros(len(problem.names)))
+                        row[index] += slope * factor
+    others = [u for u in problem.unknowns if u.per_log]
+    map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
+    of_logs = map_to_si @ posterior.covariance @ map_to_si.T
+    covariance = np.asarray(block_diag((of_logs + of_logs.T) / 2, np.diag([u.scale**2 for u in others])))
+    return Uncertainty(names=(*rows, *[f"{u.name}@" for u in others]), covariance=covariance)
+
+
+def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:
+    """For each estimated parameter the fraction of its variance that each considered unknown causes.
+
+    The squared correlation: considered unknowns keep their prior, and the estimate depends on them linearly.
+    """
+    P, names = posterior.covariance, posterior.names
+    sources = [(name, names.index(name)) for name in problem.considered]
+    budget = {}
+    for i, name in ((names.index(name), name) for name in estimated):
+        fractions = {source: float(P[i, j] ** 2 / (P[i, i] * P[j, j])) for source, j in sources if i != j}
+        budget[name] = dict(sorted(fractions.items(), key=lambda item: -item[1]))
+    return budget

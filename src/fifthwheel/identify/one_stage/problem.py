@@ -182,6 +182,15 @@ class Problem:
         p = np.clip(self.scaling.to_p(z[self.layout.unknowns[log]]), self.scaling.lower, self.scaling.upper)
         return {u.name: float(value) for u, value in zip(self.unknowns, p, strict=True)}
 
+    def model_values(self, z: Array, log: int) -> dict[str, float]:
+        """Every parameter of the model for one log, SI."""
+        values, parameters = self.values(z, log), dict(self._given)
+        parameters |= {u.name: values[u.name] for u in self.unknowns if not u.moves}
+        for u in self.unknowns:
+            for name, factor in u.moves.items():
+                parameters[name] += factor * values[u.name]
+        return parameters
+
     def variance(self, log: int) -> Array:
         """Effective noise variance of every channel (m,)."""
         return np.array([self.logs[log].effective_variance(name) for name in self.model.outputs])
@@ -221,10 +230,10 @@ class Problem:
 
     def residuals(self, z: Array, i: int, j: int, *, directions: Directions = "none") -> Iterator[ResidualBlock]:
         """Residuals of segment j of log i at z, block by block, as they are."""
-        values = self.values(z, i)
+        values = self.model_values(z, i)
         rows = self._step_rows(i, j, values)
         # the delays have been applied to the rows, so the model has none
-        p = self.model.free_values(self._given | values | dict.fromkeys(self._delays, 0.0))
+        p = self.model.free_values({**values, **dict.fromkeys(self._delays, 0.0)})
         factor, initial = self._initial_factors[i][j], self.layout.initial_states[i][j]
         x0 = steady_state(self.model, self.vehicle, rows.first, values)
         if self.output_error:
@@ -235,9 +244,11 @@ class Problem:
         else:
             selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or not u.considered]
             unknowns = [self.unknowns[a] for a in selected]
-            slope = self.scaling.slope(np.array([values[u.name] for u in self.unknowns]))[selected]
+            slope = self.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
-            p_directions[np.arange(len(unknowns)), [self.model.free.index(u.name) for u in unknowns]] = slope
+            for row, (u, dp_dz) in enumerate(zip(unknowns, slope, strict=True)):
+                for name, rate in u.slopes.items():
+                    p_directions[row, self._places[name]] = rate * dp_dz
             steady = steady_state_slopes(self.model, self.vehicle, rows.first, values, unknowns)
             x0_directions = np.vstack([steady * slope[:, None], factor.T[: len(initial)]])
             indices = np.concatenate([self.layout.unknowns[i][selected], initial])
@@ -272,7 +283,7 @@ class Problem:
     def unstable(self, z: Array) -> bool:
         """Whether the vehicle is unstable at the lowest or highest speed of a segment."""
         parameters = self.vehicle.parameters()
-        vehicle = self.vehicle.replace({n: v for n, v in self.values(z, 0).items() if n in parameters})
+        vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z, 0).items() if n in parameters})
         speeds = [segment.input("speed") for log in self.logs for segment in log.segments]
         ends = np.unique([end for speed in speeds for end in (speed.min(), speed.max())])
         return any(
@@ -316,12 +327,18 @@ class Problem:
     @cached_property
     def _given(self) -> dict[str, float]:
         """All parameters of the model at the values of the vehicle."""
-        return dynamics.all_parameters(self.vehicle, self.model.outputs)
+        return dynamics.all_parameters(self.vehicle, self.model.outputs, extended=self.model.extended)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """Index of each free parameter of the model."""
+        return {name: i for i, name in enumerate(self.model.free)}
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:
-        """Names of the sensor delays among the unknowns."""
-        return tuple(u.name for u in self.unknowns if is_sensor_error(u.name, "delay"))
+        """Names of the sensor delays that are estimated."""
+        estimated = [name for u in self.unknowns if not u.considered for name in u.slopes]
+        return tuple(dict.fromkeys(name for name in estimated if is_sensor_error(name, "delay")))
 
     @cached_property
     def _initial_factors(self) -> list[list[Array]]:

@@ -70,7 +70,7 @@ class OnlineProblem:
         values = vehicle.parameters()
         unknowns = tuple(
             replace(u, centre=values[u.name], considered=True) if u.name in not_identifiable else u
-            for u in one_stage_unknowns(vehicle, outputs, settings)
+            for u in one_stage_unknowns(vehicle, outputs, settings, extended=False)
         )
         if all(u.considered for u in unknowns):
             raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
