@@ -203,9 +203,14 @@ def one_stage_unknowns(
         unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
     unknowns += sensor_error_unknowns(vehicle, outputs, settings)
     if settings.nuisances:
-        rates = [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
-        unknowns += [_sensor_error(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in rates]
+        unknowns += [_sensor_error(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in _gyros(outputs)]
+    if settings.nuisances and extended:
+        unknowns += [_sensor_error(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
     return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
+
+
+def _gyros(outputs: Sequence[str]) -> list[str]:
+    return [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
 
 
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
@@ -227,16 +232,14 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
 
 
 def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """The considered model errors: softening tyres, latency and misalignment of the gyros."""
+    """The considered model errors: softening tyres and latency of the gyros."""
     unknowns = []
     factor = settings.consider.get("softening", 0.0)
     for path, slope in (softening(vehicle) if factor else {}).items():
         unknowns.append(_considered(f"{path}.softening", slope * factor))
-    for kind in ("delay", "misalignment"):
-        sigma = settings.consider.get(kind, 0.0)
-        if sigma and settings.nuisances:
-            rates = [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
-            unknowns += [replace(_considered(f"{name}.{kind}", sigma), nuisance=True) for name in rates]
+    latency = settings.consider.get("gyro_delay", 0.0)
+    if latency and settings.nuisances:
+        unknowns += [replace(_considered(f"{name}.delay", latency), nuisance=True) for name in _gyros(outputs)]
     return unknowns
 
 

@@ -119,12 +119,11 @@ class TwoStage(CommonSettings):
 MODEL_ERRORS: Mapping[str, float] = {
     "vehicle_file": 1.0,
     "softening": 1.0,
-    "delay": 0.01,
-    "misalignment": math.radians(3),
+    "gyro_delay": 0.01,
 }
 """Considered groups of unknowns: the standard deviations of masses and lengths in the vehicle file, as a multiple of
 those that the file states or implies (`vehicle.uncertainty`); the softening of tyres with the slip angle, as a multiple
-of the typical one (`parameters.softening`); latency, s, and misalignment, rad, of each gyro."""
+of the typical one (`parameters.softening`); the latency of each gyro, s."""
 
 DEFAULT_CONSIDERED: Mapping[str, float] = {
     **MODEL_ERRORS,
@@ -167,6 +166,8 @@ class OneStage(CommonSettings):
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
     rate_gain_prior: float = 0.005
     """Prior standard deviation of the gain of a gyro; all logs share it."""
+    misalignment_prior: float = math.radians(3)
+    """Prior standard deviation of the misalignment of a gyro, rad; all logs share it."""
     bank_prior: float = 0.03
     """Prior standard deviation of the road's bank, rad; each segment has its own. In the prediction-error form: of the
     bank at the start of a segment."""
