@@ -11,9 +11,10 @@ from fifthwheel.dynamics.analysis import (
     steady_state,
 )
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.model import ChainModel, all_parameters, model, steer_parameters
+from fifthwheel.dynamics.model import TIME_SCALE, ChainModel, all_parameters, model, steer_parameters
 
 __all__ = [
+    "TIME_SCALE",
     "ChainModel",
     "Matrices",
     "Mode",

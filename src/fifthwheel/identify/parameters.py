@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fifthwheel import dynamics
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
@@ -20,6 +21,8 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
+TIME_SCALE_SIGMA = 0.002
+"""Of the rate of a time base: clocks are better, but timestamps are sometimes made from a nominal sampling rate."""
 ROAD_FRICTION = 0.8
 """Of a dry road."""
 SOFTENING = 3.0
@@ -42,6 +45,7 @@ class Unknown:
     per_log: bool = False  # each log has its own
     uncertain: bool = False  # an uncertain parameter of the vehicle file, estimated too
     considered: bool = False  # not estimated, but part of every sigma
+    suspect: bool = False  # considered only in score tests: it is not part of any sigma
     moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
     start: float = 1.0  # standard deviation of z at the start of the dual filter
     walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
@@ -207,6 +211,11 @@ def one_stage_unknowns(
     if settings.nuisances and extended:
         unknowns += [_sensor_error(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
     return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
+
+
+def suspects() -> list[Unknown]:
+    """Unknowns of an extended model that are exact as a rule, and whose change the residuals show."""
+    return [replace(_considered("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}), suspect=True)]
 
 
 def _gyros(outputs: Sequence[str]) -> list[str]:

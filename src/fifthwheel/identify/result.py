@@ -9,6 +9,7 @@ from typing import Any
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
+from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
@@ -85,6 +86,8 @@ class Identification:
     sensors: tuple[SensorError, ...]
     uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
+    doubts: tuple[Doubt, ...] = ()
+    """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
     variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Of each parameter: the fraction of its variance that each considered unknown causes, the largest first."""
     histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
@@ -127,6 +130,7 @@ class Identification:
             "derived": [asdict(estimate) for estimate in self.derived],
             "uncertain": [asdict(estimate) for estimate in self.uncertain],
             "uncertainty": None if self.covariance is None else self.covariance.as_dict(),
+            "doubts": [asdict(doubt) for doubt in self.doubts],
             "variance_budget": {name: dict(terms) for name, terms in self.variance_budget.items()},
             "sensors": [asdict(error) for error in self.sensors],
             "logs": [asdict(log) for log in self.logs],

@@ -11,6 +11,7 @@ class Verdict(StrEnum):
     """How far an estimate can be trusted."""
 
     CONVERGED = "converged"
+    DOUBTFUL = "doubtful"
     NOT_CONVERGED = "not_converged"
     NOT_EXCITED = "not_excited"
     NOT_IDENTIFIABLE = "not_identifiable"
@@ -56,16 +57,21 @@ def uninformed_parameters(
     return uninformed
 
 
-def estimate_verdict(unknown: Unknown, value: float, sigma: float, *, converged: bool) -> Verdict:
-    """AT_BOUND, CONVERGED or NOT_CONVERGED for a parameter that the logs determine.
+def estimate_verdict(
+    unknown: Unknown, value: float, sigma: float, *, converged: bool, doubtful: bool = False
+) -> Verdict:
+    """AT_BOUND, CONVERGED, DOUBTFUL or NOT_CONVERGED for a parameter that the logs determine.
 
     At a bound means closer to it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound.
 
     Args:
         value: estimate, SI.
         sigma: its standard deviation, SI.
-        converged: whether the estimation has converged and its result can be trusted.
+        converged: whether the estimation has converged and the model explains the logs.
+        doubtful: whether there is a doubt (`doubts`) that concerns the parameter.
     """
     if min(value - unknown.lower, unknown.upper - value) < 0.1 * sigma:
         return Verdict.AT_BOUND
-    return Verdict.CONVERGED if converged else Verdict.NOT_CONVERGED
+    if not converged:
+        return Verdict.NOT_CONVERGED
+    return Verdict.DOUBTFUL if doubtful else Verdict.CONVERGED

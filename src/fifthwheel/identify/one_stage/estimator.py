@@ -11,7 +11,7 @@ vehicle file are treated as uncertain.
 
 import functools
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,16 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import estimates, parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
+from fifthwheel.identify.doubts import (
+    HARMFUL_SHIFT,
+    UNUSUAL_SENSOR_ERROR,
+    Cause,
+    Doubt,
+    DoubtKind,
+    ScoreTest,
+    most_likely,
+    score_tests,
+)
 from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.one_stage import likelihood
@@ -124,6 +134,7 @@ class _Estimator:
             replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
             for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
         ]
+        unknowns += parameters.suspects() if self.settings.consider else []
         return Problem(self.model, self.dataset.vehicle, logs, unknowns, self.settings)
 
     def _uninformed(self, problem: Problem, z: Array) -> dict[str, Verdict]:
@@ -137,6 +148,7 @@ class _Estimator:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
         information = problem.expand(excited_by_inputs, directions="all").hessian - np.eye(len(z))
+        information = _without(problem.suspects, information)
         considered = [name for name in problem.considered if name not in self.estimated]
         posterior = Posterior.from_information(
             problem.names, information, considered=considered, nuisances=problem.nuisances
@@ -188,8 +200,18 @@ def _keep_noise(_: Array) -> None:
     """The noise stays as it is when a step is accepted."""
 
 
-def _posterior(estimator: _Estimator, problem: Problem, z: Array) -> tuple[Posterior, ParameterHistory]:
-    """The posterior at z, and how it would have developed sample after sample, linearised at z."""
+def _without(indices: Sequence[int], information: Array) -> Array:
+    """The information matrix (k, k) with zeros for some unknowns."""
+    reduced = information.copy()
+    reduced[list(indices), :] = 0.0
+    reduced[:, list(indices)] = 0.0
+    return reduced
+
+
+def _posterior(
+    estimator: _Estimator, problem: Problem, z: Array
+) -> tuple[Posterior, ParameterHistory, list[ScoreTest]]:
+    """The posterior at z, how it would have developed sample after sample, linearised at z, and the score tests."""
     settings, k, considered = estimator.settings, len(problem.names), problem.considered
     information, score_covariance, gradient = np.zeros((k, k)), np.zeros((k, k)), np.zeros(k)
     free = np.array([name not in considered for name in problem.names])
@@ -220,17 +242,60 @@ def _posterior(estimator: _Estimator, problem: Problem, z: Array) -> tuple[Poste
         sigma=np.array(sigmas) * np.abs(scale.slope(p)),
         starts=(0,),
     )
+    tests = score_tests(problem.names, gradient, information, considered)
     posterior = Posterior.from_information(
-        problem.names, information, score_covariance, considered=considered, nuisances=problem.nuisances
+        problem.names,
+        _without(problem.suspects, information),
+        score_covariance,
+        considered=considered,
+        nuisances=problem.nuisances,
     )
-    return posterior, history
+    return posterior, history, tests
+
+
+def _doubts(problem: Problem, z: Array, posterior: Posterior, tests: Sequence[ScoreTest]) -> list[Doubt]:
+    """What the logs say against the assumptions, and which estimates depend on them."""
+    unknowns = {name: u for i in range(len(problem.logs)) for name, u in _unknown_names(problem, i)}
+    parameter_indices = [i for i, name in enumerate(problem.names) if name in unknowns and not unknowns[name].nuisance]
+
+    def moved(shifts: Array) -> tuple[str, ...]:
+        harmful = np.abs(shifts) > HARMFUL_SHIFT * posterior.sigma
+        return tuple(
+            problem.names[i] for i in parameter_indices if harmful[i] and not unknowns[problem.names[i]].considered
+        )
+
+    doubts = []
+    if likely := most_likely(tests):
+        causes = [Cause(name=t.name, change=t.implied * unknowns[t.name].scale, prior_sigmas=t.implied) for t in likely]
+        concerned = tuple(dict.fromkeys(name for t in likely for name in moved(t.shifts)))
+        doubts.append(
+            Doubt(kind=DoubtKind.ASSUMPTION, causes=tuple(causes), parameters=concerned, statistic=likely[0].statistic)
+        )
+    for i, name in enumerate(problem.names):
+        unknown = unknowns.get(name)
+        if unknown is None or not unknown.nuisance or unknown.considered or abs(z[i]) < UNUSUAL_SENSOR_ERROR:
+            continue
+        shifts = -posterior.covariance[:, i] / posterior.covariance[i, i] * z[i]
+        cause = Cause(name=name, change=float(z[i] * unknown.scale), prior_sigmas=float(z[i]))
+        doubts.append(
+            Doubt(kind=DoubtKind.SENSOR, causes=(cause,), parameters=moved(shifts), statistic=abs(float(z[i])))
+        )
+    return doubts
+
+
+def _unknown_names(problem: Problem, log: int) -> Iterator[tuple[str, Unknown]]:
+    """The unknowns of a log by their names in z."""
+    for u, index in zip(problem.unknowns, problem.layout.unknowns[log], strict=True):
+        yield problem.names[index], u
 
 
 def _identification(estimator: _Estimator, solution: _Solution) -> Identification:
     """The result: estimates with sigma and verdict, sensor errors, fits of all logs."""
     dataset, settings, outputs = estimator.dataset, estimator.settings, estimator.outputs
     problem, minimum = solution.problem, solution.minimum
-    posterior, history = _posterior(estimator, problem, minimum.z)
+    posterior, history, tests = _posterior(estimator, problem, minimum.z)
+    doubts = _doubts(problem, minimum.z, posterior, tests)
+    doubtful = {name for doubt in doubts for name in doubt.parameters}
     given = dataset.initial_vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
@@ -251,7 +316,9 @@ def _identification(estimator: _Estimator, solution: _Solution) -> Identificatio
     estimated, uncertain = [], []
     for u in file_unknowns:
         if u.name in estimator.estimated:
-            estimated.append(_estimate(estimator, solution, posterior, history, u, shared[u.name], converged))
+            estimated.append(
+                _estimate(estimator, solution, posterior, history, u, shared[u.name], converged, u.name in doubtful)
+            )
         else:
             uncertain.append(_uncertain_estimate(u, shared[u.name], sigma[u.name], settings))
     fixed = parameters.expand_names(dataset.vehicle, settings.fixed)
@@ -267,6 +334,7 @@ def _identification(estimator: _Estimator, solution: _Solution) -> Identificatio
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
         covariance=covariance,
+        doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, estimator.estimated),
         histories={"one stage": history},
         logs=tuple(_summary(estimator, problem, minimum, posterior, i) for i in range(len(logs))),
@@ -292,12 +360,14 @@ def _estimate(
     unknown: Unknown,
     value: float,
     converged: bool,
+    doubtful: bool,
 ) -> Estimate:
     """The estimate of an estimated parameter."""
     name, settings = unknown.name, estimator.settings
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
     uninformed = solution.uninformed.get(name)
-    verdict = uninformed or estimate_verdict(unknown, value, sigma_z * unknown.slope(value), converged=converged)
+    sigma = sigma_z * unknown.slope(value)
+    verdict = uninformed or estimate_verdict(unknown, value, sigma, converged=converged, doubtful=doubtful)
     settled = None if uninformed else history.settled_row(name, settings.tolerance)
     return estimates.parameter_estimate(
         unknown,

@@ -163,6 +163,12 @@ class Problem:
         return tuple(u.name for u in self.unknowns if u.considered)
 
     @property
+    def suspects(self) -> tuple[int, ...]:
+        """Indices of the unknowns that only score tests consider."""
+        names = {u.name for u in self.unknowns if u.suspect}
+        return tuple(i for i, name in enumerate(self.names) if name in names)
+
+    @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of z (k,); considered unknowns keep their prior mean 0."""
         lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)

@@ -1,0 +1,110 @@
+"""Doubts: evidence in the logs against an assumption, and the estimates that depend on it.
+
+The score test (Rao 1948; "modification index" in econometrics) asks of every considered unknown c, which keeps its
+prior mean 0: would the residuals become smaller if it changed? With the gradient g of the loss and the Fisher
+information H of the logs at the estimate, and with the covariance P = (I + H_ff)^-1 of the estimated unknowns f,
+
+    I_c = H_cc - H_cf P H_fc,      t = -g_c / sqrt(I_c),      z_c = -g_c / (1 + I_c),
+
+t is N(0, 1) if the assumption holds, z_c is the change that the logs imply, in standard deviations of the prior, and
+-P H_fc z_c is the change of the estimates that goes with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from fifthwheel._types import Array
+
+SIGNIFICANT_SCORE = 5.0
+"""|t| of a significant score test. Whitened residuals of a real vehicle are not exactly white."""
+UNUSUAL_CHANGE = 2.5
+"""|z| of an implied change that its prior does not explain."""
+UNUSUAL_SENSOR_ERROR = 3.5
+"""An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""
+AS_LIKELY = 0.85
+"""Causes with so large a fraction of the largest |t| are about as likely."""
+HARMFUL_SHIFT = 1.0
+"""An estimate is doubtful if the evidence moves it by more than this number of its standard deviations."""
+
+
+class DoubtKind(StrEnum):
+    """What the evidence is against."""
+
+    ASSUMPTION = "assumption"  # a considered unknown: the vehicle file, the latency of a gyro, the time base
+    SENSOR = "sensor"  # an estimated sensor error far outside its prior
+    RANGE = "range"  # the range of the linear model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """An unknown that may be wrong."""
+
+    name: str
+    change: float
+    """Implied difference from its prior mean, SI (for a joint change of the vehicle file: standard deviations)."""
+    prior_sigmas: float
+    """The same in standard deviations of its prior."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """Evidence against an assumption."""
+
+    kind: DoubtKind
+    causes: tuple[Cause, ...]
+    """What may be wrong, the most likely first; one of them is enough."""
+    parameters: tuple[str, ...]
+    """Estimates that are doubtful therefore."""
+    statistic: float
+    """Of the most likely cause: t of the score test, or prior standard deviations, or m/s^2."""
+    log: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreTest:
+    """The score test of one considered unknown."""
+
+    name: str
+    statistic: float
+    """t."""
+    implied: float
+    """z_c."""
+    shifts: Array
+    """Change (k,) of all unknowns that goes with it, in prior standard deviations."""
+
+
+def score_tests(
+    names: Sequence[str], gradient: Array, information: Array, considered: Sequence[str]
+) -> list[ScoreTest]:
+    """The score test of every considered unknown, the largest |t| first.
+
+    Args:
+        names: of the k unknowns.
+        gradient: of the loss without the prior (k,).
+        information: H (k, k), without the prior.
+        considered: names of the considered unknowns, whose z is 0.
+    """
+    fixed = np.array([name in considered for name in names])
+    free = ~fixed
+    P = np.linalg.inv(np.eye(int(free.sum())) + information[np.ix_(free, free)])
+    tests = []
+    for c in np.flatnonzero(fixed):
+        towards = P @ information[free, c]
+        remaining = float(information[c, c] - information[c, free] @ towards)
+        if remaining <= 1e-9 * max(float(information[c, c]), 1.0):
+            continue
+        implied = -float(gradient[c]) / (1 + remaining)
+        shifts = np.zeros(len(names))
+        shifts[free], shifts[c] = -towards * implied, implied
+        statistic = -float(gradient[c]) / float(np.sqrt(remaining))
+        tests.append(ScoreTest(name=names[c], statistic=statistic, implied=implied, shifts=shifts))
+    return sorted(tests, key=lambda test: -abs(test.statistic))
+
+
+def most_likely(tests: Sequence[ScoreTest]) -> list[ScoreTest]:
+    """The significant tests with an unusual change that are about as likely as the first of them."""
+    unusual = [t for t in tests if abs(t.statistic) > SIGNIFICANT_SCORE and abs(t.implied) > UNUSUAL_CHANGE]
+    return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]
