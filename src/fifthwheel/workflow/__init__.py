@@ -5,7 +5,8 @@ from fifthwheel.workflow.identification import IdentificationRun, run_identifica
 from fifthwheel.workflow.inputs import check_record, read_records, read_vehicle
 from fifthwheel.workflow.results import write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
-from fifthwheel.workflow.states import StatesRun, StoredIdentification, load_identification, run_states
+from fifthwheel.workflow.states import StatesRun, run_states
+from fifthwheel.workflow.stored_identification import StoredIdentification, load_identification
 
 __all__ = [
     "SENSOR_PRIORS",
