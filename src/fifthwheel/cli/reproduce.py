@@ -22,7 +22,7 @@ def reproduce(
     """Reproduce the article's sections 3 and 4 with the nonlinear vehicle.
 
     Writes Figures 4 to 9, and a table of every published number with the reproduced one. Needs
-    `pip install '.[paper]'`. Takes a few minutes on two cores, with --quick less than one.
+    `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores, with --quick less than one.
     """
     from fifthwheel.studies.cheng_cebon_2011 import table
     from fifthwheel.studies.cheng_cebon_2011.reproduce import reproduce as run

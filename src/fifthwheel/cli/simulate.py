@@ -38,8 +38,8 @@ def simulate(
     manoeuvre: Annotated[
         str,
         typer.Option(
-            help="lane_changes, sweep, random or straight; with the nonlinear model also test_track, single_sine, "
-            "step, constant_radius and everyday."
+            help="lane_changes, sweep, random or straight; with the linear model also bend, with the nonlinear model "
+            "also test_track, single_sine, step, constant_radius and everyday."
         ),
     ] = "lane_changes",
     count: Annotated[

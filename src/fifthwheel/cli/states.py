@@ -16,6 +16,7 @@ from fifthwheel.cli.options import (
     OutOption,
     SignalsOption,
     VehicleOption,
+    named_values,
 )
 from fifthwheel.cli.terminal import as_text, load_records, make_folder, print_files, print_json, progress_bar
 
@@ -72,9 +73,8 @@ def states(
     if figures:
         checked_format(figures)
     truck = read_vehicle(vehicle)
-    settings = ObserverSettings(
-        min_speed=min_speed, positions=_positions(at), bank=INITIAL_SIGMA["bank"] if bank else None
-    )
+    positions = named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
+    settings = ObserverSettings(min_speed=min_speed, positions=positions, bank=INITIAL_SIGMA["bank"] if bank else None)
     stored = load_identification(identification) if identification else None
     records = load_records(logs, signals)
     folder = make_folder(out)
@@ -87,21 +87,12 @@ def states(
     if as_json:
         print_json(run.as_dict() | {"files": as_text(files)})
     else:
-        show_states(run.states, run.records)
+        show_states(run.states, run.records, conclusion=run.conclusion)
         print_files(files)
 
 
-def _positions(texts: list[str] | None) -> dict[str, float]:
-    """ "signal=x" as signal: x."""
-    from fifthwheel.errors import SignalError
-
-    positions = {}
-    for text in texts or []:
-        name, _, x = text.partition("=")
-        try:
-            positions[name] = float(x)
-        except ValueError:
-            positions[name] = math.nan
-        if not math.isfinite(positions[name]):
-            raise SignalError(f"--at {text}: expected SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34")
-    return positions
+def _position(_: str, text: str) -> float:
+    x = float(text)
+    if not math.isfinite(x):
+        raise ValueError
+    return x

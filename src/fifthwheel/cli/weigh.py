@@ -46,12 +46,7 @@ def weigh(
     save(weighed.vehicle, out)
     files = {"vehicle": out}
     if as_json:
-        loads = {
-            group: {"value": load.value, "scatter": load.scatter, "samples": load.samples}
-            for group, load in weighed.loads.items()
-        }
-        units = {unit.name: {"mass": unit.mass, "cog": unit.cog} for unit in weighed.vehicle.units}
-        print_json({"loads": loads, "units": units, "files": as_text(files)})
+        print_json(weighed.as_dict() | {"files": as_text(files)})
     else:
         show_weighed(weighed.loads, truck, weighed.vehicle)
         print_files(files)
