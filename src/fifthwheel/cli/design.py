@@ -5,18 +5,8 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel.cli import options
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import (
-    AnyLoadOption,
-    ConsiderOption,
-    FixOption,
-    FreeOption,
-    JsonOption,
-    PriorOption,
-    VehicleOption,
-    fractions,
-    one_stage,
-)
 from fifthwheel.cli.terminal import print_files, progress_bar
 
 
@@ -27,7 +17,7 @@ from fifthwheel.cli.terminal import print_files, progress_bar
     "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
 )
 def design(
-    vehicle: VehicleOption,
+    vehicle: options.VehicleOption,
     target: Annotated[
         list[str] | None,
         typer.Option(
@@ -53,16 +43,16 @@ def design(
             "Default: yaw rate and roll rate of every unit.",
         ),
     ] = None,
-    fix: FixOption = None,
-    free: FreeOption = None,
-    prior: PriorOption = None,
-    consider: ConsiderOption = None,
-    any_load: AnyLoadOption = False,
+    fix: options.FixOption = None,
+    free: options.FreeOption = None,
+    prior: options.PriorOption = None,
+    consider: options.ConsiderOption = None,
+    any_load: options.AnyLoadOption = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Design the shortest test run that reaches the required accuracy.
 
@@ -77,11 +67,11 @@ def design(
     if out:
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    settings = one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
+    settings = options.one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
     with progress_bar(quiet=as_json) as progress:
         result = design_run(
             truck,
-            fractions("--target", target),
+            options.fractions("--target", target),
             settings,
             channels=[name.strip() for text in channels or [] for name in text.split(",")],
             speed=_speed("--speed", speed) if speed else None,

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import JsonOption, SignalsOption
-from fifthwheel.cli.terminal import load_records, print_files, print_json, reading_bar
 
 if TYPE_CHECKING:
     from fifthwheel.vehicle import Vehicle
@@ -53,10 +53,10 @@ def signals(
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
     from fifthwheel.report.terminal.signals import show_survey
 
-    with reading_bar([log]) as progress:
+    with terminal.reading_bar([log]) as progress:
         contents = survey_file(log, truck, databases=database or [], map_file=out, progress=progress)
     if as_json:
-        print_json(contents.as_dict())
+        terminal.print_json(contents.as_dict())
         return
     show_survey(contents.survey, contents.proposal)
     typer.echo(f"\nWritten: {out}" if out is not None else f"\n{contents.signals_toml}", nl=out is not None)
@@ -70,17 +70,17 @@ def _show_record(log: Path, signals: Path, truck: "Vehicle | None", save: Path |
 
     if save is not None:
         record_writer(save)  # refuses an unknown format before reading
-    (record,) = load_records([log], signals)
+    (record,) = terminal.load_records([log], signals)
     findings = check_record(record, truck)
     if save is not None:
         write_record(record, save)
     if as_json:
         contents = {"name": record.name, "span": record.span, "rate": record.rate}
         contents |= {name: list(getattr(record, name)) for name in ("signals", "reference", "notes")}
-        print_json(contents | {"findings": [str(finding) for finding in findings]})
+        terminal.print_json(contents | {"findings": [str(finding) for finding in findings]})
         return
     from fifthwheel.report.terminal.signals import show_record
 
     show_record(record, findings)
     if save is not None:
-        print_files({save.name: save})
+        terminal.print_files({save.name: save})

@@ -17,7 +17,7 @@ from fifthwheel.vehicle import Vehicle
 class LogSensors(NamedTuple):
     """The sensors of one log."""
 
-    settings: Mapping[str, Any]
+    settings: dict[str, Any]
     """Sensor errors and noise, as arguments of `ObserverSettings`."""
     uncertainty: Uncertainty | None
     """Joint uncertainty of vehicle and sensors."""

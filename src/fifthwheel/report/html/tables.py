@@ -68,13 +68,12 @@ def conclusion(conclusion: Conclusion) -> str:
     html = [f'<section class="{css_class}" id="verdict"><p class="headline">{escape(conclusion.headline)}</p>']
     html.append('<div class="lists">')
     for column in columns:
-        html.append("<div>")
-        for title, lines, tag in column:
-            if lines:
-                items = "".join(f"<li>{_text(line)}</li>" for line in lines)
-                html.append(f"<h3>{title}</h3><{tag}>{items}</{tag}>")
-        html.append("</div>")
+        html += ["<div>", *[_list(title, lines, tag) for title, lines, tag in column if lines], "</div>"]
     return "\n".join([*html, "</div></section>"])
+
+
+def _list(title: str, lines: Sequence[str], tag: str) -> str:
+    return f"<h3>{title}</h3><{tag}>{''.join(f'<li>{_text(line)}</li>' for line in lines)}</{tag}>"
 
 
 def _text(text: str) -> str:
