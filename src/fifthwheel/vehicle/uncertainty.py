@@ -79,8 +79,8 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
 
     The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
     `<unit>.axle_positions` and `<unit>.coupling`; and the path of every other parameter with a stated standard
-    deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and relaxation
-    lengths have a change of their own only if their standard deviation is stated.
+    deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and
+    relaxation lengths have a change of their own only if their standard deviation is stated.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -146,7 +146,7 @@ def _division(vehicle: Vehicle, unit: Unit) -> dict[str, dict[str, float]]:
 
 
 def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
-    """Changes of the positions on unit i against its front reference: the first axle, or the coupling in front of it."""
+    """Changes of the positions on unit i from its front reference: the first axle, or the coupling in front of it."""
     unit, stated = vehicle.units[i], vehicle.stated
     reference = vehicle.couplings[i - 1].trailing_position if i else unit.axles[0].position
     fraction = DEFAULT_SIGMAS["axle_positions"].sigma
