@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.errors import UnitError
 from fifthwheel.record.signal_names import QUANTITIES, header, si_unit, split_header
-from fifthwheel.units import _SYMBOLS, factor, is_unit, quantity
+from fifthwheel.units import _SYMBOLS, factor, is_unit, quantity, uncertain_quantity
 
 DIFFERENT = {"g", "-", "%", "degC", "C", "kn", "gon", "rev", "bit"} | {
     f"{p}g" for p in ("M", "k", "da", "c", "m", "u", "µ", "μ", "n")
@@ -149,6 +149,35 @@ def test_quantities() -> None:
     for wrong in ("soon", "1 2 s", "1" * 200, None, [1.0], True):
         with pytest.raises(UnitError, match=r"expected a number with a unit such as '1 s'|expected a unit"):
             quantity(wrong, "s")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "sigma"),
+    [
+        (5, 5.0, None),
+        ("5 t", 5e3, None),
+        ("5 t exact", 5e3, 0.0),
+        ("-5 +- 2", -5.0, 2.0),
+        ("-5 t +- 2 %", -5e3, 100.0),
+        ("5 t+-200 kg", 5e3, 200.0),
+        ("5 t ±0.2t", 5e3, 200.0),
+        ("5 t +/- 2%", 5e3, 100.0),
+        ("5 +- 0.2 t", 5.0, 200.0),
+        ("0 kg +- 3 kg", 0.0, 3.0),
+        ("5 kg +- 0 kg", 5.0, 0.0),
+    ],
+)
+def test_uncertain_quantities(text: str | float, value: float, sigma: float | None) -> None:
+    assert uncertain_quantity(text, "kg") == (value, sigma if sigma is None else pytest.approx(sigma, rel=1e-15))
+
+
+@given(st.text("+-±/% exact0123456789.kgt", max_size=300))
+def test_any_text_is_an_uncertain_quantity_or_refused(text: str) -> None:
+    try:
+        _, sigma = uncertain_quantity(text, "kg")
+    except UnitError:
+        return
+    assert sigma is None or 0 <= sigma < float("inf")
 
 
 def test_every_signal_has_a_unit() -> None:

@@ -90,8 +90,7 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<symbol>1(?![0-9])|%|-|°C|°|[A-Za-zµμ]+)(?:\s*(?:\^|\*\*)?\s*(?P<power>[-+]?\d{1,2}))?|(?P<mark>[*·./()]))\s*"
 )
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
-_PLUS_MINUS = re.compile(r"\s*(?:\+/?-|±)\s*")
-_EXACT = re.compile(r"\s+exact\s*$")
+_STATEMENT = re.compile(r"\s*(\+/?-|±|\bexact\b)\s*")
 
 
 def factor(unit: str, si: str, *, strict: bool = False) -> float:
@@ -143,30 +142,31 @@ def uncertain_quantity(value: float | str, si: str, *, strict: bool = False) -> 
     Raises:
         UnitError: the value or its standard deviation is not valid; arguments as in `factor`.
 
-    >>> uncertain_quantity("8 t +- 200 kg", "kg"), uncertain_quantity("8 t exact", "kg"), uncertain_quantity("8 t", "kg")
-    ((8000.0, 200.0), (8000.0, 0.0), (8000.0, None))
+    >>> [uncertain_quantity(text, "kg") for text in ("8 t +- 200 kg", "8 t +- 2 %", "8 t exact", "8 t")]
+    [(8000.0, 200.0), (8000.0, 160.0), (8000.0, 0.0), (8000.0, None)]
     """
     if not isinstance(value, str) or len(value) > 5 * MAX_LENGTH:
         return quantity(value, si, strict=strict), None
-    exact = _EXACT.search(value)
-    text, *sigmas = _PLUS_MINUS.split(value[: exact.start()] if exact else value)
-    if len(sigmas) + (exact is not None) > 1:
-        raise UnitError(f"expected one '+- ...' or 'exact' after the value, got {_shown(value)}; keep one")
+    text, *statement = _STATEMENT.split(value)
+    if len(statement) > 2 or (statement[:1] == ["exact"] and statement[1]):
+        raise UnitError(f"expected one '+- ...' or 'exact' at the end, got {_shown(value)}; keep only one")
     size = quantity(text, si, strict=strict)
-    if not sigmas:
-        return size, 0.0 if exact else None
-    number, unit = _number_and_unit(sigmas[0], si, "after '+-': ")
+    if not statement:
+        return size, None
+    if statement[0] == "exact":
+        return size, 0.0
+    number, unit = _number_and_unit(statement[1], si, "after '+-': ")
     if unit == "%":
         if size == 0:
             raise UnitError(
-                f"after '+-': expected {si}, because percent of 0 is 0, got {_shown(value)}; write '+- 1 {si}'"
+                f"after '+-': expected {si}, because percent of 0 is 0, got {_shown(value)}; write '+- 0.1 {si}'"
             )
         sigma = abs(size) * number / 100
     elif not unit and (needed := _number_and_unit(text, si)[1]):
         raise UnitError(f"after '+-': expected a unit, got {_shown(value)}; write '+- {number:g} {needed}'")
     else:
         try:
-            sigma = quantity(sigmas[0], si, strict=strict)
+            sigma = quantity(statement[1], si, strict=strict)
         except UnitError as error:
             raise UnitError(f"after '+-': {error}; give one standard deviation in {si} or in percent") from None
     if not 0 <= sigma < math.inf:

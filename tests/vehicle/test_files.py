@@ -1,16 +1,20 @@
 """Vehicle files: accepted and refused quantities, refused files, and lossless round trips."""
 
+import json
+import pickle
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fifthwheel.dynamics.model import topology
 from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle import catalogue, dump, load, save
+from fifthwheel.vehicle import Vehicle, catalogue, dump, load, save
 from fifthwheel.vehicle.files import loads, read_quantity
 
 TEXT = catalogue.text("cheng_cebon_2011")
+PATHS = tuple(catalogue.get("cheng_cebon_2011").parameters())
 
 
 @pytest.mark.parametrize("name", catalogue.names())
@@ -76,6 +80,70 @@ def test_wrong_quantities_are_refused(value: object, unit: str) -> None:
         read_quantity(value, unit, "a.b")
 
 
+@given(st.dictionaries(st.sampled_from(PATHS), st.just(0.0) | st.floats(0, 1e9)), st.sampled_from(PATHS))
+def test_stated_sigmas_round_trip(stated: dict[str, float], path: str) -> None:
+    vehicle = catalogue.get("cheng_cebon_2011").with_stated(stated)
+    again = loads(dump(vehicle))
+    assert again == vehicle
+    assert hash(again) == hash(vehicle)
+    assert again.stated == stated
+    assert pickle.loads(pickle.dumps(vehicle)) == vehicle
+    assert Vehicle(**json.loads(vehicle.model_dump_json())) == vehicle
+    value = vehicle.parameters()[path]
+    assert vehicle.replace({path: value * 1.001}).stated == stated
+
+
+def test_an_exact_file_round_trips() -> None:
+    vehicle = loads("exact = true\n" + TEXT)
+    assert vehicle.is_exact
+    assert vehicle.stated == dict.fromkeys(PATHS, 0.0)
+    text = dump(vehicle)
+    assert text.count("exact") == 1
+    assert loads(text) == vehicle
+    assert loads("exact = false\n" + TEXT) == loads(TEXT)
+    assert not loads(TEXT).stated
+
+
+def test_stated_sigmas_by_path() -> None:
+    text = TEXT.replace('mass = "7.2 t"', 'mass = "7.2 t +- 2 %"').replace('"-5.49 m"', '"-5.49 m ± 0.1 m"')
+    text = text.replace('"-8.0 m"', '"-8 +- 20 mm"').replace('"1273 kN/rad"', '"1273 kN/rad exact"')
+    text = text.replace('"-3.1 m"', '"-3.1 m +/- 5 cm"').replace('"-3.7 m"', '"-3.7 m +- 1 %"')
+    text = text.replace('"20122 kg"', '"20122 kg +- 0.3 t"').replace('name = "fifth_wheel"\n', "")
+    assert loads(text).stated == {
+        "tractor.mass": pytest.approx(144),
+        "tractor.drive.position": pytest.approx(0.037),
+        "semitrailer.cog": 0.1,
+        "semitrailer.payload.mass": 300.0,
+        "semitrailer.middle.position": 0.02,
+        "semitrailer.cornering_stiffness": 0.0,
+        "fifth_wheel.leading_position": 0.05,
+    }
+    assert loads(text).parameters() == loads(TEXT).parameters()
+
+
+def test_vehicles_with_different_stated_sigmas_differ_but_share_a_model() -> None:
+    vehicle = loads(TEXT)
+    stated = vehicle.with_stated({"tractor.mass": 70.0})
+    assert stated != vehicle
+    assert topology(stated) == topology(vehicle)
+    assert stated.with_stated({"tractor.cog": 0.1}).stated == {"tractor.mass": 70.0, "tractor.cog": 0.1}
+    locked = stated.with_logged_steering({"steer.tractor.front"}, "the log")
+    assert locked.stated == stated.stated
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "message"),
+    [
+        ({"tractor.masss": 1.0}, r"^tractor\.masss: no such parameter in .*did you mean 'tractor\.mass'"),
+        ({"tractor.mass": -1.0}, r"^stated\.tractor\.mass: expected a number >= 0, got -1"),
+        ({"tractor.mass": float("inf")}, r"^stated\.tractor\.mass: expected a finite number"),
+    ],
+)
+def test_wrong_stated_sigmas_are_refused(sigmas: dict[str, float], message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        loads(TEXT).with_stated(sigmas)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -96,12 +164,39 @@ def test_wrong_quantities_are_refused(value: object, unit: str) -> None:
         ('position = "0 m"  ', 'axles = []\nposition = "0 m"  ', r"^tractor\.front: expected either axles or position"),
         ('mass = "7.2 t"', 'mass = "-7.2 t"', r"^tractor\.mass: expected a number > 0, got -7200"),
         ('mass = "7.2 t"', "mass = ", r"^expected TOML"),
+        ('"7.2 t"', '"7.2 t +- 2 m"', r"^tractor\.mass: after '\+-': expected kg or .*got 'm'; give .* in percent"),
+        ('"7.2 t"', '"7.2 t +- 0.2"', r"^tractor\.mass: after '\+-': expected a unit, .*write '\+- 0\.2 t'"),
+        (
+            '"7.2 t"',
+            '"7.2 t +- -2 %"',
+            r"^tractor\.mass: after '\+-': expected a finite .*, 0 or more, got .*magnitude",
+        ),
+        ('"7.2 t"', '"7.2 t +- 1e999 t"', r"^tractor\.mass: after '\+-': expected a finite standard deviation"),
+        ('"7.2 t"', '"7.2 t +- 2 % +- 1 t"', r"^tractor\.mass: expected one '\+- \.\.\.' or 'exact' .*keep only one"),
+        ('"7.2 t"', '"7.2 t +- 2 % exact"', r"^tractor\.mass: expected one '\+- \.\.\.' or 'exact' .*keep only one"),
+        ('"7.2 t"', '"7.2 t exact 2 %"', r"^tractor\.mass: expected one '\+- \.\.\.' or 'exact' at the end"),
+        (
+            '"7.2 t"',
+            '"7.2 t +- "',
+            r"^tractor\.mass: after '\+-': expected a number with a unit such as '1 kg', got ''",
+        ),
+        ('"0 kg m^2"', '"0 kg m^2 +- 2 %"', r"^tractor\.sprung\.roll_yaw_product: after .*percent of 0 is 0"),
+        ('"7.2 t"', '"+- 2 t"', r"^tractor\.mass: expected a number with a unit such as '1 kg', got ''"),
+        ("source", "exact = 1\nsource", r"^exact: expected true or false, got 1; write exact = true"),
+        ("source", 'stated = "7 t"\nsource', r"^stated: no such key"),
     ],
 )
 def test_wrong_files_are_refused(old: str, new: str, message: str) -> None:
     assert old in TEXT
     with pytest.raises(VehicleError, match=message):
         loads(TEXT.replace(old, new))
+
+
+def test_an_exact_file_states_no_sigma() -> None:
+    text = "exact = true\n" + TEXT
+    assert loads(text.replace('"7.2 t"', '"7.2 t exact"')).is_exact
+    with pytest.raises(VehicleError, match=r"^tractor\.mass: expected no '\+-' where exact = true, got 72 kg; remove"):
+        loads(text.replace('"7.2 t"', '"7.2 t +- 1 %"'))
 
 
 def test_unreadable_file_is_named(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 class HashableDict(dict[str, float]):
-    """A dictionary in a frozen component; nobody alters it."""
+    """A dictionary in a frozen component, not to be altered."""
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(frozenset(self.items()))

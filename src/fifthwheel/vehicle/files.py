@@ -79,7 +79,7 @@ def loads(text: str) -> Vehicle:
     for path, sigma in stated.items():
         if sigma:
             raise VehicleError(
-                f"{path}: expected no '+-' in a file with exact = true, got {sigma:g} {unit_of(path)}; remove one of the two"
+                f"{path}: expected no '+-' where exact = true, got {sigma:g} {unit_of(path)}; remove one of them"
             )
     return vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
 

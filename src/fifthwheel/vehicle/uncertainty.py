@@ -1,7 +1,7 @@
 """The uncertainty of the masses and lengths of a vehicle, as independent changes that each alter several parameters.
 
-One weighing gives the masses of all units, one drawing the positions of all axles, and what the payload does not weigh
-the empty body does. Numbers that come from one measurement are therefore wrong together: a change alters them together.
+One scale weighs all units, one drawing gives the positions of all axles, and a payload mass is the difference of a
+laden and an unladen mass. Numbers from one measurement share its error, so a change alters all of them.
 
 A number with a stated standard deviation is altered by its own change only, so that the changes together give it
 exactly the stated standard deviation. All other numbers have the standard deviations of `DEFAULT_SIGMAS`.
@@ -46,12 +46,12 @@ DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
         "The payload is the laden less the unladen mass, or that of the freight documents without pallets and straps.",
     ),
     "cog.laden": DefaultSigma(
-        0.15, "m", "Loads are seldom placed by measure: a load of 60 % of the unit's mass that is 0.25 m off."
+        0.15, "m", "A load of 60 % of the unit's mass that lies 0.25 m from its assumed position shifts the CoG so far."
     ),
     "cog.unladen": DefaultSigma(
         0.05,
         "m",
-        "Axle loads of 2 % give 0.03 m with a wheelbase of 3.7 m; a full or empty tank and the driver give the rest.",
+        "Axle loads of 2 % give 0.02 m with a wheelbase of 3.7 m; a full or empty tank and the driver give the rest.",
     ),
     "axle_positions": DefaultSigma(
         0.01,
@@ -59,7 +59,9 @@ DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
         "A tape along the frame or the dimensions of a brochure, whose variants differ by some centimetres.",
     ),
     "coupling": DefaultSigma(
-        0.01, "wheelbase", "A fifth wheel can be slid along the frame, in steps of 0.05 m or more; few note its place."
+        0.01,
+        "wheelbase",
+        "A fifth wheel can be slid along the frame, in steps of 0.05 m or more, and its position is seldom recorded.",
     ),
 }
 """Standard deviations of numbers on which the vehicle file states nothing."""
@@ -79,8 +81,8 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
 
     The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
     `<unit>.axle_positions` and `<unit>.coupling`; and the path of every other parameter with a stated standard
-    deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and relaxation
-    lengths have a change of their own only if their standard deviation is stated.
+    deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and
+    relaxation lengths have a change of their own only if their standard deviation is stated.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -146,7 +148,7 @@ def _division(vehicle: Vehicle, unit: Unit) -> dict[str, dict[str, float]]:
 
 
 def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
-    """Changes of the positions on unit i against its front reference: the first axle, or the coupling in front of it."""
+    """Changes of the positions on unit i from its front reference: the first axle, or the coupling in front of it."""
     unit, stated = vehicle.units[i], vehicle.stated
     reference = vehicle.couplings[i - 1].trailing_position if i else unit.axles[0].position
     fraction = DEFAULT_SIGMAS["axle_positions"].sigma

@@ -72,7 +72,8 @@ class Vehicle(Component):
                     f"{unit.name}.cog: expected between {min(supports):g} and {max(supports):g} m, where the unit is"
                     f" supported, got {unit.cog:g} m; x is positive forward from the unit's own origin"
                 )
-        self._location_of(self.stated)
+        if self.stated:
+            self._location_of(self.stated)
         return self
 
     def _supports(self, unit: Unit) -> list[float]:
