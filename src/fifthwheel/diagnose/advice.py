@@ -30,6 +30,7 @@ EXCITATION = {
 VERDICTS = {
     Verdict.AT_BOUND: "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, "
     "axle positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
+    Verdict.DOUBTFUL: "Check the numbers that the cautions name, correct what is wrong, and identify again.",
     Verdict.NOT_CONVERGED: "Parameters that did not converge may compensate each other. Add another log of this truck, "
     "allow more passes, or fix a parameter whose value is known from another source (--fix). If the model does not "
     "explain the log either, check signs, units and positions of the signals first.",
@@ -152,10 +153,11 @@ def _separation(identification: Identification) -> Iterator[Advice]:
 def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
     uncertain = {e.name: e for e in identification.uncertain}
     for term in dominant_terms(identification):
-        source = uncertain[term.source]
-        known = percent((source.sigma or 0.0) / abs(source.value))
+        source = uncertain.get(term.source)
+        known = f", known to ±{percent((source.sigma or 0.0) / abs(source.value))}," if source else ""
+        how = "(--consider)" if source else "in the vehicle file"
         yield Advice(
-            f"Measure {term.source}, known to ±{known}, or give a smaller uncertainty if you know it better "
-            f"(--consider): {percent(term.fraction)} of the variance of {term.parameter} comes from it.",
+            f"Measure {term.source}{known} or give a smaller uncertainty if you know it better {how}: "
+            f"{percent(term.fraction)} of the variance of {term.parameter} comes from it.",
             (term.parameter,),
         )

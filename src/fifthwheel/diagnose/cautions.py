@@ -11,19 +11,25 @@ from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
+from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import CommonSettings, Estimate, Identification, SensorError, Verdict
-from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
+from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
+from fifthwheel.names import ParameterPath, SensorErrorName, SignalName, is_sensor_error
 from fifthwheel.observe import States
 from fifthwheel.record.signal_names import si_unit
+from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
 class CautionKind(StrEnum):
     """Kinds of cautions."""
 
+    ASSUMPTION = "assumption"  # the residuals contradict a number of the vehicle file or of a sensor
     UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
     DELAY = "delay"  # a significant or unusual delay of a sensor
     GAIN = "gain"  # an unusual gain of a sensor
+    MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
     OFFSET = "offset"  # an unusual offset of a sensor
     UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck
     POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
@@ -59,6 +65,7 @@ def identification_cautions(
         states: of the identified truck.
     """
     return [
+        *assumption_cautions(identification),
         *estimate_cautions(identification),
         *sensor_cautions(identification),
         *fit_cautions(identification),
@@ -83,6 +90,8 @@ def sensor_error_prior(settings: CommonSettings, name: str) -> tuple[float, floa
         return 1.0, settings.steer_gain_prior if quantity == "steer" else rate_gain
     if kind == "delay":
         return 0.0, settings.steer_delay_prior
+    if kind == "misalignment":
+        return 0.0, getattr(settings, "misalignment_prior", thresholds.UNUSUAL_MISALIGNMENT)
     if quantity == "steer":
         return 0.0, settings.steer_offset_prior
     return 0.0, settings.articulation_offset_prior if quantity == "articulation" else settings.rate_offset_prior
@@ -97,11 +106,60 @@ def is_unusual(settings: CommonSettings, error: SensorError) -> bool:
     return abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
 
 
+def assumption_cautions(identification: Identification) -> Iterator[Caution]:
+    """Numbers of the vehicle file and assumptions on the sensors that the residuals contradict."""
+    for doubt in identification.doubts:
+        if doubt.kind is not DoubtKind.ASSUMPTION:
+            continue
+        texts = [describe_cause(cause, identification.initial_vehicle) for cause in doubt.causes]
+        one = len(texts) == 1
+        message = (
+            f"The residuals contradict the vehicle file or an assumption on a sensor. They would be smaller if "
+            f"{texts[0] if one else 'one of these holds: ' + '; '.join(texts)}."
+        )
+        cure = "Check this, correct it in the vehicle file or the signal map, and identify again."
+        yield Caution(
+            CautionKind.ASSUMPTION,
+            message,
+            cure,
+            doubt.statistic,
+            parameters=doubt.parameters,
+            signals=tuple(cause.name.rpartition(".")[0] for cause in doubt.causes if is_sensor_error(cause.name)),
+        )
+
+
+def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
+    """What would be different: "yaw_rate.tractor is 52 ms late (5 times the assumed latency)"."""
+    values = vehicle.parameters()
+    times = f"{abs(cause.prior_sigmas):.1f} times the assumed uncertainty"
+    (path, change), *others = cause.changes.items()
+    error = SensorErrorName.of(path)
+    if path == TIME_SCALE:
+        return f"the time base runs {percent(abs(change))} too {'fast' if change > 0 else 'slow'} (timestamps)"
+    if cause.name == MASS_SCALE:
+        return f"all masses are {percent(abs(change / values[path]))} {'larger' if change > 0 else 'smaller'} ({times})"
+    if error and error.kind == "delay":
+        return f"{error.signal} is {with_sigma(abs(change), None, 's')} {'late' if change > 0 else 'early'} ({times})"
+    if path.endswith(".softening"):
+        return f"the tyres of {path.removesuffix('.softening')} soften with the slip angle ({times})"
+    if path not in values:
+        return f"{cause.name} is different ({times})"
+    direction = "larger" if change > 0 else "smaller"
+    lengths = ("cog", "position", "leading_position", "trailing_position")
+    if ParameterPath.of(path).quantity in lengths or not values[path]:
+        side = "front" if change > 0 else "rear"
+        size = f"{with_sigma(abs(change), None, unit_of(path))} further to the {side}"
+    else:
+        size = f"{percent(abs(change / values[path]))} {direction}"
+    also = f" with {len(others)} other numbers that belong to it" if others else ""
+    return f"{path} is {size}{also} ({times})"
+
+
 def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
     prior = identification.settings.prior
     for e in identification.parameters:
-        if e.verdict is not Verdict.CONVERGED or ParameterPath.of(e.name).is_payload_height:
+        if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ParameterPath.of(e.name).is_payload_height:
             continue
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
@@ -114,8 +172,6 @@ def estimate_cautions(identification: Identification) -> Iterator[Caution]:
 
 def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     """Sensors with a significant delay or an unusual error."""
-    estimated = [e.name for e in identification.parameters if e.verdict is not Verdict.FIXED]
-    stiffnesses = tuple(n for n in estimated if ParameterPath.of(n).quantity == "cornering_stiffness")
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
@@ -136,6 +192,9 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
                 "as wrong tyre stiffnesses, so the stiffness estimates depend on this gain."
             )
             cure = "Measure the ratio of the road-wheel angle to the logged angle, and correct it in the signal map."
+        elif kind == "misalignment":
+            text = f"the estimated misalignment is {value}: the gyro also measures another axis."
+            cure = "Check how the gyro is mounted, and whether its axes are exchanged."
         elif kind == "gain":
             text = f"the estimated gain is {value}; 1 is expected."
             cure = "Check the unit, calibrate the sensor, and correct its gain in the signal map."
@@ -143,7 +202,13 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
             text = f"the estimated offset is {value}, more than such a sensor usually has."
             cure = "Check the mounting and the calibration of the sensor."
         message = f"{signal} in {error.log}: {text}" if error.log else f"{signal}: {text}"
-        parameters = stiffnesses if kind == "delay" or steer_gain else ()
+        parameters = tuple(
+            name
+            for doubt in identification.doubts
+            for cause in doubt.causes
+            if cause.name == error.name
+            for name in doubt.parameters
+        )
         yield Caution(
             CautionKind(kind), message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log
         )
@@ -176,10 +241,10 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
 def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
     """Runs outside the range of the linear model."""
     for run in runs:
-        if run.acceleration > thresholds.NONLINEAR:
+        if run.acceleration > NONLINEAR_ACCELERATION:
             message = (
                 f"{run.name}: the lateral acceleration reaches {run.acceleration:.1f} m/s². The model of tyres and "
-                f"suspensions is linear, which holds up to about {thresholds.NONLINEAR:g} m/s²."
+                f"suspensions is linear, which holds up to about {NONLINEAR_ACCELERATION:g} m/s²."
             )
             cure = "Use a log with a smaller lateral acceleration."
             yield Caution(CautionKind.NONLINEAR_RANGE, message, cure, run.acceleration, log=run.name)

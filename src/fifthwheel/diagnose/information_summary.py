@@ -128,9 +128,11 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
     scale = np.sqrt(np.diag(P))
     with np.errstate(divide="ignore", invalid="ignore"):
         magnitude = np.nan_to_num(np.abs(P[i]) / (scale[i] * scale))
-    fixed = {uncertain.name for uncertain in identification.uncertain if uncertain.verdict is Verdict.FIXED}
+    estimates = [*identification.parameters, *identification.uncertain, *identification.sensors]
+    estimated = {o.name for o in estimates if getattr(o, "verdict", None) is not Verdict.FIXED}
     for j, name in enumerate(covariance.names):
-        if j == i or name in fixed or split_log(name)[1] == "":
+        base, log = split_log(name)
+        if j == i or base not in estimated or log == "":
             magnitude[j] = 0.0
     j = int(np.argmax(magnitude))
     notable = magnitude[j] > thresholds.NOTABLE_CORRELATION

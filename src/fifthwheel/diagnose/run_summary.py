@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fifthwheel._types import Array
 from fifthwheel.diagnose.thresholds import MIN_SPEED
 from fifthwheel.identify import Identification
 from fifthwheel.names import SignalName
 from fifthwheel.record import Record
+from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration, largest_mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ def summarise_runs(identification: Identification, records: Sequence[Record]) ->
         fits = [fit for fit in identification.fits if fit.log == log.name and fit.signal == f"yaw_rate.{first}"]
         rate = fits[0].measured - offsets.get(log.name, 0.0) if fits else np.zeros(0)
         step = float(np.median(np.diff(fits[0].time))) if fits else 1.0
-        acceleration = log.speed[1] * _largest_mean(rate[np.isfinite(rate)], round(0.5 / step))
+        acceleration = log.speed[1] * largest_mean(rate[np.isfinite(rate)], round(0.5 / step))
         summaries.append(RunSummary(name=log.name, speed=log.speed, acceleration=acceleration))
     return summaries
 
@@ -69,16 +69,6 @@ def _summary(record: Record, unit: str | None, offset: float, min_speed: float) 
     name = f"yaw_rate.{unit}" if unit else next(iter(rates), "")
     acceleration = np.nan
     if name in record.signals:
-        lateral = speed * (record.signals[name] - offset)
-        valid = fast & np.isfinite(lateral)
-        acceleration = _largest_mean(lateral[valid], round(record.rate / 2 * valid.mean()))
+        first = SignalName.of(name).unit
+        acceleration = largest_lateral_acceleration(record, first, offset=offset, min_speed=min_speed)
     return RunSummary(name=record.name, speed=(low, high), acceleration=acceleration)
-
-
-def _largest_mean(values: Array, width: int) -> float:
-    """The largest magnitude of a moving mean of `width` values; NaN without values."""
-    if not values.size:
-        return float("nan")
-    width = min(max(width, 1), values.size)
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    return float(np.abs((total[width:] - total[:-width]) / width).max())

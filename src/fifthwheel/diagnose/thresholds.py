@@ -23,6 +23,8 @@ UNUSUAL_DEVIATION = 2.5
 
 UNUSUAL_GAIN = 0.1
 """A steer gain so far from 1, and by twice its sigma, is unusual: the steering ratio can be measured."""
+UNUSUAL_MISALIGNMENT = 0.05
+"""rad; for a method without a prior."""
 SIGNIFICANT_DELAY = 3.0
 """A delay of so many sigmas is significant."""
 NEGLIGIBLE_DELAY = 0.02
@@ -45,8 +47,6 @@ REJECTED_SAMPLES = 0.05
 
 STRAIGHT = 0.5
 """m/s²; up to this lateral acceleration a run counts as straight."""
-NONLINEAR = 3.0
-"""m/s²; above this lateral acceleration the linear model is a rough approximation."""
 MIN_SPEED = 5.0
 """m/s; the linear tyre model does not hold below. Settings of an identification replace it."""
 

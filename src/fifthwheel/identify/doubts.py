@@ -10,7 +10,7 @@ t is N(0, 1) if the assumption holds, z_c is the change that the logs imply, in 
 -P H_fc z_c is the change of the estimates that goes with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -18,15 +18,21 @@ import numpy as np
 
 from fifthwheel._types import Array
 
-SIGNIFICANT_SCORE = 5.0
+SIGNIFICANT_SCORE = 6.0
 """|t| of a significant score test. Whitened residuals of a real vehicle are not exactly white."""
+STRONG_SCORE = 9.0
+"""|t| from which the model does not describe the logs: then every estimate is doubtful."""
 UNUSUAL_CHANGE = 2.5
 """|z| of an implied change that its prior does not explain."""
 UNUSUAL_SENSOR_ERROR = 3.5
 """An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""
+UNUSUAL_ESTIMATE = 2.5
+"""The same for an estimated parameter."""
+NONLINEAR_ACCELERATION = 3.0
+"""m/s^2; above this lateral acceleration a model with linear tyres and suspensions is a rough approximation."""
 AS_LIKELY = 0.85
 """Causes with so large a fraction of the largest |t| are about as likely."""
-HARMFUL_SHIFT = 1.0
+HARMFUL_SHIFT = 0.5
 """An estimate is doubtful if the evidence moves it by more than this number of its standard deviations."""
 
 
@@ -35,6 +41,7 @@ class DoubtKind(StrEnum):
 
     ASSUMPTION = "assumption"  # a considered unknown: the vehicle file, the latency of a gyro, the time base
     SENSOR = "sensor"  # an estimated sensor error far outside its prior
+    ESTIMATE = "estimate"  # an estimate far outside its prior
     RANGE = "range"  # the range of the linear model
 
 
@@ -43,8 +50,8 @@ class Cause:
     """An unknown that may be wrong."""
 
     name: str
-    change: float
-    """Implied difference from its prior mean, SI (for a joint change of the vehicle file: standard deviations)."""
+    changes: Mapping[str, float]
+    """Implied change of each parameter that it alters, SI."""
     prior_sigmas: float
     """The same in standard deviations of its prior."""
 

@@ -26,6 +26,9 @@ from fifthwheel.identify import estimates, parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
 from fifthwheel.identify.doubts import (
     HARMFUL_SHIFT,
+    NONLINEAR_ACCELERATION,
+    STRONG_SCORE,
+    UNUSUAL_ESTIMATE,
     UNUSUAL_SENSOR_ERROR,
     Cause,
     Doubt,
@@ -48,6 +51,7 @@ from fifthwheel.identify.verdict import Verdict, estimate_verdict, uninformed_pa
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.vehicle import Vehicle
 
 HISTORY_LENGTH = 200
@@ -111,11 +115,12 @@ class _Estimator:
     def solve(self, progress: Progress) -> _Solution:
         """Estimate all unknowns, again and again until the set of uninformed parameters no longer changes.
 
-        The first set is that at the initial values. After the first estimation a parameter may leave it; from then on
-        the set only grows.
+        The first set is that at the initial values; it is empty if that vehicle is unstable. After the first estimation
+        a parameter may leave it; from then on the set only grows.
         """
         problem = self._problem(self.dataset.logs, {})
-        uninformed = self._uninformed(problem, self._initial(problem))
+        initial = self._initial(problem)
+        uninformed = {} if initial.any() else self._uninformed(problem, initial)
         for attempt in itertools.count():
             problem = self._problem(problem.logs, uninformed)
             minimum = self._minimise(problem, progress)
@@ -253,33 +258,59 @@ def _posterior(
     return posterior, history, tests
 
 
-def _doubts(problem: Problem, z: Array, posterior: Posterior, tests: Sequence[ScoreTest]) -> list[Doubt]:
+def _doubts(
+    estimator: _Estimator, problem: Problem, z: Array, posterior: Posterior, tests: Sequence[ScoreTest]
+) -> list[Doubt]:
     """What the logs say against the assumptions, and which estimates depend on them."""
     unknowns = {name: u for i in range(len(problem.logs)) for name, u in _unknown_names(problem, i)}
-    parameter_indices = [i for i, name in enumerate(problem.names) if name in unknowns and not unknowns[name].nuisance]
+    places = [(i, name) for i, name in enumerate(problem.names) if name in estimator.estimated]
 
     def moved(shifts: Array) -> tuple[str, ...]:
-        harmful = np.abs(shifts) > HARMFUL_SHIFT * posterior.sigma
-        return tuple(
-            problem.names[i] for i in parameter_indices if harmful[i] and not unknowns[problem.names[i]].considered
-        )
+        return tuple(name for i, name in places if abs(shifts[i]) > HARMFUL_SHIFT * posterior.sigma[i])
+
+    def cause(name: str, change: float) -> Cause:
+        unknown = unknowns[name]
+        changes = {path: rate * unknown.scale * change for path, rate in unknown.slopes.items()}
+        return Cause(name=name, changes=changes, prior_sigmas=change)
 
     doubts = []
     if likely := most_likely(tests):
-        causes = [Cause(name=t.name, change=t.implied * unknowns[t.name].scale, prior_sigmas=t.implied) for t in likely]
-        concerned = tuple(dict.fromkeys(name for t in likely for name in moved(t.shifts)))
+        strong = abs(likely[0].statistic) > STRONG_SCORE
+        concerned = estimator.estimated if strong else [name for t in likely for name in moved(t.shifts)]
         doubts.append(
-            Doubt(kind=DoubtKind.ASSUMPTION, causes=tuple(causes), parameters=concerned, statistic=likely[0].statistic)
+            Doubt(
+                kind=DoubtKind.ASSUMPTION,
+                causes=tuple(cause(t.name, t.implied) for t in likely),
+                parameters=tuple(dict.fromkeys(concerned)),
+                statistic=abs(likely[0].statistic),
+            )
         )
     for i, name in enumerate(problem.names):
-        unknown = unknowns.get(name)
-        if unknown is None or not unknown.nuisance or unknown.considered or abs(z[i]) < UNUSUAL_SENSOR_ERROR:
+        deviation = float(z[i])
+        if name not in unknowns or unknowns[name].considered:
             continue
-        shifts = -posterior.covariance[:, i] / posterior.covariance[i, i] * z[i]
-        cause = Cause(name=name, change=float(z[i] * unknown.scale), prior_sigmas=float(z[i]))
+        if unknowns[name].nuisance and abs(deviation) > UNUSUAL_SENSOR_ERROR:
+            kind, parameters = (
+                DoubtKind.SENSOR,
+                moved(posterior.covariance[:, i] / posterior.covariance[i, i] * deviation),
+            )
+        elif unknowns[name].logarithmic and abs(deviation) > UNUSUAL_ESTIMATE:
+            kind, parameters = DoubtKind.ESTIMATE, (name,)
+        else:
+            continue
         doubts.append(
-            Doubt(kind=DoubtKind.SENSOR, causes=(cause,), parameters=moved(shifts), statistic=abs(float(z[i])))
+            Doubt(kind=kind, causes=(cause(name, deviation),), parameters=parameters, statistic=abs(deviation))
         )
+    first = estimator.dataset.vehicle.units[0].name
+    for log, record in zip(problem.logs, estimator.dataset.records, strict=True):
+        offset = log.errors.get(f"yaw_rate.{first}.offset", 0.0)
+        largest = largest_lateral_acceleration(record, first, offset=offset, min_speed=estimator.settings.min_speed)
+        if largest > NONLINEAR_ACCELERATION:
+            doubts.append(
+                Doubt(
+                    kind=DoubtKind.RANGE, causes=(), parameters=estimator.estimated, statistic=largest, log=record.name
+                )
+            )
     return doubts
 
 
@@ -294,7 +325,7 @@ def _identification(estimator: _Estimator, solution: _Solution) -> Identificatio
     dataset, settings, outputs = estimator.dataset, estimator.settings, estimator.outputs
     problem, minimum = solution.problem, solution.minimum
     posterior, history, tests = _posterior(estimator, problem, minimum.z)
-    doubts = _doubts(problem, minimum.z, posterior, tests)
+    doubts = _doubts(estimator, problem, minimum.z, posterior, tests)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
     given = dataset.initial_vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))

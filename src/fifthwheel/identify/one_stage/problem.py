@@ -37,7 +37,7 @@ from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_state
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
-from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_slopes
 from fifthwheel.identify.noise_model import NoiseModel, Whitener, fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
@@ -206,7 +206,9 @@ class Problem:
         return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.logs[log].segments])))
 
     def cost(self, z: Array) -> float:
-        """J(z); infinite where the vehicle is so unstable that J overflows."""
+        """J(z); infinite where a free-running vehicle is unstable: its residuals would grow without limit."""
+        if self.output_error and self.unstable(z):
+            return np.inf
         total, limit = float(z @ z) / 2, self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.segments():
@@ -287,14 +289,12 @@ class Problem:
         )
 
     def unstable(self, z: Array) -> bool:
-        """Whether the vehicle is unstable at the lowest or highest speed of a segment."""
+        """Whether the vehicle is unstable at the lowest or highest speed of the logs."""
         parameters = self.vehicle.parameters()
         vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z, 0).items() if n in parameters})
-        speeds = [segment.input("speed") for log in self.logs for segment in log.segments]
-        ends = np.unique([end for speed in speeds for end in (speed.min(), speed.max())])
         return any(
-            np.linalg.eigvals(dynamics.matrices(vehicle, float(u), roll=self.model.roll).A).real.max() >= 0
-            for u in ends
+            np.linalg.eigvals(dynamics.matrices(vehicle, u, roll=self.model.roll).A).real.max() >= 0
+            for u in self._speed_range
         )
 
     def update_noise(self, z: Array, *, autocorrelated: bool) -> None:
@@ -339,6 +339,11 @@ class Problem:
     def _places(self) -> dict[str, int]:
         """Index of each free parameter of the model."""
         return {name: i for i, name in enumerate(self.model.free)}
+
+    @cached_property
+    def _speed_range(self) -> tuple[float, float]:
+        """Lowest and highest speed, m/s."""
+        return speed_range(self.logs)
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 COLOURS = {
     Verdict.CONVERGED: "green",
+    Verdict.DOUBTFUL: "yellow",
     Verdict.NOT_CONVERGED: "yellow",
     Verdict.NOT_EXCITED: "red",
     Verdict.NOT_IDENTIFIABLE: "red",

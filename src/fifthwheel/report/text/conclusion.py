@@ -77,6 +77,9 @@ def _headline(identification: Identification, converged: Sequence[Estimate], est
     logs = counted(len(identification.logs), "log")
     if not estimated:
         return "All parameters are fixed: nothing was estimated."
+    if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
+        identified = f"{len(converged)} of {len(estimated)} parameters are identified"
+        return f"{identified} from {logs}; {counted(doubtful, 'estimate')} {'is' if doubtful == 1 else 'are'} doubtful."
     if not converged:
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
@@ -129,6 +132,9 @@ def _reason(identification: Identification, e: Estimate) -> str:
         return f"{value}, as requested"
     if e.verdict is Verdict.AT_BOUND:
         return f"{value} is the limit of the permitted range and not an estimate"
+    if e.verdict is Verdict.DOUBTFUL:
+        estimate = with_sigma(e.value, e.sigma, e.unit)
+        return f"{estimate} depends on an assumption that the logs contradict; see the cautions"
     if e.verdict is Verdict.NOT_CONVERGED:
         estimate = with_sigma(e.value, e.sigma, e.unit)
         return f"{estimate} is provisional: the last step still changed it, or the model does not explain the log"

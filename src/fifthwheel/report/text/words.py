@@ -5,6 +5,7 @@ from fifthwheel.identify import Estimate, Verdict
 
 MARKS = {
     Verdict.CONVERGED: "✓",
+    Verdict.DOUBTFUL: "‽",
     Verdict.NOT_CONVERGED: "…",
     Verdict.NOT_EXCITED: "?",
     Verdict.NOT_IDENTIFIABLE: "∥",

@@ -1,0 +1,37 @@
+"""The lateral acceleration of the first unit from its speed and yaw rate."""
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.record.record import Record
+
+AVERAGING_TIME = 0.5
+"""Time over which the lateral acceleration is averaged, s."""
+
+
+def largest_lateral_acceleration(record: Record, unit: str, *, offset: float = 0.0, min_speed: float = 5.0) -> float:
+    """Largest magnitude of speed times yaw rate of a unit, averaged over 0.5 s, m/s^2; NaN without the signals.
+
+    Args:
+        record: its samples are evenly spaced, apart from gaps.
+        unit: name of the first unit.
+        offset: of the yaw rate, rad/s.
+        min_speed: slower samples are left out, m/s.
+    """
+    name = f"yaw_rate.{unit}"
+    if name not in record.signals or "speed" not in record.signals:
+        return float("nan")
+    speed = record.signals["speed"]
+    lateral = speed * (record.signals[name] - offset)
+    with np.errstate(invalid="ignore"):
+        valid = (speed >= min_speed) & np.isfinite(lateral)
+    return largest_mean(lateral[valid], round(record.rate * AVERAGING_TIME * valid.mean()) if valid.any() else 1)
+
+
+def largest_mean(values: Array, width: int) -> float:
+    """The largest magnitude of a moving mean of `width` values; NaN without values."""
+    if not values.size:
+        return float("nan")
+    width = min(max(width, 1), values.size)
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return float(np.abs((total[width:] - total[:-width]) / width).max())
