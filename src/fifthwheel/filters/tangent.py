@@ -20,8 +20,11 @@ from fifthwheel.native import Scan
 LANES = 8
 """Number of directions in one pass of the loop."""
 
-CHUNK = 4_000
-"""Number of rows in one pass; it bounds the memory for long records."""
+CHUNK = 1_000
+"""Number of rows in one pass; it bounds the memory for long records and keeps it in the processor's cache."""
+
+DECAYED = 1e-9
+"""The effect of the initial state is left out once it has decayed to this fraction."""
 
 
 def _with_tangent(
@@ -122,10 +125,21 @@ def run_in_chunks(
     carry = np.hstack([np.tile(start, (k, 1)), start_directions])
     constant = np.hstack([np.tile(p, (k, 1)), directions, np.tile(others, (k, 1))])
     half = scan.n_output // 2
+    only_start = ~directions.any(axis=1)  # directions of the start alone: their effect may decay
+    initial = np.abs(start_directions).max(axis=1, initial=0.0)
+    active = np.arange(k)
     for begin in range(0, len(rows), CHUNK):
         chunk = slice(begin, min(begin + CHUNK, len(rows)))
         carry, out = scan.batch(carry, rows[chunk], constant, threads=os.cpu_count() or 1)
-        yield Chunk(chunk, out[0, :, :half], out[:, :, half:])
+        slopes = out[:, :, half:]
+        if len(active) < k:
+            slopes = np.zeros((k, *out.shape[1:2], half))
+            slopes[active] = out[:, :, half:]
+        yield Chunk(chunk, out[0, :, :half], slopes)
+        remaining = np.abs(carry[:, len(start) :]).max(axis=1, initial=0.0)
+        kept = ~only_start[active] | (remaining > DECAYED * initial[active])
+        kept[0] = True  # one direction computes the outputs
+        carry, constant, active = carry[kept], constant[kept], active[kept]
 
 
 def initial_carry(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:

@@ -56,8 +56,10 @@ from fifthwheel.vehicle import Vehicle
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
-NOISE_ROUNDS = 2
-"""Number of fits with a noise model; each takes the residuals of the one before."""
+WHITE_TOLERANCE = 0.5
+"""Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
+ROUND_TOLERANCES = (0.2, 0.02)
+"""Of the fits with a noise model; each takes the noise from the residuals of the one before."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""
 
@@ -178,12 +180,11 @@ class _Estimator:
         lower, upper = problem.bounds
         z = self._initial(problem)
         white = functools.partial(problem.update_noise, autocorrelated=False)
-        phases: list[tuple[str, Callable[[Array], None]]] = [
-            ("fit", white if self.settings.adapt_noise else _keep_noise)
-        ]
+        phases: list[tuple[str, Callable[[Array], None], float]] = [("fit", _keep_noise, ROUND_TOLERANCES[-1])]
         if self.settings.adapt_noise:
-            phases += [("fit with estimated noise", _keep_noise)] * NOISE_ROUNDS
-        for number, (title, accept) in enumerate(phases):
+            phases = [("fit", white, WHITE_TOLERANCE)]
+            phases += [("fit with estimated noise", _keep_noise, tolerance) for tolerance in ROUND_TOLERANCES]
+        for number, (title, accept, tolerance) in enumerate(phases):
             if number:
                 problem.update_noise(z, autocorrelated=True)
             minimum = minimise(
@@ -194,6 +195,7 @@ class _Estimator:
                 lower=lower,
                 upper=upper,
                 iterations=self.settings.iterations,
+                tolerance=tolerance,
                 progress=functools.partial(progress, title),
             )
             z = minimum.z
