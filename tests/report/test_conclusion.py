@@ -23,9 +23,9 @@ def test_all_identified(result):
     conclusion = conclude_identification(result.identification, result.records[:1])
     assert conclusion.good
     assert conclusion.headline == "All 5 parameters are identified from 1 log; 1 has a sigma above 15 %."
-    assert len([line for line in conclusion.found if "vehicle file" in line]) == 5
-    assert any("CoG height, derived" in line for line in conclusion.found)
-    assert conclusion.unknown == ()
+    assert len([line for line in conclusion.results if "vehicle file" in line]) == 5
+    assert any("CoG height, derived" in line for line in conclusion.results)
+    assert conclusion.not_identified == ()
 
 
 def test_a_wide_sigma_calls_for_more_excitation(result):
@@ -54,7 +54,7 @@ def test_a_wide_sigma_calls_for_more_excitation(result):
 )
 def test_each_verdict_has_a_reason_and_advice(result, verdict, changes, reason, advice):
     conclusion = conclude_identification(with_verdict(result.identification, verdict, **changes), result.records)
-    assert any(reason in line for line in conclusion.unknown)
+    assert any(reason in line for line in conclusion.not_identified)
     assert any(advice in line for line in conclusion.next_steps) or not advice
     assert "4 of 5" in conclusion.headline or verdict is Verdict.FIXED
 
@@ -92,12 +92,12 @@ def test_states_that_do_not_fit_are_a_caution(result):
 
 def test_a_poor_prediction_does_not_validate(result):
     identification = result.identification
-    assert any("predicted only" in line for line in conclude_identification(identification).found)
+    assert any("predicted only" in line for line in conclude_identification(identification).results)
     fits = tuple(f if f.identified_on else replace(f, explained=0.3, rms=10 * f.rms) for f in identification.fits)
     conclusion = conclude_identification(replace(identification, fits=fits))
     assert any("only 30.0 % of the variance is explained" in line for line in conclusion.cautions)
     assert conclusion.next_steps[0].startswith("Identify on")
-    assert not any("predicted only" in line for line in conclusion.found)
+    assert not any("predicted only" in line for line in conclusion.results)
 
 
 def test_what_a_prediction_validates(result):
@@ -109,19 +109,19 @@ def test_what_a_prediction_validates(result):
     ):
         changed = tuple(f if f.identified_on else replace(f, **changes) for f in fits)
         conclusion = conclude_identification(replace(result.identification, fits=changed))
-        assert any(line.startswith(f"{NASTY} (predicted only): ") and expected in line for line in conclusion.found)
+        assert any(line.startswith(f"{NASTY} (predicted only): ") and expected in line for line in conclusion.results)
 
 
 def test_conclusion_of_states(result):
     conclusion = conclude_states(result.states, result.records)
     assert not conclusion.good
-    assert any("too slow for the model" in line for line in conclusion.found)
-    assert any("sideslip.semitrailer" in line and "deg" in line for line in conclusion.found)
+    assert any("too slow for the model" in line for line in conclusion.results)
+    assert any("sideslip.semitrailer" in line and "deg" in line for line in conclusion.results)
     large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
     conclusion = conclude_states([large], result.records)
     assert any("bands of the states are too narrow" in line for line in conclusion.cautions)
     assert conclusion.headline.endswith("do not rely on these states.")
-    assert not any("reliable" in line for line in conclusion.found)
+    assert not any("reliable" in line for line in conclusion.results)
 
 
 def test_what_the_bands_include():

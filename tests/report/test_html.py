@@ -12,10 +12,10 @@ import pytest
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Status
-from fifthwheel.report import write_report
+from fifthwheel.report import write_report, write_states_report
 from fifthwheel.report.figures import downsample, time_series
 from fifthwheel.report.html import page
-from fifthwheel.report.text.words import MARKS, verdict
+from fifthwheel.report.text.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY, Page
 
 
@@ -151,7 +151,7 @@ def test_predicted_logs_are_marked(text):
 
 def test_states_alone(result, tmp_path):
     path = tmp_path / "report.html"
-    write_report(path, None, result.records, result.states, title="truck")
+    write_states_report(path, result.states, result.records, title="truck")
     parsed = Page(path.read_text(encoding="utf-8"))
     assert "The states are reliable in" in parsed.text
     assert "too slow for the model" in parsed.text
@@ -171,7 +171,7 @@ def test_a_channel_without_samples(result, tmp_path):
         accepted={name: np.zeros(len(nothing), dtype=bool) for name in states.innovation},
         status=np.full(len(nothing), Status.INPUT_MISSING, dtype=np.int8),
     )
-    write_report(tmp_path / "report.html", None, result.records, [silent], title="truck")
+    write_states_report(tmp_path / "report.html", [silent], result.records, title="truck")
     parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert "never estimated" in parsed.text
     assert "never used" in parsed.text
@@ -184,7 +184,7 @@ def test_every_verdict_has_its_mark(every_verdict, result, tmp_path):
     text = path.read_text(encoding="utf-8")
     assert set(MARKS) == set(Verdict)
     for name, mark in MARKS.items():
-        assert f'<span class="{name}"><span class="mark">{mark}</span>{verdict(name)}</span>' in text
+        assert f'<span class="{name}"><span class="mark">{mark}</span>{spoken_verdict(name)}</span>' in text
 
 
 def test_an_error_leaves_the_old_page(tmp_path, monkeypatch):
@@ -206,7 +206,7 @@ def test_json_cannot_leave_its_script():
 
 
 def test_import_is_cheap():
-    heavy = ("rich", "plotly", "casadi", "pyarrow", "pandas")
+    heavy = ("rich", "plotly", "scipy", "pyarrow", "pandas")
     code = f"import sys, fifthwheel.report; print([m for m in {heavy} if m in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "[]"

@@ -68,7 +68,7 @@ def test_formats_that_cannot_be_written_are_refused(monkeypatch):
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(FifthwheelError, match=r"pip install '\.\[figures\]'"):
+    with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):
         static.checked_format("svg")
 
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from fifthwheel.formatting import plain_ascii, with_sigma
 from fifthwheel.report import show_identification, show_states
 from fifthwheel.report.terminal.page import COLOURS
-from fifthwheel.report.text.words import MARKS, verdict
+from fifthwheel.report.text.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY
 
 
@@ -28,7 +28,7 @@ def text(every_verdict) -> str:
 def test_every_verdict_is_there(text):
     assert set(COLOURS) == set(MARKS)
     for name in MARKS:
-        assert verdict(name) in text
+        assert spoken_verdict(name) in text
 
 
 def test_80_columns_of_ascii(text):

@@ -55,7 +55,7 @@ def test_a_conclusion_with_remedies(run):
     assert run.assessment is not None
     assert run.assessment["semitrailer.payload.height"].remedies
     assert run.as_dict()["conclusion"] == run.conclusion.as_dict()
-    assert "other" in " ".join(run.conclusion.found)
+    assert "other" in " ".join(run.conclusion.results)
 
 
 def test_no_remedies_where_all_is_known():

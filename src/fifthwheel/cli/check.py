@@ -1,19 +1,7 @@
 """fifthwheel check"""
 
+from fifthwheel.cli import options
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import (
-    AnyLoadOption,
-    ConsiderOption,
-    FixOption,
-    FreeOption,
-    JsonOption,
-    Logs,
-    PriorOption,
-    SensorOption,
-    SignalsOption,
-    VehicleOption,
-    one_stage,
-)
 from fifthwheel.cli.terminal import load_records, warn_of_axle_loads
 
 
@@ -24,16 +12,16 @@ from fifthwheel.cli.terminal import load_records, warn_of_axle_loads
     "fifthwheel check run.csv -v truck.toml --free tractor.yaw_inertia --json",
 )
 def check(
-    logs: Logs,
-    vehicle: VehicleOption,
-    signals: SignalsOption = None,
-    fix: FixOption = None,
-    free: FreeOption = None,
-    prior: PriorOption = None,
-    consider: ConsiderOption = None,
-    any_load: AnyLoadOption = False,
-    sensor: SensorOption = None,
-    as_json: JsonOption = False,
+    logs: options.Logs,
+    vehicle: options.VehicleOption,
+    signals: options.SignalsOption = None,
+    fix: options.FixOption = None,
+    free: options.FreeOption = None,
+    prior: options.PriorOption = None,
+    consider: options.ConsiderOption = None,
+    any_load: options.AnyLoadOption = False,
+    sensor: options.SensorOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Predict how well `identify` can estimate each parameter from these logs, and what would help.
 
@@ -45,7 +33,9 @@ def check(
     from fifthwheel.workflow import read_vehicle
 
     truck = read_vehicle(vehicle)
-    settings = one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor)
+    settings = options.one_stage(
+        truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor
+    )
     records = load_records(logs, signals)
     warn_of_axle_loads(truck, records)
     assessment = assess_information(records, truck, settings)

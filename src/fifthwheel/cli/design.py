@@ -5,18 +5,8 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel.cli import options
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import (
-    AnyLoadOption,
-    ConsiderOption,
-    FixOption,
-    FreeOption,
-    JsonOption,
-    PriorOption,
-    VehicleOption,
-    fractions,
-    one_stage,
-)
 from fifthwheel.cli.terminal import print_files, progress_bar
 
 
@@ -27,7 +17,7 @@ from fifthwheel.cli.terminal import print_files, progress_bar
     "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
 )
 def design(
-    vehicle: VehicleOption,
+    vehicle: options.VehicleOption,
     target: Annotated[
         list[str] | None,
         typer.Option(
@@ -53,16 +43,16 @@ def design(
             "Default: yaw rate and roll rate of every unit.",
         ),
     ] = None,
-    fix: FixOption = None,
-    free: FreeOption = None,
-    prior: PriorOption = None,
-    consider: ConsiderOption = None,
-    any_load: AnyLoadOption = False,
+    fix: options.FixOption = None,
+    free: options.FreeOption = None,
+    prior: options.PriorOption = None,
+    consider: options.ConsiderOption = None,
+    any_load: options.AnyLoadOption = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Design the shortest test run that reaches the required accuracy.
 
@@ -70,26 +60,23 @@ def design(
     accelerations. For each it predicts the sigma of every parameter after `identify`, at the values of the vehicle
     file. If no run reaches the targets, it gives the closest one and what limits the accuracy.
     """
-    from dataclasses import replace
-
-    from fifthwheel.identify.design import DesignSettings, design_experiment
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
-    from fifthwheel.workflow import read_vehicle
+    from fifthwheel.workflow import design_run, read_vehicle
 
     if out:
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    settings = one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
-    defaults, fastest = DesignSettings(), _speed("--max-speed", max_speed)
-    speeds = (_speed("--speed", speed),) if speed else tuple(v for v in defaults.speeds if v < fastest + 0.01)
+    settings = options.one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
     with progress_bar(quiet=as_json) as progress:
-        result = design_experiment(
-            truck.lumped() if any_load else truck,
-            fractions("--target", target),
+        result = design_run(
+            truck,
+            options.fractions("--target", target),
             settings,
             channels=[name.strip() for text in channels or [] for name in text.split(",")],
-            planning=replace(defaults, speeds=speeds or (fastest,), max_acceleration=max_acceleration),
+            speed=_speed("--speed", speed) if speed else None,
+            max_speed=_speed("--max-speed", max_speed),
+            max_acceleration=max_acceleration,
             progress=progress,
         )
     if out:
@@ -114,14 +101,6 @@ def _speed(option: str, text: str) -> float:
     from fifthwheel.units import quantity
 
     try:
-        return quantity(f"{float(text)} km/h" if _is_number(text) else text, "m/s")
+        return quantity(text if text[-1:].isalpha() else f"{text} km/h", "m/s")
     except SignalError as error:
         raise SignalError(f"{option}: {error}") from error
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

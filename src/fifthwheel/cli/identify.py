@@ -9,32 +9,8 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import (
-    AnyLoadOption,
-    CheckOption,
-    ConsiderOption,
-    FiguresOption,
-    FixOption,
-    FreeOption,
-    JsonOption,
-    Logs,
-    OutOption,
-    PriorOption,
-    SensorOption,
-    SignalsOption,
-    VehicleOption,
-    one_stage,
-)
-from fifthwheel.cli.terminal import (
-    as_text,
-    load_records,
-    make_folder,
-    print_files,
-    print_json,
-    progress_bar,
-    warn_of_axle_loads,
-)
 
 
 class Method(StrEnum):
@@ -62,20 +38,20 @@ class Form(StrEnum):
     "fifthwheel identify run.csv -v truck.toml --figures svg",
 )
 def identify(
-    logs: Logs,
-    vehicle: VehicleOption,
-    signals: SignalsOption = None,
-    out: OutOption = Path("fifthwheel-out"),
+    logs: options.Logs,
+    vehicle: options.VehicleOption,
+    signals: options.SignalsOption = None,
+    out: options.OutOption = Path("fifthwheel-out"),
     method: Annotated[
         Method,
         typer.Option(help="One stage, the two stages of the article's dual filter, or the article's own settings."),
     ] = Method.one_stage,
-    fix: FixOption = None,
-    free: FreeOption = None,
-    prior: PriorOption = None,
-    consider: ConsiderOption = None,
-    any_load: AnyLoadOption = False,
-    sensor: SensorOption = None,
+    fix: options.FixOption = None,
+    free: options.FreeOption = None,
+    prior: options.PriorOption = None,
+    consider: options.ConsiderOption = None,
+    any_load: options.AnyLoadOption = False,
+    sensor: options.SensorOption = None,
     form: Annotated[
         Form,
         typer.Option(help="Compare the logs with a free-running model, or with one-step predictions."),
@@ -87,9 +63,9 @@ def identify(
         int | None,
         typer.Option(min=1, help="Maximum number of passes through the logs in each stage; two stages only."),
     ] = None,
-    check: CheckOption = True,
-    figures: FiguresOption = None,
-    as_json: JsonOption = False,
+    check: options.CheckOption = True,
+    figures: options.FiguresOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Estimate cornering stiffness, yaw inertia, payload height and states from logs.
 
@@ -108,7 +84,7 @@ def identify(
     if method is Method.one_stage:
         _refuse_options("two-stage", {"--passes": passes})
         base = OneStage(check=check, form="output_error" if form is Form.output_error else "prediction_error")
-        settings: OneStage | TwoStage = one_stage(
+        settings: OneStage | TwoStage = options.one_stage(
             truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor, base=base
         )
     else:
@@ -117,20 +93,20 @@ def identify(
         preset = article() if method is Method.article else TwoStage()
         settings = replace(preset, fixed=tuple(fix or ()), check=check, passes=passes or preset.passes)
     inputs = [*logs, *(validate or [])]
-    records = load_records(inputs, signals)
-    warn_of_axle_loads(truck, records)
-    folder = make_folder(out)
-    with progress_bar(quiet=as_json) as progress:
+    records = terminal.load_records(inputs, signals)
+    terminal.warn_of_axle_loads(truck, records)
+    folder = terminal.make_folder(out)
+    with terminal.progress_bar(quiet=as_json) as progress:
         run = run_identification(
             records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
         )
     provenance = provenance_of_run(inputs, vehicle, signals, command=sys.argv[1:])
     files = write_results(run, folder, provenance=provenance, figures=figures)
     if as_json:
-        print_json(run.as_dict() | {"files": as_text(files)})
+        terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
     else:
         show_identification(run.identification, None, run.conclusion)
-        print_files(files)
+        terminal.print_files(files)
 
 
 def _refuse_options(method: str, options: Mapping[str, object]) -> None:

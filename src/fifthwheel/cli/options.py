@@ -1,5 +1,6 @@
 """Options that several commands share, and their texts as data."""
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -112,47 +113,53 @@ def one_stage(
     )
 
 
-def fractions(option: str, texts: list[str] | None) -> dict[str, float]:
-    """ "name=fraction" as name: fraction; a fraction may be in per cent.
+def named_values(
+    option: str, texts: list[str] | None, expected: str, convert: Callable[[str, str], float]
+) -> dict[str, float]:
+    """ "NAME=VALUE" as name: value.
+
+    Args:
+        expected: form of a text, for the message of the error.
+        convert: the value from name and text; a ValueError without a message stands for another form.
 
     Raises:
-        FifthwheelError: a text of another form, or a fraction that is not from 0 to below 1.
+        FifthwheelError: `convert` refuses a text.
     """
     from fifthwheel.errors import FifthwheelError
 
     values = {}
     for text in texts or []:
-        name, _, fraction = text.partition("=")
+        name, _, value = text.partition("=")
         try:
-            values[name] = float(fraction.removesuffix("%")) / (100 if fraction.endswith("%") else 1)
+            values[name] = convert(name, value)
+        except FifthwheelError as error:
+            raise FifthwheelError(f"{option} {text}: {error}") from None
         except ValueError:
-            values[name] = -1.0
-        if not 0 <= values[name] < 1:
-            size = f"; {fraction} is {100 * values[name]:g} %" if values[name] >= 1 else ""
-            raise FifthwheelError(
-                f"{option} {text}: expected NAME=FRACTION with a fraction from 0 to below 1, such as "
-                f"roll_stiffness=10%{size}"
-            )
+            raise FifthwheelError(f"{option} {text}: expected {expected}") from None
     return values
+
+
+def fractions(option: str, texts: list[str] | None) -> dict[str, float]:
+    """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
+    from fifthwheel.errors import FifthwheelError
+
+    def fraction(_: str, text: str) -> float:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if not 0 <= value < 1:
+            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
+        return value
+
+    return named_values(option, texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)
 
 
 def sensor_sigmas(texts: list[str] | None) -> dict[str, float]:
-    """ "name=sigma" as name: sigma in SI.
-
-    Raises:
-        FifthwheelError: a text of another form, or a unit that does not fit.
-    """
-    from fifthwheel.errors import FifthwheelError, SignalError
+    """ "name=sigma" as name: sigma in SI."""
     from fifthwheel.units import quantity
     from fifthwheel.workflow import SENSOR_PRIORS
 
-    values = {}
-    for text in texts or []:
-        name, _, sigma = text.partition("=")
+    def sigma(name: str, text: str) -> float:
         if name not in SENSOR_PRIORS:
-            raise FifthwheelError(f"--sensor {text}: expected NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}")
-        try:
-            values[name] = quantity(sigma, SENSOR_PRIORS[name])
-        except SignalError as error:
-            raise FifthwheelError(f"--sensor {text}: {error}") from None
-    return values
+            raise ValueError
+        return quantity(text, SENSOR_PRIORS[name])
+
+    return named_values("--sensor", texts, f"NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}", sigma)

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import JsonOption, OutOption
-from fifthwheel.cli.terminal import as_text, print_files, print_json, progress_bar
 
 
 @command("fifthwheel reproduce", "fifthwheel reproduce --quick --out quick")
@@ -22,16 +22,16 @@ def reproduce(
     """Reproduce the article's sections 3 and 4 with the nonlinear vehicle.
 
     Writes Figures 4 to 9, and a table of every published number with the reproduced one. Needs
-    `pip install '.[paper]'`. Takes a few minutes on two cores, with --quick less than one.
+    `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores, with --quick less than one.
     """
     from fifthwheel.studies.cheng_cebon_2011 import table
     from fifthwheel.studies.cheng_cebon_2011.reproduce import reproduce as run
 
-    with progress_bar(quiet=as_json) as progress:
+    with terminal.progress_bar(quiet=as_json) as progress:
         result = run(out, quick=quick, progress=progress)
     files = {path.name: path for path in result.files}
     if as_json:
-        print_json({"rows": [asdict(row) for row in result.rows], "files": as_text(files)})
+        terminal.print_json({"rows": [asdict(row) for row in result.rows], "files": terminal.as_text(files)})
     else:
         table.show(result.rows)
-        print_files(files)
+        terminal.print_files(files)

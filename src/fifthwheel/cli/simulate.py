@@ -2,17 +2,13 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import JsonOption, VehicleOption
 from fifthwheel.cli.terminal import print_json, progress_bar
-
-if TYPE_CHECKING:
-    from fifthwheel.plant import PlantRun
-    from fifthwheel.vehicle import Vehicle
 
 
 class Model(StrEnum):
@@ -38,8 +34,8 @@ def simulate(
     manoeuvre: Annotated[
         str,
         typer.Option(
-            help="lane_changes, sweep, random or straight; with the nonlinear model also test_track, single_sine, "
-            "step, constant_radius and everyday."
+            help="lane_changes, sweep, random or straight; with the linear model also bend, with the nonlinear model "
+            "also test_track, single_sine, step, constant_radius and everyday."
         ),
     ] = "lane_changes",
     count: Annotated[
@@ -81,27 +77,32 @@ def simulate(
 
     record_writer(log)  # refuses an unknown format before the simulation
     truck, files = read_vehicle(vehicle), [str(log)]
-    course: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
+    given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
+    given = {name: value for name, value in given.items() if value is not None}
     if model is Model.linear:
         from fifthwheel.simulate import simulate as run_linear
 
         nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
         if refused := [option for option, value in nonlinear_only.items() if value]:
             raise SignalError(f"{', '.join(refused)}: not available in the linear model; add --model nonlinear")
-        given = {name: value for name, value in course.items() if value is not None}
         record = run_linear(truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given)
     else:
         if yaw_only:
             raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
+        from fifthwheel.manoeuvres import course as make_course
+        from fifthwheel.plant import Plant, Properties
         from fifthwheel.plant.film import SUFFIXES
         from fifthwheel.plant.film import film as draw
+        from fifthwheel.plant.properties import with_changes
         from fifthwheel.plant.sensors import read_sensors
 
         if film and film.suffix.lower() not in SUFFIXES:  # before the simulation
             raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
         fitted = read_sensors(sensors) if sensors else None
-        course |= {"name": manoeuvre, "seed": seed}
-        run = _run_nonlinear(truck, course, rate, log.stem, properties or [], quiet=as_json)
+        course = make_course(manoeuvre, truck, seed=seed, **given)
+        plant = Plant(truck, with_changes(Properties(), _changes(properties or [])))
+        with progress_bar(quiet=as_json) as progress:
+            run = plant.drive(course, rate=rate, name=log.stem, progress=progress)
         record = run.record(fitted, seed=seed, everything=all_truth)
     write_record(record, log)
     if film:
@@ -114,17 +115,11 @@ def simulate(
         typer.echo(f"{', '.join(files)}: {len(record)} samples, {duration:.0f} s at {record.rate:.0f} Hz")
 
 
-def _run_nonlinear(
-    truck: "Vehicle", course: dict[str, Any], rate: float, name: str, properties: list[str], *, quiet: bool
-) -> "PlantRun":
+def _changes(texts: list[str]) -> dict[str, str]:
+    """ "property=value" as property: value."""
     from fifthwheel.errors import VehicleError
-    from fifthwheel.manoeuvres import course as make_course
-    from fifthwheel.plant import Plant, Properties
-    from fifthwheel.plant.properties import with_changes
 
-    changes = dict(text.partition("=")[::2] for text in properties)
+    changes = dict(text.partition("=")[::2] for text in texts)
     if incomplete := [key for key, value in changes.items() if not value]:
         raise VehicleError(f"--with {incomplete[0]}: expected PROPERTY=VALUE, such as 'bank=2 deg'")
-    plant = Plant(truck, with_changes(Properties(), changes))
-    with progress_bar(quiet=quiet) as progress:
-        return plant.drive(make_course(vehicle=truck, **course), rate=rate, name=name, progress=progress)
+    return changes

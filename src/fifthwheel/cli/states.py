@@ -7,17 +7,8 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import (
-    CheckOption,
-    FiguresOption,
-    JsonOption,
-    Logs,
-    OutOption,
-    SignalsOption,
-    VehicleOption,
-)
-from fifthwheel.cli.terminal import as_text, load_records, make_folder, print_files, print_json, progress_bar
 
 
 @command(
@@ -28,10 +19,10 @@ from fifthwheel.cli.terminal import as_text, load_records, make_folder, print_fi
     "fifthwheel states run.csv -v truck.toml --smooth --bank",
 )
 def states(
-    logs: Logs,
-    vehicle: VehicleOption,
-    signals: SignalsOption = None,
-    out: OutOption = Path("fifthwheel-states"),
+    logs: options.Logs,
+    vehicle: options.VehicleOption,
+    signals: options.SignalsOption = None,
+    out: options.OutOption = Path("fifthwheel-states"),
     min_speed: Annotated[
         float, typer.Option(min=0.5, help="The model is not valid below this speed, m/s; no states are given there.")
     ] = 5.0,
@@ -54,9 +45,9 @@ def states(
         bool,
         typer.Option("--bank", help="Also estimate the bank of the road; needs an exact offset of the steering."),
     ] = False,
-    check: CheckOption = True,
-    figures: FiguresOption = None,
-    as_json: JsonOption = False,
+    check: options.CheckOption = True,
+    figures: options.FiguresOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Estimate sideslip, roll and articulation of a known vehicle: states.parquet and report.html.
 
@@ -72,36 +63,26 @@ def states(
     if figures:
         checked_format(figures)
     truck = read_vehicle(vehicle)
-    settings = ObserverSettings(
-        min_speed=min_speed, positions=_positions(at), bank=INITIAL_SIGMA["bank"] if bank else None
-    )
+    positions = options.named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
+    settings = ObserverSettings(min_speed=min_speed, positions=positions, bank=INITIAL_SIGMA["bank"] if bank else None)
     stored = load_identification(identification) if identification else None
-    records = load_records(logs, signals)
-    folder = make_folder(out)
-    with progress_bar(quiet=as_json) as progress:
+    records = terminal.load_records(logs, signals)
+    folder = terminal.make_folder(out)
+    with terminal.progress_bar(quiet=as_json) as progress:
         run = run_states(records, truck, settings, identification=stored, smooth=smooth, check=check, progress=progress)
     for note in run.notes:
         typer.echo(note, err=True)
     provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
     files = write_results(run, folder, provenance=provenance, figures=figures)
     if as_json:
-        print_json(run.as_dict() | {"files": as_text(files)})
+        terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
     else:
-        show_states(run.states, run.records)
-        print_files(files)
+        show_states(run.states, run.records, conclusion=run.conclusion)
+        terminal.print_files(files)
 
 
-def _positions(texts: list[str] | None) -> dict[str, float]:
-    """ "signal=x" as signal: x."""
-    from fifthwheel.errors import SignalError
-
-    positions = {}
-    for text in texts or []:
-        name, _, x = text.partition("=")
-        try:
-            positions[name] = float(x)
-        except ValueError:
-            positions[name] = math.nan
-        if not math.isfinite(positions[name]):
-            raise SignalError(f"--at {text}: expected SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34")
-    return positions
+def _position(_: str, text: str) -> float:
+    x = float(text)
+    if not math.isfinite(x):
+        raise ValueError
+    return x

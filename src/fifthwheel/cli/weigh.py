@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import JsonOption, SignalsOption, VehicleOption
-from fifthwheel.cli.terminal import as_text, load_records, print_files, print_json
 
 
 @command(
@@ -41,17 +41,12 @@ def weigh(
     from fifthwheel.vehicle import save
     from fifthwheel.workflow import read_vehicle, weigh_vehicle
 
-    truck, (record,) = read_vehicle(vehicle), load_records([log], signals)
+    truck, (record,) = read_vehicle(vehicle), terminal.load_records([log], signals)
     weighed = weigh_vehicle(record, truck, tolerance=tolerance)
     save(weighed.vehicle, out)
     files = {"vehicle": out}
     if as_json:
-        loads = {
-            group: {"value": load.value, "scatter": load.scatter, "samples": load.samples}
-            for group, load in weighed.loads.items()
-        }
-        units = {unit.name: {"mass": unit.mass, "cog": unit.cog} for unit in weighed.vehicle.units}
-        print_json({"loads": loads, "units": units, "files": as_text(files)})
+        terminal.print_json(weighed.as_dict() | {"files": terminal.as_text(files)})
     else:
         show_weighed(weighed.loads, truck, weighed.vehicle)
-        print_files(files)
+        terminal.print_files(files)

@@ -8,14 +8,14 @@ import numpy as np
 
 from fifthwheel.diagnose.cautions import has_wide_sigma
 from fifthwheel.diagnose.fit_quality import predicted_logs
+from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.variance_budget import dominant_terms
 from fifthwheel.formatting import enumerated, percent, relative
+from fifthwheel.identify import Identification, Verdict
 from fifthwheel.names import ParameterPath, is_sensor_error
 
 if TYPE_CHECKING:
-    from fifthwheel.diagnose.run_summary import RunSummary
-    from fifthwheel.identify import Identification
     from fifthwheel.identify.design.assess import InformationAssessment
     from fifthwheel.identify.design.remedies import Remedy
 
@@ -28,11 +28,11 @@ EXCITATION = {
 }
 """Quantity of a parameter -> the excitation that it needs."""
 VERDICTS = {
-    "at_bound": "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, axle "
-    "positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
-    "not_converged": "Parameters that did not converge may compensate each other. Add another log of this truck, allow "
-    "more passes, or fix a parameter whose value is known from another source (--fix). If the model does not explain "
-    "the log either, check signs, units and positions of the signals first.",
+    Verdict.AT_BOUND: "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, "
+    "axle positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
+    Verdict.NOT_CONVERGED: "Parameters that did not converge may compensate each other. Add another log of this truck, "
+    "allow more passes, or fix a parameter whose value is known from another source (--fix). If the model does not "
+    "explain the log either, check signs, units and positions of the signals first.",
 }
 """Verdict -> what to do."""
 
@@ -48,7 +48,7 @@ class Advice:
 
 
 def next_steps(
-    identification: "Identification", runs: "Sequence[RunSummary]" = (), outlook: "InformationAssessment | None" = None
+    identification: Identification, runs: Sequence[RunSummary] = (), outlook: "InformationAssessment | None" = None
 ) -> list[Advice]:
     """What to do next, the most useful step first.
 
@@ -64,7 +64,7 @@ def next_steps(
     for verdict, message in VERDICTS.items():
         names = tuple(e.name for e in identification.parameters if e.verdict == verdict)
         steps += [Advice(message, names)] if names else []
-    converged = any(e.verdict == "converged" for e in identification.parameters)
+    converged = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
     if converged and all(fit.identified_on for fit in identification.fits):
         steps.append(Advice("Validate the result: only predict one log (--validate), and identify on the others."))
     return steps
@@ -83,12 +83,12 @@ def describe_remedy(remedy: "Remedy", lane_change: str = "one more lane change")
     return f"with {' and '.join(changes)}"
 
 
-def _more_excitation(identification: "Identification", runs: "Sequence[RunSummary]") -> Iterator[Advice]:
+def _more_excitation(identification: Identification, runs: Sequence[RunSummary]) -> Iterator[Advice]:
     elsewhere = {term.parameter for term in dominant_terms(identification)}  # another run would not help
     missing = tuple(
         e.name
         for e in identification.parameters
-        if (has_wide_sigma(e) and e.name not in elsewhere) or (e.verdict == "not_excited" and e.sigma is not None)
+        if (has_wide_sigma(e) and e.name not in elsewhere) or (e.verdict is Verdict.NOT_EXCITED and e.sigma is not None)
     )
     used = {log.name for log in identification.logs}
     accelerations = [run.acceleration for run in runs if run.name in used and np.isfinite(run.acceleration)]
@@ -105,11 +105,11 @@ def _more_excitation(identification: "Identification", runs: "Sequence[RunSummar
             yield Advice(f"To improve {enumerated(names)}, {excitation}", names)
 
 
-def _roll_rates(identification: "Identification") -> Iterator[Advice]:
+def _roll_rates(identification: Identification) -> Iterator[Advice]:
     missing: dict[str, list[str]] = {}
     for e in identification.parameters:
-        without_channel = e.verdict == "not_identifiable" and not e.correlated_with
-        if without_channel or (e.verdict == "not_excited" and e.sigma is None):
+        without_channel = e.verdict is Verdict.NOT_IDENTIFIABLE and not e.correlated_with
+        if without_channel or (e.verdict is Verdict.NOT_EXCITED and e.sigma is None):
             missing.setdefault(ParameterPath.of(e.name).unit, []).append(e.name)
     for unit, names in missing.items():
         yield Advice(
@@ -120,12 +120,14 @@ def _roll_rates(identification: "Identification") -> Iterator[Advice]:
         )
 
 
-def _predicted_improvements(identification: "Identification", outlook: "InformationAssessment") -> Iterator[Advice]:
+def _predicted_improvements(identification: Identification, outlook: "InformationAssessment") -> Iterator[Advice]:
     """What another run or channel would bring for parameters that the logs do not determine.
 
     Converged parameters are left out: the prediction rests on the sensor noise, which is not what limits their sigma.
     """
-    missing = {e.name for e in identification.parameters if e.verdict in ("not_excited", "not_identifiable")}
+    missing = {
+        e.name for e in identification.parameters if e.verdict in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
+    }
     lane_change = f"one more lane change (SAE J2179) at {3.6 * outlook.speed:.0f} km/h"
     effects: dict[str, dict[str, str]] = {}
     for assessment in outlook.parameters:
@@ -137,9 +139,9 @@ def _predicted_improvements(identification: "Identification", outlook: "Informat
         yield Advice(f"Predicted {change}, at best: {enumerated(list(sigmas.values()))}.", tuple(sigmas))
 
 
-def _separation(identification: "Identification") -> Iterator[Advice]:
+def _separation(identification: Identification) -> Iterator[Advice]:
     for e in identification.parameters:
-        if e.verdict == "not_identifiable" and e.correlated_with:
+        if e.verdict is Verdict.NOT_IDENTIFIABLE and e.correlated_with:
             other = e.correlated_with[0]
             cure = f"determine {other} by calibration, or add a run with another manoeuvre."
             if other in identification.initial_vehicle.parameters():
@@ -147,7 +149,7 @@ def _separation(identification: "Identification") -> Iterator[Advice]:
             yield Advice(f"To identify {e.name}, {cure}", (e.name,))
 
 
-def _dominant_uncertainties(identification: "Identification") -> Iterator[Advice]:
+def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
     uncertain = {e.name: e for e in identification.uncertain}
     for term in dominant_terms(identification):
         source = uncertain[term.source]

@@ -3,22 +3,19 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fifthwheel.checks.findings import Severity
 from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.fit_quality import fit_quality
+from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
-from fifthwheel.formatting import approximate, digits, enumerated, kmh, percent, with_sigma
+from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
+from fifthwheel.identify import CommonSettings, Estimate, Identification, SensorError, Verdict
 from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
+from fifthwheel.observe import States
 from fifthwheel.record.signal_names import si_unit
-
-if TYPE_CHECKING:
-    from fifthwheel.checks.findings import Severity
-    from fifthwheel.diagnose.run_summary import RunSummary
-    from fifthwheel.identify import CommonSettings, Estimate, Identification, SensorError
-    from fifthwheel.observe import States
 
 
 class CautionKind(StrEnum):
@@ -32,7 +29,6 @@ class CautionKind(StrEnum):
     POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
     REJECTED_SAMPLES = "rejected samples"  # many samples of a channel are outside the gate
     NONLINEAR_RANGE = "nonlinear range"  # a run beyond the range of the linear model
-    EXTRAPOLATION = "extrapolation"  # a predicted run at other speeds than the identified ones
     LARGE_INNOVATIONS = "large innovations"  # of a state filter, larger than it expects
 
 
@@ -44,7 +40,7 @@ class Caution:
     message: str  # what was estimated or measured, and what was expected
     cure: str  # what to do
     value: float  # the number that exceeds its threshold, SI
-    severity: "Severity" = "warning"  # an error makes results wrong that depend on the signal; a warning is a doubt
+    severity: Severity = "warning"  # an error makes results wrong that depend on the signal; a warning is a doubt
     parameters: tuple[str, ...] = ()  # whose estimates it concerns
     signals: tuple[str, ...] = ()
     log: str | None = None
@@ -54,7 +50,7 @@ class Caution:
 
 
 def identification_cautions(
-    identification: "Identification", runs: "Sequence[RunSummary]" = (), states: "Sequence[States]" = ()
+    identification: Identification, runs: Sequence[RunSummary] = (), states: Sequence[States] = ()
 ) -> list[Caution]:
     """All cautions of an identification.
 
@@ -66,19 +62,19 @@ def identification_cautions(
         *estimate_cautions(identification),
         *sensor_cautions(identification),
         *fit_cautions(identification),
-        *run_cautions(identification, runs),
+        *run_cautions(runs),
         *[caution for s in states for caution in state_cautions(s, "identified truck")],
     ]
 
 
-def has_wide_sigma(estimate: "Estimate") -> bool:
+def has_wide_sigma(estimate: Estimate) -> bool:
     """Whether an estimate converged, but to a sigma that is a large fraction of its value."""
-    if estimate.verdict != "converged" or estimate.sigma is None:
+    if estimate.verdict is not Verdict.CONVERGED or estimate.sigma is None:
         return False
     return estimate.sigma > thresholds.WIDE_SIGMA * abs(estimate.value)
 
 
-def sensor_error_prior(settings: "CommonSettings", name: str) -> tuple[float, float]:
+def sensor_error_prior(settings: CommonSettings, name: str) -> tuple[float, float]:
     """Prior mean and standard deviation of a sensor error, SI."""
     signal, kind = SensorErrorName.of(name) or (name, "")
     quantity = SignalName.of(signal).quantity
@@ -92,7 +88,7 @@ def sensor_error_prior(settings: "CommonSettings", name: str) -> tuple[float, fl
     return 0.0, settings.articulation_offset_prior if quantity == "articulation" else settings.rate_offset_prior
 
 
-def is_unusual(settings: "CommonSettings", error: "SensorError") -> bool:
+def is_unusual(settings: CommonSettings, error: SensorError) -> bool:
     """Whether a sensor error is far from its prior mean, or a steer gain far from 1."""
     mean, sigma = sensor_error_prior(settings, error.name)
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
@@ -101,11 +97,11 @@ def is_unusual(settings: "CommonSettings", error: "SensorError") -> bool:
     return abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
 
 
-def estimate_cautions(identification: "Identification") -> Iterator[Caution]:
+def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
     prior = identification.settings.prior
     for e in identification.parameters:
-        if e.verdict != "converged" or ParameterPath.of(e.name).is_payload_height:
+        if e.verdict is not Verdict.CONVERGED or ParameterPath.of(e.name).is_payload_height:
             continue
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
@@ -116,9 +112,9 @@ def estimate_cautions(identification: "Identification") -> Iterator[Caution]:
             yield Caution(CautionKind.UNUSUAL_ESTIMATE, message, cure, ratio, parameters=(e.name,))
 
 
-def sensor_cautions(identification: "Identification") -> Iterator[Caution]:
+def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     """Sensors with a significant delay or an unusual error."""
-    estimated = [e.name for e in identification.parameters if e.verdict != "fixed"]
+    estimated = [e.name for e in identification.parameters if e.verdict is not Verdict.FIXED]
     stiffnesses = tuple(n for n in estimated if ParameterPath.of(n).quantity == "cornering_stiffness")
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
@@ -153,7 +149,7 @@ def sensor_cautions(identification: "Identification") -> Iterator[Caution]:
         )
 
 
-def fit_cautions(identification: "Identification") -> Iterator[Caution]:
+def fit_cautions(identification: Identification) -> Iterator[Caution]:
     """Channels that the identified truck predicts poorly, and channels with many rejected samples."""
     excited = {fit.log for fit in identification.fits if fit.explained > thresholds.EXCITED_CHANNEL}
     for fit in identification.fits:
@@ -177,10 +173,8 @@ def fit_cautions(identification: "Identification") -> Iterator[Caution]:
         yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES)
 
 
-def run_cautions(identification: "Identification", runs: "Sequence[RunSummary]") -> Iterator[Caution]:
-    """Runs outside the range of the linear model or of the identification."""
-    identified = {log.name for log in identification.logs}
-    speeds = [run.speed for run in runs if run.name in identified and np.isfinite(run.speed[0])]
+def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
+    """Runs outside the range of the linear model."""
     for run in runs:
         if run.acceleration > thresholds.NONLINEAR:
             message = (
@@ -189,20 +183,9 @@ def run_cautions(identification: "Identification", runs: "Sequence[RunSummary]")
             )
             cure = "Use a log with a smaller lateral acceleration."
             yield Caution(CautionKind.NONLINEAR_RANGE, message, cure, run.acceleration, log=run.name)
-        if run.name in identified or not speeds or not np.isfinite(run.speed[0]):
-            continue
-        low, high = min(s[0] for s in speeds), max(s[1] for s in speeds)
-        if run.speed[0] < (1 - thresholds.EXTRAPOLATION) * low or run.speed[1] > (1 + thresholds.EXTRAPOLATION) * high:
-            message = (
-                f"{run.name}: the speed is {kmh(run.speed)}; the truck was identified at {kmh((low, high))}. The "
-                "prediction is an extrapolation."
-            )
-            value = run.speed[0] if run.speed[0] < low else run.speed[1]
-            cure = "Identify on a log at this speed too."
-            yield Caution(CautionKind.EXTRAPOLATION, message, cure, value, log=run.name)
 
 
-def state_cautions(states: "States", blamed: str) -> Iterator[Caution]:
+def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
     """Innovations that do not fit the filter's expectation.
 
     Args:

@@ -1,15 +1,12 @@
 """How well an identified truck predicts each channel, compared with the noise of the sensor."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.diagnose.thresholds import EXCITED_CHANNEL, NOISE_LIMIT, POOR_FIT
-
-if TYPE_CHECKING:
-    from fifthwheel.identify import Fit, Identification
+from fifthwheel.identify import Fit, Identification
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +28,7 @@ class FitQuality:
         return self.explained >= POOR_FIT or self.noise_limited
 
 
-def fit_quality(fit: "Fit") -> FitQuality:
+def fit_quality(fit: Fit) -> FitQuality:
     """Residual and sensor noise of a fit."""
     return FitQuality(explained=fit.explained, rms=fit.rms, noise=white_noise_sigma(fit.measured))
 
@@ -58,7 +55,7 @@ class PredictedLog:
     poor: bool  # whether a channel is predicted poorly
 
 
-def predicted_logs(identification: "Identification") -> list[PredictedLog]:
+def predicted_logs(identification: Identification) -> list[PredictedLog]:
     """The logs of an identification that were only predicted."""
     logs: dict[str, list[FitQuality]] = {}
     for fit in identification.fits:

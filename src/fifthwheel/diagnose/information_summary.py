@@ -9,10 +9,10 @@ from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.advice import describe_remedy
 from fifthwheel.diagnose.variance_budget import VarianceTerm, variance_budget
 from fifthwheel.formatting import approximate, digits, enumerated, percent, relative
+from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.names import ParameterPath, split_log
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import Estimate, Identification
     from fifthwheel.identify.design.assess import InformationAssessment
     from fifthwheel.identify.design.remedies import Remedy
 
@@ -28,7 +28,7 @@ class Improvement(NamedTuple):
 class ParameterInformation:
     """What the logs contribute to one parameter."""
 
-    estimate: "Estimate"
+    estimate: Estimate
     noise_sigma: float | None = None  # sigma from the sensor noise alone, where it is much smaller, SI
     correlation: tuple[str, float] | None = None  # the largest notable correlation of a separable estimate
     budget: tuple[VarianceTerm, ...] = ()  # the largest terms of its variance
@@ -61,7 +61,7 @@ class ParameterInformation:
         """What limits sigma and what would reduce it, a sentence each."""
         e, messages = self.estimate, []
         if e.correlated_with:
-            precise = e.verdict == "converged" and (e.sigma or np.inf) < thresholds.NOTABLE_SIGMA * abs(e.value)
+            precise = e.verdict is Verdict.CONVERGED and (e.sigma or np.inf) < thresholds.NOTABLE_SIGMA * abs(e.value)
             relation = "Identified well; the remaining error is correlated with" if precise else "Hard to separate from"
             messages.append(f"{relation} {enumerated(e.correlated_with)}.")
         elif self.correlation:
@@ -83,23 +83,25 @@ class ParameterInformation:
 
 
 def information_summary(
-    identification: "Identification", outlook: "InformationAssessment | None" = None
+    identification: Identification, outlook: "InformationAssessment | None" = None
 ) -> tuple[ParameterInformation, ...]:
     """Information on every estimated parameter.
 
     Args:
         outlook: information at the identified truck, for the sigma from noise alone and for improvements.
     """
-    return tuple(_information(identification, e, outlook) for e in identification.parameters if e.verdict != "fixed")
+    return tuple(
+        _information(identification, e, outlook) for e in identification.parameters if e.verdict is not Verdict.FIXED
+    )
 
 
 def _information(
-    identification: "Identification", e: "Estimate", outlook: "InformationAssessment | None"
+    identification: Identification, e: Estimate, outlook: "InformationAssessment | None"
 ) -> ParameterInformation:
     assessment = next((p for p in outlook.parameters if p.name == e.name), None) if outlook else None
     noise_sigma, improvements = None, list[Improvement]()
     if assessment is not None:
-        estimated = e.verdict in ("converged", "not_converged") and assessment.verdict == "converged"
+        estimated = e.verdict in (Verdict.CONVERGED, Verdict.NOT_CONVERGED) and assessment.verdict is Verdict.CONVERGED
         if estimated and e.sigma is not None and e.sigma > thresholds.AUTOCORRELATION_EFFECT * assessment.sigma:
             noise_sigma = assessment.sigma
         else:
@@ -117,16 +119,16 @@ def _information(
     )
 
 
-def _largest_correlation(identification: "Identification", e: "Estimate") -> tuple[str, float] | None:
+def _largest_correlation(identification: Identification, e: Estimate) -> tuple[str, float] | None:
     """The largest correlation of a converged estimate with another estimated unknown, if it is notable."""
     covariance = identification.covariance
-    if covariance is None or e.name not in covariance.names or e.verdict != "converged":
+    if covariance is None or e.name not in covariance.names or e.verdict is not Verdict.CONVERGED:
         return None
     i, P = covariance.names.index(e.name), covariance.covariance
     scale = np.sqrt(np.diag(P))
     with np.errstate(divide="ignore", invalid="ignore"):
         magnitude = np.nan_to_num(np.abs(P[i]) / (scale[i] * scale))
-    fixed = {uncertain.name for uncertain in identification.uncertain if uncertain.verdict == "fixed"}
+    fixed = {uncertain.name for uncertain in identification.uncertain if uncertain.verdict is Verdict.FIXED}
     for j, name in enumerate(covariance.names):
         if j == i or name in fixed or split_log(name)[1] == "":
             magnitude[j] = 0.0

@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.diagnose.thresholds import MIN_SPEED
+from fifthwheel.identify import Identification
 from fifthwheel.names import SignalName
-
-if TYPE_CHECKING:
-    from fifthwheel.identify import Identification
-    from fifthwheel.record import Record
+from fifthwheel.record import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +22,7 @@ class RunSummary:
     """Largest magnitude of speed times yaw rate of the first unit, averaged over 0.5 s, m/s²; NaN without yaw rate."""
 
 
-def summarise_runs(identification: "Identification", records: "Sequence[Record]") -> list[RunSummary]:
+def summarise_runs(identification: Identification, records: Sequence[Record]) -> list[RunSummary]:
     """Summaries of the records and of all logs of an identification, with the estimated gyro offsets removed.
 
     Without its record, a log has only its highest speed and its yaw rate, which give an upper bound.
@@ -46,7 +43,7 @@ def summarise_runs(identification: "Identification", records: "Sequence[Record]"
 
 
 def summarise_records(
-    records: "Sequence[Record]",
+    records: Sequence[Record],
     unit: str | None = None,
     offsets: Mapping[str, float] | None = None,
     min_speed: float = MIN_SPEED,
@@ -61,7 +58,7 @@ def summarise_records(
     return [_summary(record, unit, (offsets or {}).get(record.name, 0.0), min_speed) for record in records]
 
 
-def _summary(record: "Record", unit: str | None, offset: float, min_speed: float) -> RunSummary:
+def _summary(record: Record, unit: str | None, offset: float, min_speed: float) -> RunSummary:
     speed = record.signals.get("speed", np.full(len(record), np.nan))
     with np.errstate(invalid="ignore"):
         fast = speed >= min_speed

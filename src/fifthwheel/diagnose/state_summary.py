@@ -2,16 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-
-if TYPE_CHECKING:
-    from fifthwheel.observe import States
-    from fifthwheel.record import Record
+from fifthwheel.observe import States
+from fifthwheel.record import Record
 
 
 class InnovationSize(NamedTuple):
@@ -37,7 +35,7 @@ class StateSummary:
         return self.status.get("OK", 0.0)
 
 
-def summarise_states(states: "States", records: "Sequence[Record]" = ()) -> StateSummary:
+def summarise_states(states: States, records: Sequence[Record] = ()) -> StateSummary:
     """Summary of the states of a record; its references are taken from the record of the same name."""
     from fifthwheel.observe import Status
 
@@ -52,23 +50,23 @@ def summarise_states(states: "States", records: "Sequence[Record]" = ()) -> Stat
     )
 
 
-def record_of(states: "States", records: "Sequence[Record]") -> "Record | None":
+def record_of(states: States, records: Sequence[Record]) -> Record | None:
     """The record with the name of the states."""
     return next((record for record in records if record.name == states.name), None)
 
 
-def normalised_innovation(states: "States", name: str) -> Array:
+def normalised_innovation(states: States, name: str) -> Array:
     """Innovation of a channel divided by its expected standard deviation, (N,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(states.innovation[name] / states.innovation_sigma[name], dtype=np.float64)
 
 
-def rejected_samples(states: "States", name: str) -> NDArray[np.bool_]:
+def rejected_samples(states: States, name: str) -> NDArray[np.bool_]:
     """Samples of a channel that were measured and rejected by the gate, (N,)."""
     return np.asarray(np.isfinite(states.innovation[name]) & ~states.accepted[name], dtype=np.bool_)
 
 
-def innovation_size(states: "States", name: str) -> InnovationSize:
+def innovation_size(states: States, name: str) -> InnovationSize:
     """Rms of the accepted normalised innovations of a channel, and the fraction of rejected samples."""
     values, rejected = normalised_innovation(states, name), rejected_samples(states, name)
     finite = np.isfinite(values)
@@ -77,7 +75,7 @@ def innovation_size(states: "States", name: str) -> InnovationSize:
     return InnovationSize(rms, float(rejected.sum() / max(finite.sum(), 1)))
 
 
-def valid_fraction(states: "Sequence[States]") -> float:
+def valid_fraction(states: Sequence[States]) -> float:
     """Fraction of the samples of all records with all inputs and recent measurements."""
     return float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
 
@@ -87,7 +85,7 @@ def _median_band(sigma: Array) -> float | None:
     return float(2 * np.median(finite)) if finite.size else None
 
 
-def _reference_rms(states: "States", record: "Record | None", name: str) -> float | None:
+def _reference_rms(states: States, record: Record | None, name: str) -> float | None:
     if record is None or name not in record.reference:
         return None
     difference = states.values[name] - _at_times(record, record.reference[name], states.time)
@@ -95,7 +93,7 @@ def _reference_rms(states: "States", record: "Record | None", name: str) -> floa
     return float(np.sqrt(np.mean(difference[finite] ** 2))) if finite.any() else None
 
 
-def _at_times(record: "Record", values: Array, time: Array) -> Array:
+def _at_times(record: Record, values: Array, time: Array) -> Array:
     """A channel of a record at other times."""
     if len(time) == len(record.time) and np.array_equal(time, record.time):
         return values

@@ -47,8 +47,6 @@ STRAIGHT = 0.5
 """m/s²; up to this lateral acceleration a run counts as straight."""
 NONLINEAR = 3.0
 """m/s²; above this lateral acceleration the linear model is a rough approximation."""
-EXTRAPOLATION = 0.2
-"""A prediction at a speed lower or higher by this fraction than all identified speeds is an extrapolation."""
 MIN_SPEED = 5.0
 """m/s; the linear tyre model does not hold below. Settings of an identification replace it."""
 

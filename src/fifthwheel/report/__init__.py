@@ -1,6 +1,6 @@
 """Results for people: a page that opens without a network, and tables on a terminal."""
 
-from fifthwheel.report.html.report import write_report
+from fifthwheel.report.html.report import write_report, write_states_report
 from fifthwheel.report.html.sections import StateConditions
 from fifthwheel.report.provenance import Provenance, gather_provenance, provenance_of_run
 from fifthwheel.report.terminal.results import show_identification, show_states
@@ -17,4 +17,5 @@ __all__ = [
     "show_identification",
     "show_states",
     "write_report",
+    "write_states_report",
 ]

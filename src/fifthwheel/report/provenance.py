@@ -12,7 +12,7 @@ from pathlib import Path
 
 import fifthwheel
 
-PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "cantools", "h5py", "mcap")
+PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap")
 """The packages that the numbers depend on."""
 
 

@@ -1,27 +1,33 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.workflow.axle_loads import AxleLoadDifference, WeighedVehicle, axle_load_differences, weigh_vehicle
+from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import check_record, read_records, read_vehicle
+from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.results import write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
-from fifthwheel.workflow.states import StatesRun, StoredIdentification, load_identification, run_states
+from fifthwheel.workflow.states import StatesRun, run_states
+from fifthwheel.workflow.stored_identification import StoredIdentification, load_identification
 
 __all__ = [
     "SENSOR_PRIORS",
     "AxleLoadDifference",
     "IdentificationRun",
+    "LogContents",
     "StatesRun",
     "StoredIdentification",
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
+    "design_run",
     "load_identification",
     "one_stage_settings",
     "read_records",
     "read_vehicle",
     "run_identification",
     "run_states",
+    "survey_file",
     "weigh_vehicle",
     "write_results",
 ]

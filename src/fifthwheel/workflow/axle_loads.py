@@ -1,7 +1,8 @@
 """Axle loads in logs: compared with the vehicle file, and taken as its masses and CoG positions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.errors import SignalError
@@ -35,6 +36,13 @@ class WeighedVehicle:
     vehicle: Vehicle
     loads: Mapping[str, StaticLoad]
     """By the path of the axle group."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Loads, masses and CoG positions, for JSON."""
+        return {
+            "loads": {group: asdict(load) for group, load in self.loads.items()},
+            "units": {unit.name: {"mass": unit.mass, "cog": unit.cog} for unit in self.vehicle.units},
+        }
 
 
 def axle_load_differences(

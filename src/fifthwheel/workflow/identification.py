@@ -2,18 +2,18 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fifthwheel.errors import FifthwheelError, SignalError
-from fifthwheel.identify import Identification, OneStage, TwoStage, identify
-from fifthwheel.identify.sensor_errors import estimate_sensor_errors
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify import Identification, OneStage, TwoStage, Verdict, identify
+from fifthwheel.identify.result import sensor_settings
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
+from fifthwheel.workflow.stored_identification import StoredIdentification
 
 if TYPE_CHECKING:
     from fifthwheel.identify.design.assess import InformationAssessment
@@ -62,9 +62,10 @@ def run_identification(
     identification = identify(records, vehicle, settings, validate=validate, progress=progress)
     everything = (*records, *validate)
     progress("states", 0, len(everything))
+    stored = StoredIdentification(contents=identification.as_dict(), uncertainty=identification.covariance)
     states = []
     for i, record in enumerate(everything):
-        states.append(_estimate_states(identification, record, predicted=i >= len(records)))
+        states.append(_estimate_states(stored, record, identification.vehicle))
         progress("states", i + 1, len(everything))
     assessment = _assess_remedies(identification, records)
     return IdentificationRun(
@@ -76,15 +77,12 @@ def run_identification(
     )
 
 
-def _estimate_states(identification: Identification, record: Record, *, predicted: bool) -> States:
-    """States of a record; the sensor errors of a record that is only predicted are estimated from the record itself."""
-    vehicle = identification.vehicle
-    settings, uncertainty = identification.observer_settings(record.name), identification.uncertainty(record.name)
-    if predicted and uncertainty is not None:
-        with suppress(SignalError):  # a record without information on them keeps the prior of any log
-            sensors, uncertainty = estimate_sensor_errors(record, vehicle, uncertainty)
-            settings = ObserverSettings(**sensors)
-    return Observer(vehicle, record.signals, settings).batch(record, uncertainty)
+def _estimate_states(identification: StoredIdentification, record: Record, vehicle: Vehicle) -> States:
+    """States of a record; two stages give no uncertainty, and their sensor errors hold for a predicted log too."""
+    settings, uncertainty = sensor_settings(identification.contents, record.name), None
+    if identification.uncertainty is not None:
+        settings, uncertainty, _ = identification.sensors(record, vehicle)
+    return Observer(vehicle, record.signals, ObserverSettings(**settings)).batch(record, uncertainty)
 
 
 def _assess_remedies(identification: Identification, records: Sequence[Record]) -> "InformationAssessment | None":
@@ -92,8 +90,8 @@ def _assess_remedies(identification: Identification, records: Sequence[Record]) 
     from fifthwheel.identify.design.assess import AssessmentSettings, assess_information  # slow to import
 
     settings = AssessmentSettings()
-    estimated = [e for e in identification.parameters if e.verdict != "fixed"]
-    converged = all(e.verdict == "converged" and e.sigma is not None for e in estimated)
+    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
+    converged = all(e.verdict is Verdict.CONVERGED and e.sigma is not None for e in estimated)
     precise = all((e.sigma or 0.0) <= settings.enough * abs(e.value) for e in identification.parameters)
     if not isinstance(identification.settings, OneStage) or (converged and precise):
         return None

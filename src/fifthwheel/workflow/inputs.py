@@ -48,13 +48,14 @@ def read_records(
             path,
             signal_map,
             name=path.stem if stems.count(path.stem) == 1 else str(path),
-            progress=partial(_report_fraction, progress, f"reading {path.name}"),
+            progress=partial(report_fraction, progress, f"reading {path.name}"),
         )
         for path in paths
     ]
 
 
-def _report_fraction(progress: Progress, title: str, fraction: float) -> None:
+def report_fraction(progress: Progress, title: str, fraction: float) -> None:
+    """Report a fraction of the work as thousandths."""
     progress(title, round(1000 * fraction), 1000)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel.observe import write_states
-from fifthwheel.report import Provenance, StateConditions, write_report
+from fifthwheel.report import Provenance, StateConditions, write_report, write_states_report
 from fifthwheel.vehicle import save
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.states import StatesRun
@@ -33,28 +33,35 @@ def write_results(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    if isinstance(run, IdentificationRun):
-        names = ["identification.json", "vehicle.toml", "states.parquet", "report.html"]
-        identification, assessment, vehicle = run.identification, run.assessment, run.identification.vehicle
-        covariance = identification.covariance
-        conditions = StateConditions(uncertain=() if covariance is None else covariance.names)
+    names, report = ["states.parquet", "report.html"], folder / "report.html"
+    write_states(run.states, folder / "states.parquet")
+    if isinstance(run, StatesRun):
+        drawn = write_states_report(
+            report,
+            run.states,
+            run.records,
+            title=run.vehicle.name,
+            conclusion=run.conclusion,
+            conditions=StateConditions(smoothed=run.smoothed, uncertain=run.uncertain),
+            provenance=provenance,
+            figures=figures,
+        )
+    else:
+        names = ["identification.json", "vehicle.toml", *names]
         with atomic_write(folder / "identification.json") as temporary:
             temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
+        vehicle, covariance = run.identification.vehicle, run.identification.covariance
         save(vehicle, folder / "vehicle.toml")
-    else:
-        names = ["states.parquet", "report.html"]
-        identification, assessment, vehicle = None, None, run.vehicle
-        conditions = StateConditions(smoothed=run.smoothed, uncertain=run.uncertain)
-    write_states(run.states, folder / "states.parquet")
-    drawn = write_report(
-        folder / "report.html",
-        identification,
-        run.records,
-        run.states,
-        title=vehicle.name,
-        outlook=assessment,
-        given=conditions,
-        provenance=provenance,
-        figures=figures,
-    )
+        drawn = write_report(
+            report,
+            run.identification,
+            run.records,
+            run.states,
+            title=vehicle.name,
+            conclusion=run.conclusion,
+            outlook=run.assessment,
+            conditions=StateConditions(uncertain=() if covariance is None else covariance.names),
+            provenance=provenance,
+            figures=figures,
+        )
     return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}

@@ -116,7 +116,7 @@ def assess_information(
     Computes the Cramer-Rao bound with priors at the values of the vehicle file: the better the file, the better the
     assessment. Model and logs are assumed to be right; errors of the model come in addition, and of faults in the logs
     only the findings are known. The noise of each channel is estimated from its spectral density between 3 and 10 Hz
-    (`record.noise_estimate`), with a tenth of the article's variance as the lower limit. The article's variance is used
+    (`record.sensor_noise`), with a tenth of the article's variance as the lower limit. The article's variance is used
     where a log is too short for the estimate, and where `settings` say that the noise is known.
 
     Args:

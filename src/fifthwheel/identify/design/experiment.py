@@ -216,7 +216,7 @@ def _default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     estimated = parameters.estimated_parameters(vehicle, settings)
     names = [name for name in parameters.stage_1_names(vehicle) if name in estimated]
     if not names:
-        raise VehicleError("targets: every cornering stiffness and yaw inertia is fixed; give a target (--want)")
+        raise VehicleError("targets: every cornering stiffness and yaw inertia is fixed; give a target (--target)")
     return dict.fromkeys(names, DEFAULT_TARGET)
 
 

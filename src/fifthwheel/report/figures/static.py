@@ -44,13 +44,14 @@ def checked_format(file_format: str) -> str:
         import matplotlib  # noqa: F401
     except ImportError:
         raise FifthwheelError(
-            "--figures: matplotlib is needed but not installed; run pip install '.[figures]' in the checkout"
+            "--figures: matplotlib is needed but not installed; pip install 'fifthwheel[figures]'"
         ) from None
     return file_format
 
 
 def save_figures(folder: Path, plots: Sequence[Plot], file_format: str) -> list[Path]:
-    """Write every figure as folder/log/section/signal.format; returns the paths."""
+    """Write every figure as folder/log/section/signal.format; returns the paths; errors as of `checked_format`."""
+    checked_format(file_format)
     import matplotlib as mpl
 
     written: list[Path] = []

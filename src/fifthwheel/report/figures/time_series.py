@@ -1,20 +1,16 @@
 """Figures over time: histories of estimates, measured and predicted channels, states, innovations."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fifthwheel.diagnose.state_summary import normalised_innovation, rejected_samples
 from fifthwheel.formatting import shown
+from fifthwheel.identify import Estimate, Fit
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.observe import States
+from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.figures import downsample, primitives
 from fifthwheel.report.figures.primitives import BLUE, DARK, GREY, SKY, VERMILLION, Figure, Plot
-
-if TYPE_CHECKING:
-    from fifthwheel.identify import Estimate, Fit
-    from fifthwheel.identify.history import ParameterHistory
-    from fifthwheel.observe import States
-    from fifthwheel.record import Record
 
 STATUS_COLOURS = {
     "COASTING": "rgba(230,159,0,0.25)",
@@ -27,7 +23,7 @@ FILTER_BAND = "± 1 sigma at that time"
 FINAL_SIGMA = "final ± 1 sigma, as in the table"
 
 
-def history(estimates: "ParameterHistory", estimate: "Estimate", group: str) -> Plot:
+def history(estimates: ParameterHistory, estimate: Estimate, group: str) -> Plot:
     """The history of one estimate with a band of one sigma of the filter, the initial and the final value.
 
     An error bar at the end shows the sigma of the result, which includes more than that of the filter.
@@ -58,7 +54,7 @@ def history(estimates: "ParameterHistory", estimate: "Estimate", group: str) -> 
     return Plot(group=group, figure={"data": data, "layout": layout}, name=("parameters", "history", estimate.name))
 
 
-def fit(fit: "Fit", group: str) -> Plot:
+def fit(fit: Fit, group: str) -> Plot:
     """A channel as measured and as predicted by the free-running model, with the residual below."""
     unit = shown(si_unit(fit.signal))
     measured, predicted = fit.measured * unit.factor, fit.predicted * unit.factor
@@ -76,7 +72,7 @@ def fit(fit: "Fit", group: str) -> Plot:
     return Plot(group=group, figure={"data": data, "layout": layout}, name=name, size="tall")
 
 
-def state(states: "States", record: "Record | None", name: str, group: str) -> Plot:
+def state(states: States, record: Record | None, name: str, group: str) -> Plot:
     """A state with a band of two sigma, its reference and its measurement where the record has them."""
     unit = shown(si_unit(name))
     values, sigma = states.values[name] * unit.factor, states.sigma[name] * unit.factor
@@ -97,7 +93,7 @@ def state(states: "States", record: "Record | None", name: str, group: str) -> P
     return Plot(group=group, figure={"data": data, "layout": layout}, name=(states.name, "states", name))
 
 
-def innovation(states: "States", name: str, group: str) -> Plot:
+def innovation(states: States, name: str, group: str) -> Plot:
     """Normalised innovations of a channel, with lines at ± 2 and a cross for each rejected sample."""
     values, rejected = normalised_innovation(states, name), rejected_samples(states, name)
     accepted = np.where(rejected, np.nan, values)
@@ -115,7 +111,7 @@ def innovation(states: "States", name: str, group: str) -> Plot:
     return Plot(group=group, figure={"data": data, "layout": layout}, name=(states.name, "innovations", name))
 
 
-def _shaded_statuses(states: "States") -> list[Figure]:
+def _shaded_statuses(states: States) -> list[Figure]:
     """Intervals in which the states are not OK; intervals closer than a pixel are joined."""
     from fifthwheel.observe import Status
 

@@ -1,4 +1,4 @@
-"""The report of an identification or of states, on one page."""
+"""The reports of an identification and of states, one page each."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,42 +6,43 @@ from typing import TYPE_CHECKING
 
 import fifthwheel
 from fifthwheel.diagnose.run_summary import summarise_records, summarise_runs
+from fifthwheel.identify import Identification
+from fifthwheel.observe import States
+from fifthwheel.record import Record
 from fifthwheel.report.html import sections, tables
 from fifthwheel.report.html.page import write_page
 from fifthwheel.report.html.page_builder import PageBuilder
 from fifthwheel.report.html.sections import StateConditions
 from fifthwheel.report.provenance import Provenance
-from fifthwheel.report.text.conclusion import conclude_identification, conclude_states
+from fifthwheel.report.text.conclusion import Conclusion, conclude_identification, conclude_states
 from fifthwheel.report.text.words import counted
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import Identification
     from fifthwheel.identify.design.assess import InformationAssessment
-    from fifthwheel.observe import States
-    from fifthwheel.record import Record
 
 
 def write_report(
     path: Path,
-    identification: "Identification | None",
-    records: "Sequence[Record]",
-    states: "Sequence[States]",
+    identification: Identification,
+    records: Sequence[Record],
+    states: Sequence[States] = (),
     *,
     title: str,
+    conclusion: Conclusion | None = None,
     outlook: "InformationAssessment | None" = None,
-    given: StateConditions | None = None,
+    conditions: StateConditions | None = None,
     provenance: Provenance | None = None,
     figures: str | None = None,
 ) -> list[Path]:
-    """Write the report of an identification, or of states alone, as one HTML file.
+    """Write the report of an identification as one HTML file.
 
     Args:
-        identification: None for states alone.
         records: the logs, including those that were only predicted; states and fits belong to them by name.
         states: of any of the records.
         title: usually the name of the vehicle.
+        conclusion: by default it is drawn from the other arguments.
         outlook: information at the identified vehicle, for predicted improvements.
-        given: how the states were estimated.
+        conditions: how the states were estimated.
         provenance: command, files and versions, to reproduce the result.
         figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
 
@@ -51,41 +52,62 @@ def write_report(
     Raises:
         FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
     """
-    from fifthwheel.report.figures.static import checked_format, save_figures
+    method = f"{identification.method} method, preset {identification.settings.preset}"
+    page = PageBuilder(title, f"Identification: {method}, fifthwheel {identification.version}")
+    page.html(tables.conclusion(conclusion or conclude_identification(identification, records, outlook, states)))
+    sections.parameters(page, identification)
+    sections.information(page, identification, outlook)
+    sections.histories(page, identification)
+    sections.fits(page, identification)
+    if states:
+        sections.states(page, states, records, conditions, identified=True)
+    sections.consistency(page, states, identification.fits)
+    page.heading("logs", "Logs and settings")
+    _origin(page, tables.logs(records, summarise_runs(identification, records), identification), provenance)
+    with page.folded("Settings"):
+        unit = "iteration" if identification.method == "one-stage" else "round"
+        page.hint(f"Estimated in {counted(identification.rounds, unit)}.")
+        page.html(tables.settings(identification.settings.as_dict()))
+    return _write(page, Path(path), figures)
 
-    if figures is not None:
-        checked_format(figures)
-    if identification is None:
-        page = PageBuilder(title, f"States of a given truck, fifthwheel {fifthwheel.__version__}")
-        conclusion = conclude_states(states, records)
-        page.html(tables.conclusion(conclusion))
-        if states:
-            sections.states(page, states, records, given, reliable=not conclusion.cautions)
-            sections.consistency(page, states, ())
-        page.heading("logs", "Logs")
-        logs = tables.logs(records, summarise_records(records))
-    else:
-        method = f"{identification.method} method, preset {identification.settings.preset}"
-        page = PageBuilder(title, f"Identification: {method}, fifthwheel {identification.version}")
-        page.html(tables.conclusion(conclude_identification(identification, records, outlook, states)))
-        sections.parameters(page, identification)
-        sections.information(page, identification, outlook)
-        sections.histories(page, identification)
-        sections.fits(page, identification)
-        if states:
-            sections.states(page, states, records, given, reliable=True, identified=True)
-        sections.consistency(page, states, identification.fits)
-        page.heading("logs", "Logs and settings")
-        logs = tables.logs(records, summarise_runs(identification, records), identification)
+
+def write_states_report(
+    path: Path,
+    states: Sequence[States],
+    records: Sequence[Record],
+    *,
+    title: str,
+    conclusion: Conclusion | None = None,
+    conditions: StateConditions | None = None,
+    provenance: Provenance | None = None,
+    figures: str | None = None,
+) -> list[Path]:
+    """Write the report of the states of a given vehicle as one HTML file; arguments, result and errors as of
+    `write_report`."""
+    conclusion = conclusion or conclude_states(states, records)
+    page = PageBuilder(title, f"States of a given truck, fifthwheel {fifthwheel.__version__}")
+    page.html(tables.conclusion(conclusion))
+    if states:
+        sections.states(page, states, records, conditions, reliable=not conclusion.cautions)
+        sections.consistency(page, states, ())
+    page.heading("logs", "Logs")
+    _origin(page, tables.logs(records, summarise_records(records)), provenance)
+    return _write(page, Path(path), figures)
+
+
+def _origin(page: PageBuilder, logs: str, provenance: Provenance | None) -> None:
+    """The table of the logs, and how to reproduce the result."""
     page.hint("Lateral acceleration: largest magnitude of speed × yaw rate, averaged over 0.5 s.")
     page.html(logs)
     if provenance is not None:
         page.subheading("Reproduce this result")
         page.html(tables.provenance(provenance))
-    if identification is not None:
-        with page.folded("Settings"):
-            unit = "iteration" if identification.method == "one-stage" else "round"
-            page.hint(f"Estimated in {counted(identification.rounds, unit)}.")
-            page.html(tables.settings(identification.settings.as_dict()))
-    write_page(Path(path), title=f"{title}: fifthwheel", body=page.body(), plots=page.plots)
-    return [] if figures is None else save_figures(Path(path).parent / "figures", page.plots, figures)
+
+
+def _write(page: PageBuilder, path: Path, figures: str | None) -> list[Path]:
+    """Write the figures if requested, then the page."""
+    from fifthwheel.report.figures.static import save_figures
+
+    drawn = [] if figures is None else save_figures(path.parent / "figures", page.plots, figures)
+    write_page(path, title=f"{page.title}: fifthwheel", body=page.body(), plots=page.plots)
+    return drawn

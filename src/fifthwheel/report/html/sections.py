@@ -19,7 +19,10 @@ from fifthwheel.diagnose.state_summary import (
 )
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, with_sigma
+from fifthwheel.identify import Fit, Identification
 from fifthwheel.names import is_sensor_error, split_log
+from fifthwheel.observe import States
+from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.figures import residuals, time_series
 from fifthwheel.report.html import tables
@@ -28,10 +31,7 @@ from fifthwheel.report.html.tables import code
 from fifthwheel.report.text.words import WIDE_MARK, counted
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import Fit, Identification
     from fifthwheel.identify.design.assess import InformationAssessment
-    from fifthwheel.observe import States
-    from fifthwheel.record import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class StateConditions:
         return f"{text} Smoothed: each sample also uses later measurements." if self.smoothed else text
 
 
-def parameters(page: PageBuilder, identification: "Identification") -> None:
+def parameters(page: PageBuilder, identification: Identification) -> None:
     """Estimates, derived quantities, sensor errors and uncertain parameters."""
     page.heading("parameters", "Parameters")
     last = "" if identification.method == "one-stage" else " in the last pass"
@@ -97,7 +97,7 @@ def parameters(page: PageBuilder, identification: "Identification") -> None:
             page.html(tables.estimates(identification.uncertain, history=False))
 
 
-def information(page: PageBuilder, identification: "Identification", outlook: "InformationAssessment | None") -> None:
+def information(page: PageBuilder, identification: Identification, outlook: "InformationAssessment | None") -> None:
     """How much information the logs contain on each parameter."""
     rows = information_summary(identification, outlook)
     if not rows:
@@ -117,7 +117,7 @@ def information(page: PageBuilder, identification: "Identification", outlook: "I
     page.html(tables.information(rows))
 
 
-def histories(page: PageBuilder, identification: "Identification") -> None:
+def histories(page: PageBuilder, identification: Identification) -> None:
     """The history of each estimate over driving time."""
     page.heading("histories", "Histories of the estimates")
     one_stage = identification.method == "one-stage"
@@ -156,7 +156,7 @@ def histories(page: PageBuilder, identification: "Identification") -> None:
         page.hint(f"Not estimated, therefore without a history: {', '.join(without)}.")
 
 
-def fits(page: PageBuilder, identification: "Identification") -> None:
+def fits(page: PageBuilder, identification: Identification) -> None:
     """Each channel of each log as measured and as predicted."""
     page.heading("fits", "Measured and predicted")
     page.hint(
@@ -170,7 +170,7 @@ def fits(page: PageBuilder, identification: "Identification") -> None:
         page.figures(map(_captioned_fit, fits))
 
 
-def _captioned_fit(fit: "Fit") -> CaptionedPlot:
+def _captioned_fit(fit: Fit) -> CaptionedPlot:
     unit, quality = si_unit(fit.signal), fit_quality(fit)
     caption = f"{code(fit.signal)}: {percent(max(fit.explained, 0.0), round_down=True)} explained"
     note = f"residual {approximate(fit.rms, unit)} rms"
@@ -182,11 +182,11 @@ def _captioned_fit(fit: "Fit") -> CaptionedPlot:
 
 def states(
     page: PageBuilder,
-    states: "Sequence[States]",
-    records: "Sequence[Record]",
+    states: Sequence[States],
+    records: Sequence[Record],
     conditions: StateConditions | None,
     *,
-    reliable: bool,
+    reliable: bool = True,
     identified: bool = False,
 ) -> None:
     """Each state of each log with its band, its measurement and its reference."""
@@ -211,7 +211,7 @@ def states(
         page.figures(plots)
 
 
-def consistency(page: PageBuilder, states: "Sequence[States]", fits: "Sequence[Fit]") -> None:
+def consistency(page: PageBuilder, states: Sequence[States], fits: Sequence[Fit]) -> None:
     """Whether the innovations of the states and the residuals of the identification are white noise."""
     page.heading("consistency", "Residuals and consistency")
     if states:
@@ -236,14 +236,14 @@ def consistency(page: PageBuilder, states: "Sequence[States]", fits: "Sequence[F
             _channel(page, log, signal, log_states, log_fits.get(signal))
 
 
-def _innovations(states: "States") -> Iterator[CaptionedPlot]:
+def _innovations(states: States) -> Iterator[CaptionedPlot]:
     for name in states.innovation:
         size = innovation_size(states, name)
         note = f"rms {size.rms:.2f}, {percent(size.rejected)} rejected" if np.isfinite(size.rms) else "never used"
         yield CaptionedPlot(code(name), escape(note), time_series.innovation(states, name, f"log {states.name}"))
 
 
-def _channel(page: PageBuilder, log: str, signal: str, states: "States | None", fit: "Fit | None") -> None:
+def _channel(page: PageBuilder, log: str, signal: str, states: States | None, fit: Fit | None) -> None:
     """What the residual or the innovation of a channel means, with its small figures folded away."""
     accepted = None
     if states is not None and signal in states.innovation:

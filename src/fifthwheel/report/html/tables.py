@@ -4,20 +4,17 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
 
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
+from fifthwheel.diagnose.information_summary import ParameterInformation
+from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.formatting import fixed, kmh, percent, relative, seconds, shown, value_and_sigma, with_sigma
+from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.names import SensorErrorName
+from fifthwheel.record import Record
 from fifthwheel.report.provenance import Provenance
 from fifthwheel.report.text.conclusion import Conclusion
-from fifthwheel.report.text.words import STATUSES, mark, verdict
-
-if TYPE_CHECKING:
-    from fifthwheel.diagnose.information_summary import ParameterInformation
-    from fifthwheel.diagnose.run_summary import RunSummary
-    from fifthwheel.identify import Estimate, Identification
-    from fifthwheel.record import Record
+from fifthwheel.report.text.words import STATUSES, mark, spoken_verdict
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ def conclusion(conclusion: Conclusion) -> str:
     """The box at the top of the page."""
     css_class = "verdict good" if conclusion.good else "verdict"
     columns = (
-        (("Result", conclusion.found, "ul"), ("Not identified", conclusion.unknown, "ul")),
+        (("Result", conclusion.results, "ul"), ("Not identified", conclusion.not_identified, "ul")),
         (
             ("Next steps", conclusion.next_steps, "ol"),
             ("Cautions", conclusion.cautions, "ul"),
@@ -71,13 +68,12 @@ def conclusion(conclusion: Conclusion) -> str:
     html = [f'<section class="{css_class}" id="verdict"><p class="headline">{escape(conclusion.headline)}</p>']
     html.append('<div class="lists">')
     for column in columns:
-        html.append("<div>")
-        for title, lines, tag in column:
-            if lines:
-                items = "".join(f"<li>{_text(line)}</li>" for line in lines)
-                html.append(f"<h3>{title}</h3><{tag}>{items}</{tag}>")
-        html.append("</div>")
+        html += ["<div>", *[_list(title, lines, tag) for title, lines, tag in column if lines], "</div>"]
     return "\n".join([*html, "</div></section>"])
+
+
+def _list(title: str, lines: Sequence[str], tag: str) -> str:
+    return f"<h3>{title}</h3><{tag}>{''.join(f'<li>{_text(line)}</li>' for line in lines)}</{tag}>"
 
 
 def _text(text: str) -> str:
@@ -97,7 +93,7 @@ ESTIMATES = (
 )
 
 
-def estimates(estimates: "Sequence[Estimate]", *, history: bool = True) -> str:
+def estimates(estimates: Sequence[Estimate], *, history: bool = True) -> str:
     """Estimates with verdict, sigma and prior; with `history` also when they settled."""
     rows = []
     for e in estimates:
@@ -106,7 +102,7 @@ def estimates(estimates: "Sequence[Estimate]", *, history: bool = True) -> str:
         prior, spread = value_and_sigma(e.initial * unit.factor, None if e.prior is None else e.prior * unit.factor)
         cells = [
             code(e.name),
-            f'<span class="{e.verdict}"><span class="mark">{mark(e)}</span>{verdict(e.verdict)}</span>',
+            f'<span class="{e.verdict}"><span class="mark">{mark(e)}</span>{spoken_verdict(e.verdict)}</span>',
             value,
             sigma or "–",
             escape(unit.name),
@@ -114,7 +110,7 @@ def estimates(estimates: "Sequence[Estimate]", *, history: bool = True) -> str:
             prior if spread is None else f"{prior} ± {spread}",
             *([seconds(e.settling_time)] if history else []),
         ]
-        rows.append(("" if e.verdict == "converged" else "off", cells))
+        rows.append(("" if e.verdict is Verdict.CONVERGED else "off", cells))
     return table([*ESTIMATES, Column("Settled after", "n", "settled after ")] if history else ESTIMATES, rows)
 
 
@@ -128,7 +124,7 @@ SENSOR_ERRORS = (
 )
 
 
-def sensor_errors(identification: "Identification") -> str:
+def sensor_errors(identification: Identification) -> str:
     """Offsets, gains and delays of the sensors with their priors; unusual ones are marked."""
     rows = []
     for error in identification.sensors:
@@ -146,12 +142,12 @@ def sensor_errors(identification: "Identification") -> str:
     return table(SENSOR_ERRORS, rows)
 
 
-def information(rows: "Sequence[ParameterInformation]") -> str:
+def information(rows: Sequence[ParameterInformation]) -> str:
     """For each parameter a bar of the prior sigma that remains, and what limits its sigma."""
     html = []
     for row in rows:
         remaining = 1.0 if row.remaining is None else row.remaining
-        css_class = "" if row.estimate.verdict == "converged" else ' class="prior"'
+        css_class = "" if row.estimate.verdict is Verdict.CONVERGED else ' class="prior"'
         bar = f'<span class="bar" aria-hidden="true"><i{css_class} style="width:{100 * remaining:.1f}%"></i></span>'
         note = "" if row.remaining is None else f"<small>{percent(remaining)} of the prior sigma remains</small>"
         messages = "".join(f"<li>{_text(message)}</li>" for message in row.messages)
@@ -174,9 +170,7 @@ LOGS = (
 )
 
 
-def logs(
-    records: "Sequence[Record]", runs: "Sequence[RunSummary]", identification: "Identification | None" = None
-) -> str:
+def logs(records: Sequence[Record], runs: Sequence[RunSummary], identification: Identification | None = None) -> str:
     """How each log was driven, and what an identification used of it."""
     summaries = {log.name: log for log in identification.logs} if identification else {}
     spans = {record.name: (record.span, len(record)) for record in records}

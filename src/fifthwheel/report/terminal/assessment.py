@@ -8,9 +8,10 @@ import numpy as np
 from fifthwheel.diagnose.advice import describe_remedy
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.identify import Verdict
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.terminal.page import COLOURS, TerminalPage
-from fifthwheel.report.text.words import predicted_verdict, verdict
+from fifthwheel.report.text.words import spoken_verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -51,7 +52,7 @@ def show_assessment(outlook: "InformationAssessment", console: "Console | None" 
 
 def is_identifiable(assessment: "ParameterAssessment") -> bool:
     """Whether an identification would estimate it."""
-    return assessment.verdict == "converged"
+    return assessment.verdict is Verdict.CONVERGED
 
 
 def explain_known(remedies: "Sequence[Remedy]") -> Iterator[str]:
@@ -65,7 +66,7 @@ def _headline(
 ) -> str:
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
     if not identifiable:
-        unexcited = all(p.verdict == "not_excited" for p in outlook.parameters)
+        unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
         text = f"{logs}: no parameter is identifiable" + (", the excitation is too small." if unexcited else ".")
     else:
         wide = sum(p.sigma / abs(p.value) > WIDE_SIGMA for p in identifiable)
@@ -83,13 +84,13 @@ def _row(p: "ParameterAssessment") -> tuple[str, ...]:
         with_sigma(p.value, None, p.unit),
         f"±{relative(p.value, p.prior)}",
         sigma,
-        predicted_verdict(p.verdict),
+        spoken_verdict(p.verdict, predicted=True),
     )
 
 
 def _improvement(p: "ParameterAssessment") -> str:
     """ "name: 20 % -> 12 % if semitrailer.roll_axis_height is known (--fix), -> 9 % with one more lane change"."""
-    start = relative(p.value, p.sigma) if is_identifiable(p) else verdict(p.verdict)
+    start = relative(p.value, p.sigma) if is_identifiable(p) else spoken_verdict(p.verdict)
     changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy)}" for remedy in p.remedies]
     return f"{p.name}: {start} {', '.join(changes)}"
 

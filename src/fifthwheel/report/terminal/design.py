@@ -7,9 +7,10 @@ import numpy as np
 
 from fifthwheel.diagnose.advice import describe_remedy
 from fifthwheel.formatting import approximate, fixed, percent
+from fifthwheel.identify import Verdict
 from fifthwheel.report.terminal.assessment import PREDICTION_NOTE, explain_known
 from fifthwheel.report.terminal.page import COLOURS, TerminalPage
-from fifthwheel.report.text.words import predicted_verdict, verdict
+from fifthwheel.report.text.words import spoken_verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,8 +53,8 @@ def _headline(plan: "ExperimentDesign") -> str:
 
 def _row(plan: "ExperimentDesign", name: str) -> tuple[str, ...]:
     target = f"±{percent(plan.targets[name])}" if name in plan.targets else ""
-    predicted = f"±{percent(plan.best.sigma[name])}" if plan.best.verdicts[name] == "converged" else "–"
-    return name, target, predicted, predicted_verdict(plan.best.verdicts[name])
+    predicted = f"±{percent(plan.best.sigma[name])}" if plan.best.verdicts[name] is Verdict.CONVERGED else "–"
+    return name, target, predicted, spoken_verdict(plan.best.verdicts[name], predicted=True)
 
 
 def _summary(run: "ProposedRun") -> str:
@@ -92,7 +93,7 @@ def _worst(plan: "ExperimentDesign", run: "ProposedRun") -> str:
 
 
 def _missed(target: "UnmetTarget") -> str:
-    start = percent(target.sigma) if target.verdict == "converged" else verdict(target.verdict)
+    start = percent(target.sigma) if target.verdict is Verdict.CONVERGED else spoken_verdict(target.verdict)
     text = f"{target.name}: {start}, target {percent(target.wanted)}"
     if not target.remedies:
         return f"{text}; no single change reduces it by 10 % or more"

@@ -4,17 +4,18 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from fifthwheel.formatting import plain_ascii
+from fifthwheel.identify import Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 COLOURS = {
-    "converged": "green",
-    "not_converged": "yellow",
-    "not_excited": "red",
-    "not_identifiable": "red",
-    "at_bound": "red",
-    "fixed": "cyan",
+    Verdict.CONVERGED: "green",
+    Verdict.NOT_CONVERGED: "yellow",
+    Verdict.NOT_EXCITED: "red",
+    Verdict.NOT_IDENTIFIABLE: "red",
+    Verdict.AT_BOUND: "red",
+    Verdict.FIXED: "cyan",
 }
 """Verdict -> colour; its word is always shown too."""
 

@@ -8,21 +8,20 @@ import numpy as np
 from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.identify import Estimate, Fit, Identification
+from fifthwheel.observe import States
+from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.terminal.page import COLOURS, TerminalPage
 from fifthwheel.report.text.conclusion import Conclusion, conclude_identification, conclude_states
-from fifthwheel.report.text.words import STATUSES, verdict
+from fifthwheel.report.text.words import STATUSES, spoken_verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fifthwheel.identify import Estimate, Fit, Identification
-    from fifthwheel.observe import States
-    from fifthwheel.record import Record
-
 
 def show_identification(
-    identification: "Identification", console: "Console | None" = None, conclusion: Conclusion | None = None
+    identification: Identification, console: "Console | None" = None, conclusion: Conclusion | None = None
 ) -> None:
     """Print parameters with sigma and verdict, derived quantities, the fit, cautions and next steps.
 
@@ -43,10 +42,15 @@ def show_identification(
     _show_lists(page, conclusion)
 
 
-def show_states(states: "Sequence[States]", records: "Sequence[Record]", console: "Console | None" = None) -> None:
+def show_states(
+    states: Sequence[States],
+    records: Sequence[Record],
+    console: "Console | None" = None,
+    conclusion: Conclusion | None = None,
+) -> None:
     """Print how reliable the states of each record are, their uncertainty, cautions and next steps."""
     page = TerminalPage(console)
-    conclusion = conclude_states(states, records)
+    conclusion = conclusion or conclude_states(states, records)
     page.headline(conclusion.headline, good=conclusion.good)
     for s in states:
         summary = summarise_states(s, records)
@@ -69,12 +73,12 @@ def _show_lists(page: TerminalPage, conclusion: Conclusion) -> None:
     page.lists(("Cautions", conclusion.cautions), ("Next steps", conclusion.next_steps), ("Notes", conclusion.notes))
 
 
-def _estimate(e: "Estimate") -> tuple[str, ...]:
+def _estimate(e: Estimate) -> tuple[str, ...]:
     per_cent = relative(e.value, e.sigma).removesuffix(" %").replace("> ", ">")
-    return e.name, with_sigma(e.value, e.sigma, e.unit), per_cent, verdict(e.verdict)
+    return e.name, with_sigma(e.value, e.sigma, e.unit), per_cent, spoken_verdict(e.verdict)
 
 
-def _fit(fit: "Fit") -> tuple[str, ...]:
+def _fit(fit: Fit) -> tuple[str, ...]:
     quality, unit = fit_quality(fit), si_unit(fit.signal)
     noise = approximate(quality.noise, unit) if np.isfinite(quality.noise) else "–"
     return fit.signal, percent(max(fit.explained, 0.0), round_down=True), approximate(fit.rms, unit), noise

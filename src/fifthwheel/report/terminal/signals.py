@@ -5,22 +5,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fifthwheel.checks import Finding
+from fifthwheel.checks.axle_loads import StaticLoad
 from fifthwheel.formatting import digits, percent
+from fifthwheel.logs.mapping.propose import MapProposal
+from fifthwheel.logs.mapping.survey import LogSurvey
+from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.terminal.page import TerminalPage
+from fifthwheel.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fifthwheel.checks import Finding
-    from fifthwheel.checks.axle_loads import StaticLoad
-    from fifthwheel.logs.mapping.propose import MapProposal
-    from fifthwheel.logs.mapping.survey import LogSurvey
-    from fifthwheel.record import Record
-    from fifthwheel.vehicle import Vehicle
 
-
-def show_survey(survey: "LogSurvey", proposal: "MapProposal", console: "Console | None" = None) -> None:
+def show_survey(survey: LogSurvey, proposal: MapProposal, console: "Console | None" = None) -> None:
     """Print each column of a log with unit, rate, range and missing samples, and the signal it is proposed for."""
     page = TerminalPage(console)
     duration = survey.stop - survey.start
@@ -35,7 +34,7 @@ def show_survey(survey: "LogSurvey", proposal: "MapProposal", console: "Console 
     )
 
 
-def _columns(survey: "LogSurvey", proposal: "MapProposal") -> Iterator[tuple[str, ...]]:
+def _columns(survey: LogSurvey, proposal: MapProposal) -> Iterator[tuple[str, ...]]:
     proposed: dict[str | None, str] = {}
     for channels in (proposal.signals.signals, proposal.signals.reference):
         proposed |= {channel.column: signal for signal, channel in channels.items()}
@@ -52,7 +51,7 @@ def _columns(survey: "LogSurvey", proposal: "MapProposal") -> Iterator[tuple[str
         )
 
 
-def show_record(record: "Record", findings: "Sequence[Finding]", console: "Console | None" = None) -> None:
+def show_record(record: Record, findings: Sequence[Finding], console: "Console | None" = None) -> None:
     """Print the signals of a mapped log in SI, and what looks wrong."""
     page = TerminalPage(console)
     first, last = record.span
@@ -61,7 +60,7 @@ def show_record(record: "Record", findings: "Sequence[Finding]", console: "Conso
     page.lists(("Cautions", [str(finding) for finding in findings]), ("Notes", record.notes))
 
 
-def _signals(record: "Record") -> Iterator[tuple[str, ...]]:
+def _signals(record: Record) -> Iterator[tuple[str, ...]]:
     for prefix, columns in (("", record.signals), ("reference.", record.reference)):
         for name, values in columns.items():
             finite = values[np.isfinite(values)]
@@ -71,7 +70,7 @@ def _signals(record: "Record") -> Iterator[tuple[str, ...]]:
 
 
 def show_weighed(
-    loads: "Mapping[str, StaticLoad]", before: "Vehicle", after: "Vehicle", console: "Console | None" = None
+    loads: "Mapping[str, StaticLoad]", before: Vehicle, after: Vehicle, console: "Console | None" = None
 ) -> None:
     """Print measured axle loads and those of the vehicle file, and the masses and CoG positions from them.
 

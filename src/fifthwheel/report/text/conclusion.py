@@ -13,15 +13,15 @@ from fifthwheel.diagnose.run_summary import summarise_runs
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.names import ParameterPath
+from fifthwheel.observe import States
+from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
-from fifthwheel.report.text.words import STATUSES, counted, sentence, spoken, verdict
+from fifthwheel.report.text.words import STATUSES, counted, sentence, spoken, spoken_verdict
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import Estimate, Identification
     from fifthwheel.identify.design.assess import InformationAssessment
-    from fifthwheel.observe import States
-    from fifthwheel.record import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +30,8 @@ class Conclusion:
 
     good: bool  # whether every parameter is identified, or all states are reliable
     headline: str
-    found: tuple[str, ...] = ()
-    unknown: tuple[str, ...] = ()
+    results: tuple[str, ...] = ()
+    not_identified: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     next_steps: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -42,10 +42,10 @@ class Conclusion:
 
 
 def conclude_identification(
-    identification: "Identification",
-    records: "Sequence[Record]" = (),
+    identification: Identification,
+    records: Sequence[Record] = (),
     outlook: "InformationAssessment | None" = None,
-    states: "Sequence[States]" = (),
+    states: Sequence[States] = (),
 ) -> Conclusion:
     """The conclusion of an identification.
 
@@ -54,33 +54,31 @@ def conclude_identification(
         outlook: information at the identified truck, for the effect of a change.
         states: of the identified truck, for whether they fit the measurements.
     """
-    estimated = [e for e in identification.parameters if e.verdict != "fixed"]
-    converged = [e for e in estimated if e.verdict == "converged"]
-    derived = [e for e in identification.derived if e.verdict == "converged"]
+    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
+    converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
+    derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
     return Conclusion(
         good=len(converged) == len(estimated),
         headline=_headline(identification, converged, estimated),
-        found=(
+        results=(
             *[_identified(identification, e) for e in converged],
             *[sentence(f"{spoken(e.name)}, derived: {with_sigma(e.value, e.sigma, e.unit)}") for e in derived],
             *[_validated(p) for p in predicted_logs(identification) if not p.poor],
         ),
-        unknown=tuple(_not_identified(identification)),
+        not_identified=tuple(_not_identified(identification)),
         cautions=tuple(map(str, identification_cautions(identification, runs, states))),
         next_steps=tuple(step.message for step in next_steps(identification, runs, outlook)),
         notes=identification.notes,
     )
 
 
-def _headline(
-    identification: "Identification", converged: "Sequence[Estimate]", estimated: "Sequence[Estimate]"
-) -> str:
+def _headline(identification: Identification, converged: Sequence[Estimate], estimated: Sequence[Estimate]) -> str:
     logs = counted(len(identification.logs), "log")
     if not estimated:
         return "All parameters are fixed: nothing was estimated."
     if not converged:
-        unexcited = all(e.verdict == "not_excited" for e in estimated)
+        unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
     wide = sum(map(has_wide_sigma, converged))
     sigma = f"; {wide} {'has' if wide == 1 else 'have'} a sigma above {percent(WIDE_SIGMA)}" if wide else ""
@@ -89,7 +87,7 @@ def _headline(
     return f"{len(converged)} of {len(estimated)} parameters are identified from {logs}{sigma}."
 
 
-def _identified(identification: "Identification", e: "Estimate") -> str:
+def _identified(identification: Identification, e: Estimate) -> str:
     text = f"{spoken(e.name)}: {with_sigma(e.value, e.sigma, e.unit)}"
     if e.sigma is not None and e.value:
         text += f" (±{relative(e.value, e.sigma)})"
@@ -115,27 +113,27 @@ def _validated(predicted: PredictedLog) -> str:
     return f"{predicted.log} (predicted only): {result}."
 
 
-def _not_identified(identification: "Identification") -> list[str]:
+def _not_identified(identification: Identification) -> list[str]:
     """Parameters without an estimate and the reason, those with the same reason together."""
     names: dict[str, list[str]] = {}
     for e in identification.parameters:
-        if e.verdict != "converged":
-            names.setdefault(f"({verdict(e.verdict)}): {_reason(identification, e)}", []).append(spoken(e.name))
+        if e.verdict is not Verdict.CONVERGED:
+            names.setdefault(f"({spoken_verdict(e.verdict)}): {_reason(identification, e)}", []).append(spoken(e.name))
     return [sentence(f"{', '.join(same)} {reason}") for reason, same in names.items()]
 
 
-def _reason(identification: "Identification", e: "Estimate") -> str:
+def _reason(identification: Identification, e: Estimate) -> str:
     """Why there is no estimate of a parameter, and what its value is."""
     value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
-    if e.verdict == "fixed":
+    if e.verdict is Verdict.FIXED:
         return f"{value}, as requested"
-    if e.verdict == "at_bound":
+    if e.verdict is Verdict.AT_BOUND:
         return f"{value} is the limit of the permitted range and not an estimate"
-    if e.verdict == "not_converged":
+    if e.verdict is Verdict.NOT_CONVERGED:
         estimate = with_sigma(e.value, e.sigma, e.unit)
         return f"{estimate} is provisional: the last step still changed it, or the model does not explain the log"
     origin = _origin(identification, e)
-    if e.verdict == "not_identifiable":
+    if e.verdict is Verdict.NOT_IDENTIFIABLE:
         if e.correlated_with:
             others = " and ".join(spoken(name) for name in e.correlated_with)
             return f"the logs do not separate it from {others}; {origin}"
@@ -153,7 +151,7 @@ def _reason(identification: "Identification", e: "Estimate") -> str:
     return f"the logs do not reduce sigma {reduction}; {origin}"
 
 
-def _origin(identification: "Identification", e: "Estimate") -> str:
+def _origin(identification: Identification, e: Estimate) -> str:
     """Where the value of a parameter without an estimate is from."""
     given = identification.initial_vehicle.parameters().get(e.name)
     if given is not None and not np.isclose(given, e.value, rtol=1e-6):
@@ -162,7 +160,7 @@ def _origin(identification: "Identification", e: "Estimate") -> str:
     return "the value shown is that of the vehicle file"
 
 
-def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> Conclusion:
+def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conclusion:
     """The conclusion of a state estimation with a given vehicle file."""
     summaries = [summarise_states(s, records) for s in states]
     cautions = [caution for s in states for caution in state_cautions(s, "vehicle file")]
@@ -171,7 +169,7 @@ def conclude_states(states: "Sequence[States]", records: "Sequence[Record]") -> 
     return Conclusion(
         good=valid > RELIABLE and not cautions,
         headline=_states_headline(valid, len(states), doubtful),
-        found=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
+        results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
         cautions=tuple(map(str, cautions)),
         next_steps=tuple(
             f"Cut {s.name} to the part in which the truck drives, or map the missing channels."

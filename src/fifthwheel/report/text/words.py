@@ -1,19 +1,15 @@
 """The words for verdicts, statuses and names, the same on the page and on a terminal."""
 
-from typing import TYPE_CHECKING
-
 from fifthwheel.diagnose.cautions import has_wide_sigma
-
-if TYPE_CHECKING:
-    from fifthwheel.identify import Estimate
+from fifthwheel.identify import Estimate, Verdict
 
 MARKS = {
-    "converged": "✓",
-    "not_converged": "…",
-    "not_excited": "?",
-    "not_identifiable": "∥",
-    "at_bound": "!",
-    "fixed": "=",
+    Verdict.CONVERGED: "✓",
+    Verdict.NOT_CONVERGED: "…",
+    Verdict.NOT_EXCITED: "?",
+    Verdict.NOT_IDENTIFIABLE: "∥",
+    Verdict.AT_BOUND: "!",
+    Verdict.FIXED: "=",
 }
 """Verdict -> mark."""
 WIDE_MARK = "≈"
@@ -27,19 +23,14 @@ STATUSES = {
 """Status of a sample of states -> words."""
 
 
-def mark(estimate: "Estimate") -> str:
+def mark(estimate: Estimate) -> str:
     """The mark of an estimate's verdict."""
     return WIDE_MARK if has_wide_sigma(estimate) else MARKS[estimate.verdict]
 
 
-def verdict(name: str) -> str:
-    """A verdict in words: "not_excited" -> "not excited"."""
-    return name.replace("_", " ")
-
-
-def predicted_verdict(name: str) -> str:
-    """The verdict of a prediction: a parameter that would converge is identifiable."""
-    return "identifiable" if name == "converged" else verdict(name)
+def spoken_verdict(verdict: Verdict, *, predicted: bool = False) -> str:
+    """A verdict in words, such as "not excited"; a predicted "converged" is "identifiable"."""
+    return "identifiable" if predicted and verdict is Verdict.CONVERGED else verdict.replace("_", " ")
 
 
 def spoken(path: str) -> str:

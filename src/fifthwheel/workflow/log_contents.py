@@ -1,0 +1,82 @@
+"""The columns of a log, and the signal map that is proposed for it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fifthwheel._atomic import atomic_write
+from fifthwheel.logs.mapping.propose import MapProposal, as_toml, propose_map
+from fifthwheel.logs.mapping.survey import LogSurvey, survey_log
+from fifthwheel.logs.readers import open_log
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow.inputs import Progress, report_fraction
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogContents:
+    """The columns of a log and the proposed map."""
+
+    survey: LogSurvey
+    proposal: MapProposal
+    signals_toml: str
+    """The proposed map as the text of a file."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Columns and map for JSON; a number that is not finite becomes None."""
+        columns = [
+            {"name": name, "unit": content.column.unit}
+            | {key: _finite(value) for key, value in asdict(content).items() if key != "column"}
+            for name, content in self.survey.contents.items()
+        ]
+        return {
+            "name": self.survey.name,
+            "span": [_finite(self.survey.start), _finite(self.survey.stop)],
+            "notes": list(self.survey.notes),
+            "columns": columns,
+            "missing": list(self.proposal.missing),
+            "findings": [str(finding) for finding in self.proposal.findings],
+            "signals_toml": self.signals_toml,
+        }
+
+
+def survey_file(
+    path: Path,
+    vehicle: Vehicle | None = None,
+    *,
+    databases: Sequence[Path] = (),
+    map_file: Path | None = None,
+    progress: Progress = lambda *_: None,
+) -> LogContents:
+    """Survey a log and propose a map.
+
+    Args:
+        vehicle: gives the names of the units, and the wheelbase for the steering ratio.
+        databases: DBC or ARXML files for CAN frames. In the map, those in its folder or below have a relative path.
+        map_file: where to write the map.
+        progress: called with a title, the thousandths of the log that are read, and 1000.
+
+    Raises:
+        SignalError: the log cannot be read.
+    """
+    folder = (map_file.parent if map_file else Path()).resolve()
+    full = [database.resolve() for database in databases]
+    named = [database.relative_to(folder) if database.is_relative_to(folder) else database for database in full]
+    known: dict[str, Any] = {}
+    if vehicle is not None:
+        known = {"units": [unit.name for unit in vehicle.units], "wheelbase": vehicle.wheelbase}
+    report = partial(report_fraction, progress, f"reading {path.name}")
+    with open_log(path, databases, report) as opened:
+        survey = survey_log(opened, report)
+        proposal = propose_map(opened, survey, databases=named, **known)
+    text = as_toml(proposal, survey)
+    if map_file is not None:
+        with atomic_write(map_file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return LogContents(survey=survey, proposal=proposal, signals_toml=text)
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
