@@ -39,7 +39,9 @@ def test_check_tells_every_parameter(folder, run):  # noqa: F811
         assert re.search(r"\+-30 %|\+-81 %", line_of(outcome.out, name))
         assert line_of(outcome.out, name).rstrip().endswith(" identifiable")
     told = line_of(outcome.out, f"- {HEIGHT}: ")
-    assert re.match(rf"- {HEIGHT}: \d+ % -> \d+ % if semitrailer\.roll_axis_height is known \(--fix\), ->", told)
+    assert re.match(
+        rf"- {HEIGHT}: \d+ % -> \d+ % if semitrailer\.roll_axis_height is measured and fixed \(--fix\), ->", told
+    )
     assert "Errors in the logs" not in outcome.out
     assert list(Path().iterdir()) == []
 
@@ -138,7 +140,7 @@ def test_design_says_why_not(run):  # noqa: F811
     assert outcome.code == 0
     assert outcome.out.startswith("No run reaches all targets: 1 of 1 missed")
     assert re.search(
-        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if semitrailer\.roll_[a-z]+ is known \(--fix\)",
+        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if semitrailer\.roll_[a-z]+ is measured and fixed \(--fix\)",
         outcome.out.replace("roll_axis_height", "roll_axis"),
     )
     told = run(

@@ -173,7 +173,7 @@ def fits(page: PageBuilder, identification: Identification) -> None:
     )
     for log in dict.fromkeys(fit.log for fit in identification.fits):
         fits = [fit for fit in identification.fits if fit.log == log]
-        page.subheading(log, badge="" if fits[0].identified_on else "predicted only")
+        page.subheading(log, badge="" if fits[0].identified_on else "validation log")
         page.figures(map(_captioned_fit, fits))
 
 
@@ -239,7 +239,7 @@ def consistency(page: PageBuilder, states: Sequence[States], fits: Sequence[Fit]
         log_states = next((s for s in states if s.name == log), None)
         log_fits = {fit.signal: fit for fit in fits if fit.log == log}
         predicted_only = any(not fit.identified_on for fit in log_fits.values())
-        page.subheading(log, badge="predicted only" if predicted_only else "")
+        page.subheading(log, badge="validation log" if predicted_only else "")
         if log_states is not None:
             page.figures(_innovations(log_states))
         for signal in dict.fromkeys([*log_fits, *(log_states.innovation if log_states else ())]):

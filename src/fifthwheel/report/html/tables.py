@@ -180,7 +180,7 @@ def logs(records: Sequence[Record], runs: Sequence[RunSummary], identification: 
     for name in dict.fromkeys([*summaries, *spans]):
         (first, last), samples = spans[name]
         log, run = summaries.get(name), by_name[name]
-        use = "identified on" if log else "predicted only" if identification else "states"
+        use = "identification" if log else "validation" if identification else "states"
         channel, rejected = max(log.rejected.items() if log else (), key=lambda item: item[1], default=("", 0.0))
         worst = f"{percent(rejected)} of {code(channel)}" if rejected else "none"
         cells = [

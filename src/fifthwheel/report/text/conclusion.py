@@ -81,18 +81,14 @@ def _headline(identification: Identification, converged: Sequence[Estimate], est
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
     wide = sum(map(has_wide_sigma, converged))
-    sigma = f" {_subject(wide, len(converged))} a sigma above {percent(WIDE_SIGMA)} of its value." if wide else ""
+    sigma = ""
+    if wide:
+        subject = "One parameter has" if wide == 1 else f"{wide} parameters have"
+        sigma = f" {subject} a sigma above {percent(WIDE_SIGMA)} of {'its' if wide == 1 else 'their'} value."
     if len(converged) == len(estimated):
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
     verb = "is" if len(converged) == 1 else "are"
     return f"{len(converged)} of {len(estimated)} parameters {verb} identified from {logs}.{sigma}"
-
-
-def _subject(wide: int, converged: int) -> str:
-    """How many of the identified parameters, with the verb: "It has", "Each has", "2 of them have each"."""
-    if wide == converged:
-        return "It has" if wide == 1 else "Each has"
-    return "One parameter has" if wide == 1 else f"{wide} parameters have each"
 
 
 def _identified(identification: Identification, e: Estimate) -> str:
@@ -149,7 +145,7 @@ def _reason(identification: Identification, e: Estimate) -> str:
         if e.correlated_with:
             others = " and ".join(spoken(name) for name in e.correlated_with)
             return f"strongly correlated with {others}; {origin}"
-        return f"the roll rate of the {unit} is not logged. {origin}"
+        return f"the roll rate of the {unit} is not logged; {origin}"
     if e.sigma is None:
         return f"it was not estimated, because no roll rate of the {unit} was logged; {origin}"
     prior = e.prior if e.prior is not None else e.sigma
@@ -159,8 +155,10 @@ def _reason(identification: Identification, e: Estimate) -> str:
         absolute = ParameterPath.of(e.name).is_payload_height
         return f"±{approximate(sigma, e.unit) if absolute else percent(sigma / abs(e.initial))}"
 
-    return f"the logs reduce sigma too little: {magnitude(limit)} or less is required, the prior sigma is "
+    return (
+        f"the logs reduce sigma too little: {magnitude(limit)} or less is required, the prior sigma is "
         f"{magnitude(prior)}; {origin}"
+    )
 
 
 def _origin(identification: Identification, e: Estimate) -> str:
