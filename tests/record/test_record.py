@@ -79,7 +79,7 @@ def test_short_gaps_of_an_input_are_interpolated():
 def test_long_gaps_of_an_input_are_refused(start, stop, where):
     with pytest.raises(
         SignalError,
-        match=rf"speed: \d+% of the samples are missing; the longest gap is {where} s; up to 0.5 s is permitted; map another",
+        match=rf"speed: \d+% of the samples are missing; the longest gap is {where} s; up to 0.5 s",
     ):
         with_gap(start, stop).input("speed")
 
