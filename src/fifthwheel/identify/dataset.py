@@ -63,7 +63,7 @@ class Dataset:
         """The initial vehicle with estimated values; its source names the logs and their speeds."""
         low, high = speed_range(self.logs)
         names = ", ".join(log.name for log in self.logs)
-        source = f"{self.initial_vehicle.source}; identified on {names} at {low:.1f} to {high:.1f} m/s"
+        source = f"{self.initial_vehicle.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
         return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
 
 
