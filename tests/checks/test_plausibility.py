@@ -121,7 +121,10 @@ def test_units_and_axles_that_the_vehicle_does_not_have(weaving):
     unknown = weaving.with_signals({"roll_rate.trailer": 0.1 * values, "steer.tractor.fron": weaving.signals[STEER]})
     messages = [str(f) for f in check(unknown, **units) if f.fault is Fault.UNKNOWN_UNIT]
     assert len(messages) == 2
-    assert "has no unit 'trailer'; rename the signal in signals.toml, did you mean 'semitrailer'" in messages[0]
+    assert (
+        "has no tractor or trailer named 'trailer'; rename the signal in signals.toml, did you mean 'semitrailer'"
+        in messages[0]
+    )
     assert "did you mean 'steer.tractor.front'?" in messages[1]
 
 
@@ -129,7 +132,7 @@ def test_gyros_of_tractor_and_trailer_exchanged(weaving):
     exchanged = weaving.with_signals({RATE: weaving.signals[RATE2], RATE2: weaving.signals[RATE]})
     findings = [f for f in check(exchanged) if f.severity == "error"]
     assert (findings[0].signal, findings[0].fault) == (RATE2, Fault.WRONG_COLUMN)
-    assert "look exchanged" in findings[0].message
+    assert "swap the two columns" in findings[0].message
 
 
 def test_a_speed_in_m_per_s_read_as_km_per_h(weaving):

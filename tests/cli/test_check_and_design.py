@@ -39,7 +39,9 @@ def test_check_tells_every_parameter(folder, run):  # noqa: F811
         assert re.search(r"\+-30 %|\+-81 %", line_of(outcome.out, name))
         assert line_of(outcome.out, name).rstrip().endswith(" identifiable")
     told = line_of(outcome.out, f"- {HEIGHT}: ")
-    assert re.match(rf"- {HEIGHT}: \d+ % -> \d+ % if semitrailer\.roll_axis_height is known \(--fix\), ->", told)
+    assert re.match(
+        rf"- {HEIGHT}: \d+ % -> \d+ % if semitrailer\.roll_axis_height is measured and fixed \(--fix\), ->", told
+    )
     assert "Errors in the logs" not in outcome.out
     assert list(Path().iterdir()) == []
 
@@ -59,7 +61,7 @@ def test_check_of_a_straight_drive(folder, run):  # noqa: F811
     assert outcome.out.startswith("straight: no parameter is identifiable, the excitation is too small.")
     for name in ESTIMATED:
         assert line_of(outcome.out, name).rstrip().endswith("not excited")
-        assert re.match(rf"- {name}: not excited -> [\d.]+ % with one more lane", line_of(outcome.out, f"- {name}"))
+        assert re.match(rf"- {name}: not excited -> [\d.]+ % if one more lane", line_of(outcome.out, f"- {name}"))
     assert "at 88 km/h" in outcome.out
 
 
@@ -95,13 +97,13 @@ def test_check_lists_what_is_wrong(folder, run):  # noqa: F811
     assert outcome.code == 0
     assert "The logs have errors" in outcome.out.replace("\n", " ")
     assert outcome.out.index(f"bad: {name}: the sign contradicts") < outcome.out.index("Parameter")
-    assert outcome.out.index("Cautions") < outcome.out.index("bad: roll_rate.tractor: 8% missing")
+    assert outcome.out.index("Cautions") < outcome.out.index("bad: roll_rate.tractor: 8% of the")
     severities = [f["severity"] for f in run("check", "bad.csv", "-v", TRUCK, "--json").json()["findings"]]
     assert severities == ["error", "warning"]
     write_record(bad.with_signals({"speed": np.zeros(len(bad))}), "rest.csv")
     outcome = run("check", "rest.csv", "-v", TRUCK)
     refused(outcome, r"speed: at most 0\.0 m/s")
-    assert "roll_rate.tractor: 8% missing" in outcome.err
+    assert "roll_rate.tractor: 8% of the samples are missing" in outcome.err
 
 
 def test_check_refuses(folder, run):  # noqa: F811
@@ -138,7 +140,7 @@ def test_design_says_why_not(run):  # noqa: F811
     assert outcome.code == 0
     assert outcome.out.startswith("No run reaches all targets: 1 of 1 missed")
     assert re.search(
-        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if semitrailer\.roll_[a-z]+ is known \(--fix\)",
+        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if semitrailer\.roll_[a-z]+ is measured and fixed \(--fix\)",
         outcome.out.replace("roll_axis_height", "roll_axis"),
     )
     told = run(

@@ -44,7 +44,7 @@ def test_states_concludes_and_draws(log, tmp_path):
     assert told["files"]["figures"] == str(tmp_path / "figures")
     assert (tmp_path / "figures" / "first" / "states" / "sideslip.semitrailer.svg").is_file()
     text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
-    assert "The band treats the vehicle file and the sensor errors as exact" in text
+    assert "The band does not include the uncertainty of the parameters and sensor errors." in text
 
 
 def test_another_kind_of_figure_is_refused(log, tmp_path):

@@ -87,7 +87,7 @@ def test_a_poor_prediction(result):
     first, *rest = result.identification.fits
     poor = replace(first, explained=0.3, rms=10 * first.rms)
     caution = only(identification_cautions(replace(result.identification, fits=(poor, *rest))), CautionKind.POOR_FIT)
-    assert "only 30.0 % of the variance is explained" in caution.message
+    assert "the model explains 30.0 % of the variance" in caution.message
 
 
 def test_rejected_samples(result):

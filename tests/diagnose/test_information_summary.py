@@ -42,9 +42,9 @@ def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight
     first, second, *_ = next_steps(identification, summarise_runs(identification, [record]), outlook)
     assert "two or more lane changes" in first.message
     assert set(first.parameters) == {e.name for e in identification.parameters}
-    assert second.message.startswith("Predicted with one more lane change (SAE J2179) at 88 km/h")
+    assert second.message.startswith("Predicted sigma if one more lane change (SAE J2179) at 88 km/h is driven")
     sigma = outlook["tractor.front.cornering_stiffness"].remedies[0].sigma / 4.75e5
-    assert f"tractor.front.cornering_stiffness ±{100 * sigma:.2g} %" in second.message
+    assert f"tractor.front.cornering_stiffness {100 * sigma:.2g} %" in second.message
 
 
 def test_a_sigma_far_above_the_sensor_noise_is_due_to_autocorrelation(result):

@@ -59,10 +59,10 @@ def test_dataset(truck: Vehicle) -> None:
     assert dataset.vehicle.steer_signals() == (FRONT,)
     assert dataset.initial_vehicle.steer_signals() == truck.steer_signals()
     assert all(dataset.vehicle.parameters()[f"{path}.relaxation_length"] == 0 for path in group_paths(truck))
-    assert any(REAR in note and "taken as 0" in note for note in dataset.notes)
+    assert any(REAR in note and "assumed to be 0" in note for note in dataset.notes)
     assert "tractor.mass is fixed: no sigma includes its uncertainty." in dataset.notes
     source = dataset.identified_vehicle({"semitrailer.yaw_inertia": 4.0e5}).source
-    assert "identified on slow at 24.4 to 24.4 m/s" in source
+    assert "identified from slow at 24.4 to 24.4 m/s" in source
 
 
 def test_noise_of_a_log(truck: Vehicle) -> None:

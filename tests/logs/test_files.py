@@ -114,7 +114,7 @@ def test_incomplete_lines_and_lines_without_time_are_left_out_and_noted(tmp_path
         (b"PAR1 and then nothing", "cut short or damaged"),
         ("1,2\n3,4\n5,6\n", "begins with numbers"),
         ("time,v\n0,1\n1,2\n", r'no column has the name of a signal, the columns are time, v; map'),
-        ("stamp,speed\n0,1\n1,2\n", "no time for speed, neither 'time' nor 't' among stamp, speed"),
+        ("stamp,speed\n0,1\n1,2\n", "speed has no timestamps: the log has no column named 'time' or 't'"),
         ("t,speed,speed\n0,1,1\n1,2,2\n", "column 'speed' has several sources; say which: speed@1, speed@2"),
         ("t,speed\n0,1\n1,2\n0.5,3\n", r"goes back from 1 to 0\.5 s at row 3"),
         ("t,speed [deg]\n0,1\n1,2\n", "got 'deg'"),

@@ -126,7 +126,7 @@ def test_several_rates_and_repeated_timestamps(tmp_path):
     assert record.time == pytest.approx(t_imu[::4])
     assert record.signals["yaw_rate.tractor"] == pytest.approx(T[::4])
     assert record.signals["speed"] == pytest.approx(t_imu[::4])
-    with pytest.raises(SignalError, match=r"no time for roll\.tractor, neither"):
+    with pytest.raises(SignalError, match=r"roll\.tractor has no timestamps"):
         read_table(tmp_path, toml + "[signals.roll]\ntractor = {column = 'r'}", t_imu=t_imu, r=T, t_v=T, v=T)
     with pytest.raises(SignalError, match="t_imu: goes back"):
         read_table(tmp_path, toml, t_imu=t_imu[::-1], r=T, t_v=T, v=T)
@@ -217,5 +217,5 @@ def test_the_time_of_a_channel_is_sampled_with_it(tmp_path):
         mdf.append([Signal(np.arange(0, 5, step), np.arange(0, 5, step), name=name)])
     mdf.save(tmp_path / "log.mf4")
     mdf.close()
-    with pytest.raises(SignalError, match="speed: the time column 't_v' is not sampled with 'v'; name one of the same"):
+    with pytest.raises(SignalError, match="speed: the time column 't_v' and 'v' are in different groups"):
         read_log(tmp_path / "log.mf4", SignalMap.parse("[signals.speed]\ncolumn = 'v'\ntime = 't_v'"))

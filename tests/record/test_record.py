@@ -70,15 +70,16 @@ def test_short_gaps_of_an_input_are_interpolated():
 @pytest.mark.parametrize(
     ("start", "stop", "where"),
     [
-        (4.05, 6.0, "4.00 and 6.00"),
-        (-1, 0.95, "0.00 and 1.00"),
-        (18.95, 99, "18.90 and 19.90"),
-        (-1, 99, "0.00 and 19.90"),
+        (4.05, 6.0, "4.00 to 6.00"),
+        (-1, 0.95, "0.00 to 1.00"),
+        (18.95, 99, "18.90 to 19.90"),
+        (-1, 99, "0.00 to 19.90"),
     ],
 )
 def test_long_gaps_of_an_input_are_refused(start, stop, where):
     with pytest.raises(
-        SignalError, match=rf"speed: \d+% missing, no sample between {where} s, gaps up to 0.5 s allowed; map another"
+        SignalError,
+        match=rf"speed: \d+% of the samples are missing; the longest gap is {where} s; up to 0.5 s",
     ):
         with_gap(start, stop).input("speed")
 

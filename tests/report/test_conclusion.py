@@ -22,7 +22,10 @@ def with_verdict(identification, verdict, **changes):
 def test_all_identified(result):
     conclusion = conclude_identification(result.identification, result.records[:1])
     assert conclusion.good
-    assert conclusion.headline == "All 5 parameters are identified from 1 log; 1 has a sigma above 15 %."
+    assert (
+        conclusion.headline
+        == "All 5 parameters are identified from 1 log. One parameter has a sigma above 15 % of its value."
+    )
     assert len([line for line in conclusion.results if "vehicle file" in line]) == 5
     assert any("CoG height, derived" in line for line in conclusion.results)
     assert conclusion.not_identified == ()
@@ -30,7 +33,7 @@ def test_all_identified(result):
 
 def test_a_wide_sigma_calls_for_more_excitation(result):
     conclusion = conclude_identification(with_verdict(result.identification, Verdict.CONVERGED, sigma=2e5))
-    assert "2 have a sigma above 15 %" in conclusion.headline
+    assert "2 parameters have a sigma above 15 % of their value" in conclusion.headline
     assert any("To improve tractor.front.cornering_stiffness" in line for line in conclusion.next_steps)
 
 
@@ -40,16 +43,26 @@ def test_a_wide_sigma_calls_for_more_excitation(result):
         (Verdict.NOT_CONVERGED, {}, "(not converged): ", "Add another log"),
         (Verdict.AT_BOUND, {}, "limit of the permitted range", "error in the vehicle file"),
         (Verdict.FIXED, {}, "(fixed): ", ""),
-        (Verdict.NOT_EXCITED, {"sigma": 1e5}, "(not excited): the logs do not reduce sigma from", "lane change"),
+        (Verdict.NOT_EXCITED, {"sigma": 1e5}, "(not excited): the logs reduce sigma too little", "lane change"),
         (Verdict.NOT_EXCITED, {"sigma": None}, "no roll rate of the tractor", "Log the roll rate of the tractor"),
-        (Verdict.NOT_IDENTIFIABLE, {"correlated_with": ()}, "no channel", "Log the roll rate of the tractor"),
+        (
+            Verdict.NOT_IDENTIFIABLE,
+            {"correlated_with": ()},
+            "roll rate of the tractor is not logged",
+            "Log the roll rate of the tractor",
+        ),
         (
             Verdict.NOT_IDENTIFIABLE,
             {"correlated_with": ("semitrailer.yaw_inertia",)},
-            "do not separate it from semitrailer yaw inertia",
+            "strongly correlated with semitrailer yaw inertia",
             "fix semitrailer.yaw_inertia",
         ),
-        (Verdict.NOT_IDENTIFIABLE, {"correlated_with": ("steer.tractor.front.gain",)}, "separate", "by calibration"),
+        (
+            Verdict.NOT_IDENTIFIABLE,
+            {"correlated_with": ("steer.tractor.front.gain",)},
+            "correlated with",
+            "by calibration",
+        ),
     ],
 )
 def test_each_verdict_has_a_reason_and_advice(result, verdict, changes, reason, advice):
@@ -87,29 +100,29 @@ def test_cautions_come_with_their_cure(result):
 def test_states_that_do_not_fit_are_a_caution(result):
     large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
     conclusion = conclude_identification(result.identification, result.records, states=[large])
-    assert any("bands of the states are too narrow" in line for line in conclusion.cautions)
+    assert any("sigma of the states is too small" in line for line in conclusion.cautions)
 
 
 def test_a_poor_prediction_does_not_validate(result):
     identification = result.identification
-    assert any("predicted only" in line for line in conclude_identification(identification).results)
+    assert any("(validation log)" in line for line in conclude_identification(identification).results)
     fits = tuple(f if f.identified_on else replace(f, explained=0.3, rms=10 * f.rms) for f in identification.fits)
     conclusion = conclude_identification(replace(identification, fits=fits))
-    assert any("only 30.0 % of the variance is explained" in line for line in conclusion.cautions)
-    assert conclusion.next_steps[0].startswith("Identify on")
-    assert not any("predicted only" in line for line in conclusion.results)
+    assert any("the model explains 30.0 % of the variance" in line for line in conclusion.cautions)
+    assert conclusion.next_steps[0].endswith("for the identification too, because it is predicted poorly.")
+    assert not any("(validation log)" in line for line in conclusion.results)
 
 
 def test_what_a_prediction_validates(result):
     fits = result.identification.fits
     for changes, expected in (
-        ({"explained": 0.97, "rms": 1.0}, "at least 97.0 % is explained"),
+        ({"explained": 0.97, "rms": 1.0}, "explains at least 97.0 % of the variance"),
         ({"rms": 1e-9}, "no residual is larger than the sensor noise"),
         ({"rms": 1e-9, "explained": 0.0}, "the truck hardly turns in it"),
     ):
         changed = tuple(f if f.identified_on else replace(f, **changes) for f in fits)
         conclusion = conclude_identification(replace(result.identification, fits=changed))
-        assert any(line.startswith(f"{NASTY} (predicted only): ") and expected in line for line in conclusion.results)
+        assert any(line.startswith(f"{NASTY} (validation log): ") and expected in line for line in conclusion.results)
 
 
 def test_conclusion_of_states(result):
@@ -119,7 +132,7 @@ def test_conclusion_of_states(result):
     assert any("sideslip.semitrailer" in line and "deg" in line for line in conclusion.results)
     large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
     conclusion = conclude_states([large], result.records)
-    assert any("bands of the states are too narrow" in line for line in conclusion.cautions)
+    assert any("sigma of the states is too small" in line for line in conclusion.cautions)
     assert conclusion.headline.endswith("do not rely on these states.")
     assert not any("reliable" in line for line in conclusion.results)
 

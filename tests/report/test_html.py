@@ -145,8 +145,8 @@ def test_gaps_are_null(result):
 
 def test_predicted_logs_are_marked(text):
     section = text[text.index('id="fits"') : text.index('id="states"')]
-    assert section.count("predicted only</span>") == 1
-    assert section.index("lane changes") < section.index("predicted only</span>")
+    assert section.count("validation log</span>") == 1
+    assert section.index("lane changes") < section.index("validation log</span>")
 
 
 def test_states_alone(result, tmp_path):

@@ -45,7 +45,7 @@ def test_each_parameter_is_one_line(text, every_verdict):
 
 
 def test_fit_and_next_steps(text, every_verdict):
-    assert "(predicted only)" in " ".join(text.split())
+    assert "(validation log)" in " ".join(text.split())
     assert "yaw_rate.semitrailer" in text
     assert "Next steps" in text
     assert "NaN" not in text

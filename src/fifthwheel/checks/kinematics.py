@@ -271,8 +271,10 @@ def _explain(
             remedy = {"sign": -1}
             return problem, remedy, remedy_text(remedy) + ("" if signal == relation.leading else f", or for {other}")
         case Fault.WRONG_COLUMN if relation.lead > _MAX_LEAD and SignalName.of(signal).quantity == "yaw_rate":
-            problem = f"{relation.lead:.1f} s earlier than a towed unit can follow {relation.leading}"
-            return problem, {}, "the two columns look exchanged: exchange them in signals.toml, or set delay"
+            problem = (
+                f"the signal leads {relation.leading} by {relation.lead:.1f} s, which is impossible for a towed unit"
+            )
+            return problem, {}, "swap the two columns in signals.toml, or set delay"
         case Fault.WRONG_COLUMN:
             problem = f"not related to {other} (coherence {relation.coherence:.2f}, at least 0.3 expected)"
             return problem, {}, "map another column in signals.toml, or set delay"
@@ -289,12 +291,16 @@ def _explain(
             return f"{expected}, looks like the steering-wheel angle", {}, cure
         case Fault.UNIT:
             wrong, true_unit = (signal, "g") if gain < 0.18 else ("speed", "km/h" if gain < 1 else "m/s")
-            problem = f"speed * {other} is {1 / gain:.1f} times {signal}, 1 expected; {wrong} looks like {true_unit}"
+            problem = (
+                f"{wrong} is probably in {true_unit}: speed * {other} should equal {signal}, but is {1 / gain:.1f} "
+                "times as "
+                "large"
+            )
             return problem, {"unit": true_unit}, ""
         case Fault.GAIN:
             problem = f"{expected}, speed and a wheelbase of {relation.wheelbase:.3g} m, 1 expected"
             return problem, {}, "correct gain (1 / steering ratio) in signals.toml, or the unit of speed"
         case _:
             offset = relation.offset
-            problem = f"about {offset:.3g} {unit} where {other} gives 0"
-            return problem, {"offset": offset}, f"{remedy_text({'offset': offset})}, which is subtracted"
+            problem = f"the offset is about {offset:.3g} {unit}: the mean when {other} predicts 0"
+            return problem, {"offset": offset}, f"{remedy_text({'offset': offset})} (the offset is subtracted)"

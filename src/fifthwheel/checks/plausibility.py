@@ -59,7 +59,10 @@ def _unknown_units(record: Record, units: Sequence[str], steered: Sequence[str])
     for name in record.signals if units else ():
         signal = SignalName.of(name)
         if signal.unit and signal.unit not in units:
-            problem, similar = f"the vehicle has no unit {signal.unit!r}", suggestion(signal.unit, list(units))
+            problem, similar = (
+                f"the vehicle file has no tractor or trailer named {signal.unit!r}",
+                suggestion(signal.unit, list(units)),
+            )
         elif signal.quantity == "steer" and steered and name not in steered:
             problem, similar = "the vehicle has no such steered axle", suggestion(name, list(steered))
         else:
@@ -92,8 +95,9 @@ def _speed(record: Record) -> Iterator[Finding]:
     elif slow > 0.02:
         first, last = time[speed >= MIN_SPEED][[0, -1]]
         message = (
-            f"{slow:.0%} of the samples below {MIN_SPEED:g} m/s; set start and stop in [time] of signals.toml, the run "
-            f"is faster within {first:.2f} to {last:.2f} s"
+            f"{slow:.0%} of the samples are below {MIN_SPEED:g} m/s; to use only the fast part, set start = "
+            f"{first:.2f} and "
+            f"stop = {last:.2f} in [time] of signals.toml"
         )
         yield finding(Fault.ZERO_SPEED, "warning", message)
 

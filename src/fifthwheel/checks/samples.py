@@ -104,13 +104,14 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     local = per_bin[worst] / (bin_edges[1] - bin_edges[0])
     if missing[longest] > 0.5:
         start, stop = max(edges[longest], first), min(edges[longest + 1], last)
-        where = f"no sample between {start:.2f} and {stop:.2f} s, gaps up to 0.5 s allowed"
+        where = f"the longest gap is {start:.2f} to {stop:.2f} s; up to 0.5 s is permitted"
     elif local > 0.05:
-        where = f"{local:.0%} between {max(bin_edges[worst], first):.2f} and {bin_edges[worst + 1]:.2f} s, 5 % allowed"
+        begin, end = max(bin_edges[worst], first), bin_edges[worst + 1]
+        where = f"{local:.0%} between {begin:.2f} and {end:.2f} s; up to 5 % is permitted"
     else:
         return
     cure = "map another column, or cut the record with start and stop in [time] of signals.toml"
-    message = f"{name}: {fraction:.0%} missing, {where}; {cure}"
+    message = f"{name}: {fraction:.0%} of the samples are missing; {where}; {cure}"
     yield Finding(signal=name, fault=Fault.DROPOUT, severity="error" if fraction > 0.5 else "warning", message=message)
 
 
@@ -146,7 +147,8 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
     if mask.any() and np.mean(mask) < _MAX_SPIKES:
         first = int(mask.argmax())
         cure = (
-            "an identification leaves them out, an observer uses them: repair the column, or mark them as missing"
+            "fifthwheel identify ignores these samples, fifthwheel states uses them: repair them, or replace them by "
+            "NaN"
             if is_input(name)
             else "filters gate them as outliers; repair the column if there are many"
         )

@@ -23,11 +23,11 @@ def check(
     sensor: options.SensorOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Predict how well `identify` can estimate each parameter from these logs, and what would help.
+    """Predict the sigma of each parameter from these logs, and what would reduce it.
 
-    Predicts the sigma of each parameter from all logs together, without a fit, at the values of the vehicle file. For
-    each uncertain parameter it predicts the improvement by a known parameter, another manoeuvre or another sensor. It
-    also lists implausible signals.
+    Predicts the sigma of each parameter that `identify` would estimate from all logs together. Uses the values of the
+    vehicle file and does no fit. For each parameter with a large sigma, it predicts the sigma if another parameter were
+    known, another manoeuvre driven or another signal logged. It also lists implausible signals.
     """
     from fifthwheel.identify.design.assess import assess_information
     from fifthwheel.workflow import read_vehicle

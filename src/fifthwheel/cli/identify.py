@@ -44,7 +44,10 @@ def identify(
     out: options.OutOption = Path("fifthwheel-out"),
     method: Annotated[
         Method,
-        typer.Option(help="One stage, the two stages of the article's dual filter, or the article's own settings."),
+        typer.Option(
+            help="one-stage; two-stage: dual Kalman filter; article: two-stage with the settings of Cheng and Cebon "
+            "(2011)."
+        ),
     ] = Method.one_stage,
     fix: options.FixOption = None,
     free: options.FreeOption = None,
@@ -57,7 +60,13 @@ def identify(
         typer.Option(help="Compare the logs with a free-running model, or with one-step predictions."),
     ] = Form.output_error,
     validate: Annotated[
-        list[Path] | None, typer.Option("--validate", help="A log to predict only; may be repeated.")
+        list[Path] | None,
+        typer.Option(
+            "--validate",
+            help="A log for validation: it is predicted with the identified vehicle and not used for the estimation; "
+            "may "
+            "be repeated.",
+        ),
     ] = None,
     passes: Annotated[
         int | None,

@@ -21,7 +21,11 @@ VehicleOption = Annotated[
 ]
 SignalsOption = Annotated[
     Path | None,
-    typer.Option("--signals", "-s", help="A signals.toml, if the columns do not have the names of signals."),
+    typer.Option(
+        "--signals",
+        "-s",
+        help="Signal map (signals.toml). Needed if the column headers are not signal names such as yaw_rate.tractor.",
+    ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; created if it does not exist.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
@@ -43,7 +47,7 @@ FiguresOption = Annotated[
 
 FixOption = Annotated[
     list[str] | None,
-    typer.Option("--fix", help="A parameter that keeps its value and counts as exact; may be repeated."),
+    typer.Option("--fix", help="A parameter that keeps its value, assumed to be exact; may be repeated."),
 ]
 FreeOption = Annotated[
     list[str] | None,
@@ -53,8 +57,9 @@ PriorOption = Annotated[
     list[str] | None,
     typer.Option(
         "--prior",
-        help="NAME=FRACTION: also estimate NAME, with this prior sigma as a fraction of its value, such as "
-        "relaxation_length=20%. NAME is a path or the end of one. 0 means exact. May be repeated.",
+        help="NAME=FRACTION: also estimate NAME; FRACTION is its prior sigma relative to its value, such as "
+        "relaxation_length=20%. NAME is a parameter path or its last part. 0: NAME is exact and not estimated. May be "
+        "repeated.",
     ),
 ]
 ConsiderOption = Annotated[
@@ -62,7 +67,7 @@ ConsiderOption = Annotated[
     typer.Option(
         "--consider",
         help="NAME=FRACTION: do not estimate NAME, but include its uncertainty in every sigma, such as "
-        "roll_stiffness=10%. NAME is a path or the end of one. 0 means exact. May be repeated.",
+        "roll_stiffness=10%. NAME is a parameter path or its last part. 0: NAME is exact. May be repeated.",
     ),
 ]
 SensorOption = Annotated[

@@ -19,10 +19,11 @@ def reproduce(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Reproduce the article's sections 3 and 4 with the nonlinear vehicle.
+    """Reproduce sections 3 and 4 of Cheng and Cebon (2011) with the nonlinear vehicle.
 
-    Writes Figures 4 to 9, and a table of every published number with the reproduced one. Needs
-    `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores, with --quick less than one.
+    Writes Figures 4 to 9 and a table with published and reproduced values. Needs
+    `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores; with --quick
+    less than one minute.
     """
     from fifthwheel.studies.cheng_cebon_2011 import table
     from fifthwheel.studies.cheng_cebon_2011.reproduce import reproduce as run

@@ -61,7 +61,10 @@ def simulate(
     ] = None,
     all_truth: Annotated[
         bool,
-        typer.Option("--all-truth", help="Tyre forces, positions and all other truth as reference; nonlinear only."),
+        typer.Option(
+            "--all-truth",
+            help="Write all true signals (tyre forces, positions, ...) as reference signals; nonlinear only.",
+        ),
     ] = False,
     film: Annotated[
         Path | None,

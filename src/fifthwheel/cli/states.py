@@ -37,7 +37,10 @@ def states(
     at: Annotated[
         list[str] | None,
         typer.Option(
-            "--at", help="SIGNAL=X: give the sideslip at x on its unit, in m, instead of at the CoG; may be repeated."
+            "--at",
+            help="SIGNAL=X: compute the sideslip at the position x (m) on the vehicle unit. Default: at the CoG. May "
+            "be "
+            "repeated.",
         ),
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Use later samples too.")] = False,
@@ -51,8 +54,8 @@ def states(
 ) -> None:
     """Estimate sideslip, roll and articulation of a known vehicle: states.parquet and report.html.
 
-    With an identification.json every sigma includes the uncertainty of the vehicle's parameters. The sensor errors of a
-    log that was not identified on are estimated from that log.
+    With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
+    for the identification, its sensor errors are estimated from the log itself.
     """
     from fifthwheel.filters.initial_state import INITIAL_SIGMA
     from fifthwheel.observe import ObserverSettings

@@ -25,8 +25,9 @@ def weigh(
         float,
         typer.Option(
             min=0.0,
-            help="Allowed difference of the front axle's load from the expected one, as a fraction of the tractor's "
-            "load.",
+            help="Permitted difference between the measured front axle load and the one predicted from the other "
+            "axles, "
+            "as a fraction of the tractor's axle loads.",
         ),
     ] = 0.02,
     as_json: JsonOption = False,

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
 EXCITATION = {
-    "cornering_stiffness": f"add a log with a lane change ({LANE_CHANGE}), or with bends at another speed. One speed "
-    "does not separate the axles and the steering ratio.",
+    "cornering_stiffness": f"add a log with a lane change ({LANE_CHANGE}), or with bends at another speed. With "
+    "one speed only, the stiffness of the axles and the steering ratio cannot be distinguished.",
     "yaw_inertia": "add fast lane changes or a slalom (0.3 to 0.5 Hz). Slow bends hardly depend on yaw inertia.",
     "height": f"add lane changes with more roll ({LANE_CHANGE}).",
 }
@@ -45,7 +45,7 @@ class Advice:
     message: str
     parameters: tuple[str, ...] = ()  # that it improves
     signals: tuple[str, ...] = ()  # to log
-    logs: tuple[str, ...] = ()  # to identify on
+    logs: tuple[str, ...] = ()  # to use for the identification
 
 
 def next_steps(
@@ -58,7 +58,7 @@ def next_steps(
         outlook: information at the identified truck, for the effect of a change.
     """
     poor = tuple(p.log for p in predicted_logs(identification) if p.poor)
-    steps = [Advice(f"Identify on {enumerated(poor)} too: the prediction is poor there.", logs=poor)] if poor else []
+    steps = [Advice(_use_poor(poor), logs=poor)] if poor else []
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
     steps += [*_separation(identification), *_dominant_uncertainties(identification)]
@@ -67,21 +67,28 @@ def next_steps(
         steps += [Advice(message, names)] if names else []
     converged = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
     if converged and all(fit.identified_on for fit in identification.fits):
-        steps.append(Advice("Validate the result: only predict one log (--validate), and identify on the others."))
+        steps.append(Advice("Validate the result with a log that is not used for the identification (--validate LOG)."))
     return steps
 
 
+def _use_poor(logs: Sequence[str]) -> str:
+    reason = "it is predicted poorly" if len(logs) == 1 else "they are predicted poorly"
+    return f"Use {enumerated(logs)} for the identification too, because {reason}."
+
+
 def describe_remedy(remedy: "Remedy", lane_change: str = "one more lane change") -> str:
-    """A change as the end of a sentence: "if x is known (--fix)", "with roll_rate.x logged"."""
+    """A change as the end of a sentence: "if x is measured and fixed (--fix)", "if roll_rate.x is logged"."""
     if remedy.known:
         verb = "is" if len(remedy.known) == 1 else "are"
         sensors = sum(is_sensor_error(name) for name in remedy.known)
-        how = "calibrate it" if sensors == len(remedy.known) else "--fix, calibrate" if sensors else "--fix"
-        return f"if {' and '.join(remedy.known)} {verb} known ({how})"
-    changes = [f"{remedy.channel} logged"] if remedy.channel else []
+        how = "measured and fixed (--fix)"
+        if sensors:
+            how = "calibrated" if sensors == len(remedy.known) else "measured and fixed (--fix) or calibrated"
+        return f"if {' and '.join(remedy.known)} {verb} {how}"
+    changes = [f"{remedy.channel} is logged"] if remedy.channel else []
     if remedy.drive:
-        changes.append("the same run repeated" if remedy.drive == "again" else lane_change)
-    return f"with {' and '.join(changes)}"
+        changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
+    return f"if {' and '.join(changes)}"
 
 
 def _more_excitation(identification: Identification, runs: Sequence[RunSummary]) -> Iterator[Advice]:
@@ -122,7 +129,7 @@ def _roll_rates(identification: Identification) -> Iterator[Advice]:
 
 
 def _predicted_improvements(identification: Identification, outlook: "InformationAssessment") -> Iterator[Advice]:
-    """What another run or channel would bring for parameters that the logs do not determine.
+    """The sigma after another run or with another channel, for parameters that the logs do not determine.
 
     Converged parameters are left out: the prediction rests on the sensor noise, which is not what limits their sigma.
     """
@@ -134,10 +141,11 @@ def _predicted_improvements(identification: Identification, outlook: "Informatio
     for assessment in outlook.parameters:
         for remedy in assessment.remedies:
             if assessment.name in missing and not remedy.known:
-                effect = f"{assessment.name} ±{relative(assessment.value, remedy.sigma)}"
+                effect = f"{assessment.name} {relative(assessment.value, remedy.sigma)}"
                 effects.setdefault(describe_remedy(remedy, lane_change), {})[assessment.name] = effect
     for change, sigmas in effects.items():
-        yield Advice(f"Predicted {change}, at best: {enumerated(list(sigmas.values()))}.", tuple(sigmas))
+        message = f"Predicted sigma {change} (lower limit): {enumerated(list(sigmas.values()))}."
+        yield Advice(message, tuple(sigmas))
 
 
 def _separation(identification: Identification) -> Iterator[Advice]:
@@ -153,11 +161,12 @@ def _separation(identification: Identification) -> Iterator[Advice]:
 def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
     uncertain = {e.name: e for e in identification.uncertain}
     for term in dominant_terms(identification):
-        source = uncertain.get(term.source)
-        known = f", known to ±{percent((source.sigma or 0.0) / abs(source.value))}," if source else ""
-        how = "(--consider)" if source else "in the vehicle file"
+        source, known = uncertain.get(term.source), ""
+        cure = "Measure it, and state its uncertainty in the vehicle file."
+        if source:
+            known = f" (assumed uncertainty {percent((source.sigma or 0.0) / abs(source.value))})"
+            cure = f"Measure it, or give its real uncertainty: --consider {term.source}=5%."
         yield Advice(
-            f"Measure {term.source}{known} or give a smaller uncertainty if you know it better {how}: "
-            f"{percent(term.fraction)} of the variance of {term.parameter} comes from it.",
+            f"{percent(term.fraction)} of the variance of {term.parameter} comes from {term.source}{known}. {cure}",
             (term.parameter,),
         )

@@ -181,10 +181,10 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         steer_gain = kind == "gain" and SignalName.of(signal).quantity == "steer"
         value = with_sigma(error.value, error.sigma, error.unit)
         if kind == "delay":
-            text = f"the estimated delay is {value}. The stiffness estimates depend on it."
+            text = f"the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too."
             cure = (
-                "Check the delay. If all channels have a common time base, give it (--sensor steer_delay=5ms) and "
-                "identify again."
+                "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
+                "(--sensor steer_delay=5ms) and identify again."
             )
         elif steer_gain:
             text = (
@@ -219,7 +219,7 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
     excited = {fit.log for fit in identification.fits if fit.explained > thresholds.EXCITED_CHANNEL}
     for fit in identification.fits:
         quality, unit = fit_quality(fit), si_unit(fit.signal)
-        place = f"{fit.signal} in {fit.log}{'' if fit.identified_on else ' (predicted only)'}"
+        place = f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}"
         severity: Severity = "warning"
         if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL:
             kind, severity = CautionKind.UNRELATED_CHANNEL, "error"
@@ -228,14 +228,14 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
         elif not quality.good:
             kind, explained = CautionKind.POOR_FIT, percent(max(fit.explained, 0.0), round_down=True)
             noise = f", sensor noise about {approximate(quality.noise, unit)}" if np.isfinite(quality.noise) else ""
-            text = f"only {explained} of the variance is explained; residual {approximate(fit.rms, unit)} rms{noise}."
+            text = f"the model explains {explained} of the variance; residual {approximate(fit.rms, unit)} rms{noise}."
             cure = "Check sign, unit and position of the sensor, and the vehicle file."
         else:
             continue
         message = f"{place}: {text}"
         yield Caution(kind, message, cure, fit.explained, severity=severity, signals=(fit.signal,), log=fit.log)
     for log in identification.logs:
-        yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES)
+        yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES, "identification")
 
 
 def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
@@ -254,32 +254,36 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
     """Innovations that do not fit the filter's expectation.
 
     Args:
-        blamed: what may be wrong besides the noise: "vehicle file" or "identified truck".
+        blamed: what may be wrong besides the noise: "vehicle file" or "identified vehicle".
     """
     sizes = {name: innovation_size(states, name) for name in states.innovation}
     large = {name: size.rms for name, size in sizes.items() if size.rms > thresholds.LARGE_INNOVATION}
     if large:
-        channels = enumerated([f"{name} ({rms:.1f} times)" for name, rms in large.items()])
+        channels = enumerated([f"{name} ({rms:.1f})" for name, rms in large.items()])
         cure = "Check the vehicle file against this truck, and the noise of these channels."
         if blamed == "vehicle file":
             cure = (
-                f"Check the vehicle file, or identify this truck from {states.name}. If it was identified, give "
-                "identification.json too (-i): it contains the sensor errors."
+                f"Check the vehicle file, or identify this truck from {states.name}. If the vehicle file comes from an "
+                "identification, also give its identification.json (-i); it contains the sensor errors."
             )
         message = (
-            f"{states.name}: the innovations are larger than the filter expects: {channels}. The {blamed} or the "
-            "assumed sensor noise is wrong, and the bands of the states are too narrow."
+            f"{states.name}: the rms of the normalised innovations is above 1: {channels}. The {blamed} or the assumed "
+            "noise is wrong, and the sigma of the states is too small."
         )
         value = max(large.values())
         yield Caution(CautionKind.LARGE_INNOVATIONS, message, cure, value, signals=tuple(large), log=states.name)
     rejected = {name: size.rejected for name, size in sizes.items()}
-    yield from _rejected_samples(states.name, rejected, thresholds.REJECTED_INNOVATIONS)
+    yield from _rejected_samples(states.name, rejected, thresholds.REJECTED_INNOVATIONS, "state filter")
 
 
-def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float) -> Iterator[Caution]:
+def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float, stage: str) -> Iterator[Caution]:
     """Channels of a log of which a larger fraction than the limit was rejected."""
     for signal, fraction in rejected.items():
         if fraction > limit:
-            message = f"{signal} in {log}: {percent(fraction)} of the samples are outside the gate and rejected."
-            cure = "Check the channel for spikes and dropouts."
+            message = (
+                f"{signal} in {log}: the {stage} rejected {percent(fraction)} of the samples as outliers, because "
+                "their "
+                "innovation is larger than the gate."
+            )
+            cure = "Check the channel for spikes; if it has none, the vehicle file or the identified vehicle is wrong."
             yield Caution(CautionKind.REJECTED_SAMPLES, message, cure, fraction, signals=(signal,), log=log)

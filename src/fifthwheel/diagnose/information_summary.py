@@ -62,23 +62,23 @@ class ParameterInformation:
         e, messages = self.estimate, []
         if e.correlated_with:
             precise = e.verdict is Verdict.CONVERGED and (e.sigma or np.inf) < thresholds.NOTABLE_SIGMA * abs(e.value)
-            relation = "Identified well; the remaining error is correlated with" if precise else "Hard to separate from"
+            relation = "Accurate. Its error is correlated with the errors of" if precise else "Strongly correlated with"
             messages.append(f"{relation} {enumerated(e.correlated_with)}.")
         elif self.correlation:
             messages.append(f"Correlated with {self.correlation[0]} ({self.correlation[1]:.2f}).")
         if self.budget:
             largest, *others = [(percent(term.fraction), term.source) for term in self.budget[:2]]
-            text = f"{largest[0]} of its variance comes from {largest[1]}"
-            text += "".join(f" and {fraction} from {source}" for fraction, source in others)
-            messages.append(f"{text}, which the logs do not determine.")
+            text = f"{largest[0]} of its variance comes from the uncertainty of {largest[1]}"
+            text += "".join(f", {fraction} from that of {source}" for fraction, source in others)
+            messages.append(f"{text}.")
         if self.noise_sigma and e.sigma:
             messages.append(
                 f"Sigma is {digits(e.sigma / self.noise_sigma, 2)} times the sigma from sensor noise alone: the "
                 "residuals are autocorrelated."
             )
         if self.improvements:
-            changes = [f"±{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy)}" for i in self.improvements]
-            messages.append(f"Predicted: {'; '.join(changes)}.")
+            changes = [f"{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy)}" for i in self.improvements]
+            messages.append(f"Predicted sigma: {'; '.join(changes)}.")
         return tuple(messages)
 
 

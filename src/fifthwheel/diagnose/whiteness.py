@@ -113,7 +113,7 @@ def describe_whiteness(
     name = "residual" if free_run else "innovation"
     if correlation is None:
         return f"The {name} has too few samples for a test."
-    text = f"The {name} is white noise: the model leaves nothing to explain."
+    text = f"The {name} is white noise: no model error is visible."
     if correlation.time is not None:
         longer = " or more" if correlation.time >= correlation.lag[-1] else ""
         cause = "model, the road or a sensor" if free_run else "vehicle file or of the assumed noise"

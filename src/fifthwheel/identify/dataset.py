@@ -69,7 +69,7 @@ class Dataset:
         """The initial vehicle with estimated values; its source names the logs and their speeds."""
         low, high = speed_range(self.logs)
         names = ", ".join(log.name for log in self.logs)
-        source = f"{self.initial_vehicle.source}; identified on {names} at {low:.1f} to {high:.1f} m/s"
+        source = f"{self.initial_vehicle.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
         return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
 
 
@@ -99,7 +99,11 @@ def prepare_dataset(
     for record in everything:
         notes += _check(record, vehicle, steered, settings)
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
-        notes.append(f"{', '.join(locked)}: not in the logs; the steer angle is taken as 0.")
+        notes.append(
+            f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "
+            "assumed to "
+            "be 0."
+        )
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]

@@ -172,8 +172,9 @@ def _sources(log: LogSource, signal_map: SignalMap, signal: str, channel: Channe
             timestamps = _Timestamps(clock, log.find(channel.time), signal)
             if log.columns[timestamps.column].clock != clock:
                 raise SignalError(
-                    f"{signal}: the time column {timestamps.column!r} is not sampled with {column!r}; "
-                    "name one of the same group, or leave time out"
+                    f"{signal}: the time column {timestamps.column!r} and {column!r} are in different groups; choose "
+                    "a time "
+                    "column of the same group, or delete `time` in signals.toml"
                 )
         else:
             timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")
@@ -188,8 +189,9 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
     column = time_column(log)
     if column is None:
         raise SignalError(
-            f"{log.name}: no time for {signal}, neither 'time' nor 't' among {', '.join(log.columns)}; "
-            f'name the column in signals.toml:\n[time]\ncolumn = "..."'
+            f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
+            f"{', '.join(log.columns)}); "
+            f'give the time column in signals.toml:\n[time]\ncolumn = "..."'
         )
     return column
 

@@ -135,7 +135,7 @@ def test_values_that_mean_none_in_a_users_database(tmp_path):
     [("a.dbc", "nonsense"), ("a.arxml", "<AUTOSAR"), ("a.dbc", ""), ("a.txt", "x"), ("a.kcd", "<a/>")],
 )
 def test_what_is_no_database_is_refused_by_name(tmp_path, name, text):
-    with pytest.raises(SignalError, match=rf"^{name}: no database of CAN messages \(.+\); give a DBC or ARXML"):
+    with pytest.raises(SignalError, match=rf"^{name}: not a valid CAN database \(.+\); give a DBC or ARXML"):
         load([database(tmp_path, text, name)])
 
 

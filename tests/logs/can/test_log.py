@@ -140,7 +140,9 @@ def test_frames_that_do_not_follow_in_time_are_left_out_and_counted_once():
     log = log_of(*((at, VDC2_0B, vdc2(0.0)) for at in times), batch=3)
     for _ in range(2):
         assert samples(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"][0].tolist() == [0.0, 0.1, 0.2, 0.3, 0.4]
-    assert log.notes == ["3 frames left out: not later than the one before of the same message"]
+    assert log.notes == [
+        "3 frames left out: their timestamp is not later than that of the previous frame of the same message"
+    ]
     assert "5 frames of VDC2" in log.columns["VDC2.yaw_rate@0B"].about
 
 

@@ -69,8 +69,8 @@ def test_samples_columns_and_notes_come_through(log):
 
 
 FAULTS = {
-    "crash": r"log\.faulty: reading it as FAULTY crashed \(SIGSEGV\); .*copy it again.*FIFTHWHEEL_READER_MEMORY",
-    "exit": r"log\.faulty: reading it as FAULTY crashed \(exit code 3\)",
+    "crash": r"log\.faulty: reading as FAULTY crashed \(SIGSEGV\)\. .*copy it again.*FIFTHWHEEL_READER_MEMORY",
+    "exit": r"log\.faulty: reading as FAULTY crashed \(exit code 3\)",
     "refuse": "^refused$",
     "foreign": r"log\.faulty: cannot be read as FAULTY \(KeyError: 'some key'\); copy it again",
     "import": r"in the format FAULTY, and no_such_library is not installed; pip install 'fifthwheel\[logs\]'",
@@ -97,7 +97,9 @@ def test_a_file_that_needs_too_much_memory(log, monkeypatch):
 def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
     rows(log())  # the process has started, which is slow on a busy machine
     monkeypatch.setenv(isolated.SECONDS, "0.6")
-    with pytest.raises(SignalError, match=r"no progress for 1 s .*if it is intact, set FIFTHWHEEL_READER_SECONDS"):
+    with pytest.raises(
+        SignalError, match=r"stopped after 1 s without progress.*If it is intact, set FIFTHWHEEL_READER_SECONDS"
+    ):
         rows(log(*commands))
 
 

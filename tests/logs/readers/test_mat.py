@@ -176,7 +176,9 @@ def test_days_become_seconds(save: Any) -> None:
 
 
 def test_no_time(save: Any) -> None:
-    with pytest.raises(SignalError, match=r"no time: 2 vectors of 50 values \(a, b\).*save a vector 'time'"):
+    with pytest.raises(
+        SignalError, match=r"no time vector: 2 vectors of 50 values \(a, b\).*save a vector named 'time'"
+    ):
         open_log(save({"a": T, "b": T}))
     with pytest.raises(SignalError, match="no vectors of numbers"):
         open_log(save({"a": 1.0}))
@@ -243,7 +245,7 @@ def test_a_vector_that_is_a_little_shorter_than_its_time(save: Any) -> None:
             np.testing.assert_array_equal(found[name][1], np.r_[values, np.full(50 - values.size, np.nan)])
         assert sorted(note.partition(":")[0] for note in log.notes) == [
             "1 vectors left out, no time of their length",
-            "3 vectors are up to 6 samples shorter than their time and taken to start with it",
+            "3 vectors are up to 6 samples shorter than their time vector, the last samples set to NaN",
         ]
 
 

@@ -35,12 +35,12 @@ from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
 EXACT_FILE_NOTE = (
-    "Two stages take the rest of the vehicle file as exact: no sigma includes the uncertainty of the suspension, the "
-    "roll axes and the yaw inertia of the first unit. One stage includes it."
+    "The two-stage method assumes that all other values of the vehicle file are exact: suspension, roll axes, yaw "
+    "inertia of the first unit. Its sigma does not include their uncertainty; the sigma of the one-stage method does."
 )
 ARTICLE_NOTE = (
-    "The settings of the article need more than ten lane changes. The payload height depends on stiffnesses that were "
-    "estimated without roll; its sigma does not include their error."
+    "The settings of the article need logs with more than ten lane changes. The sigma of the payload height does not "
+    "include the errors of the stiffness from stage 1, which has no roll."
 )
 NO_STAGE_2_NOTE = "Without stage 2 only the yaw model is used. It has no roll; every sigma includes the possible error."
 

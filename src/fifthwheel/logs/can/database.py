@@ -118,7 +118,7 @@ def _file(path: Path) -> list[tuple[int, bool, Message]]:
             raise
         except Exception as error:  # cantools raises many kinds for what is no database
             reasons.append(reason(error))
-    raise SignalError(f"{path.name}: no database of CAN messages ({reasons[0]}); give a DBC or ARXML file")
+    raise SignalError(f"{path.name}: not a valid CAN database ({reasons[0]}); give a DBC or ARXML file")
 
 
 def _table(text: str, kind: str, source: str, *, builtin: bool = False) -> list[tuple[int, bool, Message]]:

@@ -76,7 +76,10 @@ def open_can_log(
         progress(done)
     notes += _unknown_ids(name, streams, total, notes)
     if dropped.dropped:
-        notes.append(f"{dropped.dropped} frames left out: not later than the one before of the same message")
+        notes.append(
+            f"{dropped.dropped} frames left out: their timestamp is not later than that of the previous frame of the "
+            "same message"
+        )
     log = CanLog(name, batches if kept is None else partial(_again, kept), streams, _columns(list(by_message.values())))
     log.notes += notes
     return log

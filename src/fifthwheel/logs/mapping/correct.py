@@ -109,6 +109,7 @@ def _steering_wheel(name: str, channel: Channel, record: Record, wheelbase: floa
     used = round(float(np.clip(_TYPICAL_STEERING_RATIO, low, high)), 1)
     keys = {"gain": float(f"{1 / used:.4g}"), "unit": "deg" if degrees else channel.unit}
     return channel.model_copy(update=keys), (
-        f"steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of {low:.0f} to "
-        f"{high:.0f}, {used:g} is used; replace gain by 1 / the ratio of the truck"
+        f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
+        f"{low:.0f} "
+        f"to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"
     )

@@ -167,7 +167,7 @@ class _Child:
             self.kill()
             if not isinstance(error, EOFError | ValueError | pa.ArrowException):
                 raise
-            raise SignalError(f"{self.name}: reading it as {self.format_name} {self._end()}") from None
+            raise SignalError(f"{self.name}: reading as {self.format_name} {self._end()}") from None
         finally:
             timer.cancel()
         if "error" in head:
@@ -214,13 +214,15 @@ class _Child:
         """How the process has ended, and what to do."""
         if self.expired:
             return (
-                f"made no progress for {self.seconds:.0f} s and was stopped; it is probably damaged: {_CURE}; if it is "
+                f"was stopped after {self.seconds:.0f} s without progress. The file is probably damaged: {_CURE}. If "
+                "it is "
                 f"intact, set {SECONDS} to more than {_limit(SECONDS):g}"
             )
         code = self.process.returncode
         cause = _SIGNALS.get(-code if code < 0 else code - 128, f"exit code {code}")
         return (
-            f"crashed ({cause}); it is probably damaged: {_CURE}; if it is intact, it may need more memory: set "
+            f"crashed ({cause}). The file is probably damaged: {_CURE}. If it is intact, reading may need more "
+            "memory: set "
             f"{MEMORY} to more than {_limit(MEMORY):g}"
         )
 

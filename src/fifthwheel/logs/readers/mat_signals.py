@@ -101,7 +101,9 @@ class Search:
         """A sentence for each kind of what was left out or completed."""
         found = {
             "vectors left out, no time of their length": [name for name, _ in self.timeless],
-            f"vectors are up to {_MOST_SHORT} samples shorter than their time and taken to start with it": self.short,
+            f"vectors are up to {_MOST_SHORT} samples shorter than their time vector, the last samples set to NaN": (
+                self.short
+            ),
             "matrices of many columns left out": self.wide,
             f"objects left out, only MATLAB reads them; {_AS_STRUCT}": self.opaque,
         }
@@ -116,8 +118,8 @@ class Search:
             length, count = Counter(length for _, length in self.timeless).most_common(1)[0]
             names = [label for label, size in self.timeless if size == length]
             return (
-                f"no time: {count} vectors of {length} values ({listed(names)}), none of them called time or t; "
-                f"save a vector 'time' of {length} values in s beside them"
+                f"no time vector: {count} vectors of {length} values ({listed(names)}), none of them called time or t; "
+                f"save a vector named 'time' (seconds, {length} values) in the same file"
             )
         if notes:
             return f"nothing can be read of this MATLAB file, {notes[0]}; save it again"

@@ -173,7 +173,9 @@ def _decoder(encoding: str, schema: Any) -> tuple[Decode | None, str]:
         return None, f"pip install {package}"
     except Exception as error:
         return None, f"its schema is not understood ({reason(error)})"
-    return decode, "" if decode else f"its schema is in {schema.encoding if schema else 'no language'!r}, not supported"
+    if decode:
+        return decode, ""
+    return None, f"the schema encoding {schema.encoding!r} is not supported" if schema else "the topic has no schema"
 
 
 def _decoded(topic: Topic, message: Any) -> dict[str, float] | None:

@@ -49,12 +49,16 @@ class StateConditions:
             counts = f"{counted(parameters, 'vehicle parameter')} and {counted(errors, 'sensor error')}"
             text = f"The band includes the uncertainty of {counts} from the identification."
         elif identified:
-            text = "The band treats truck and sensor errors as exact: only one stage estimates their uncertainty."
+            text = (
+                "The band does not include the uncertainty of the parameters and sensor errors. Only the one-stage "
+                "method "
+                "estimates this uncertainty."
+            )
         else:
             text = (
-                "The band treats the vehicle file and the sensor errors as exact. To include their uncertainty, give "
+                "The band does not include the uncertainty of the parameters and sensor errors. To include it, give "
+                "identification.json (-i)."
             )
-            text += "identification.json (-i)."
         return f"{text} Smoothed: each sample also uses later measurements." if self.smoothed else text
 
 
@@ -65,9 +69,9 @@ def parameters(page: PageBuilder, identification: Identification) -> None:
     page.hint(
         "Sigma is one standard deviation of the result, from the logs and the prior; the prior is what was assumed "
         "before the logs were used. A grey row is not an estimate: it shows the value of the vehicle file, or the "
-        f"initial value. {WIDE_MARK} marks a sigma above {percent(WIDE_SIGMA)} of the value. Settled after: driving "
-        f"time{last} after which the value stayed within {percent(identification.settings.tolerance)} of its average "
-        "(–: never)."
+        f"initial value. {WIDE_MARK} marks a sigma above {percent(WIDE_SIGMA)} of the value. “Settled after”: the "
+        f"driving time{last} after which the estimate stays within {percent(identification.settings.tolerance)} of its "
+        "later average. “–”: it did not settle."
     )
     page.html(tables.estimates(identification.parameters))
     if identification.derived:
@@ -90,9 +94,9 @@ def parameters(page: PageBuilder, identification: Identification) -> None:
     if identification.uncertain:
         with page.folded(f"Uncertain parameters of the vehicle file ({len(identification.uncertain)})"):
             page.hint(
-                "The values of the vehicle file are not exact. A parameter marked fixed is considered (Schmidt): it "
-                "keeps its value, and its uncertainty is part of every sigma above. The others are estimated together "
-                "with the parameters, from their priors."
+                "The values of the vehicle file are not exact. A considered parameter (Schmidt) keeps its value; its "
+                "uncertainty is included in every sigma above. The others are estimated together with the parameters, "
+                "from their priors."
             )
             page.html(tables.estimates(identification.uncertain, history=False))
 
@@ -108,11 +112,13 @@ def information(page: PageBuilder, identification: Identification, outlook: "Inf
         "the parameter. A full bar: they contain none."
     )
     if any(row.improvements for row in rows):
-        page.hint("Predictions are the best case: they rest on the sensor noise alone, at the identified values.")
+        page.hint(
+            "Predictions are lower limits: they include sensor noise and the uncertain parameters, but no model error."
+        )
     if any(row.noise_sigma for row in rows):
         page.hint(
-            "Autocorrelated residuals indicate a model error; sigma includes their effect. In this case the same run "
-            "repeated brings little. Another manoeuvre, or a smaller model error, brings more."
+            "Autocorrelated residuals indicate a model error; sigma includes their effect. Repeating the same "
+            "run does then not help much. Drive another manoeuvre, or correct the vehicle file."
         )
     page.html(tables.information(rows))
 
@@ -160,13 +166,14 @@ def fits(page: PageBuilder, identification: Identification) -> None:
     """Each channel of each log as measured and as predicted."""
     page.heading("fits", "Measured and predicted")
     page.hint(
-        "The prediction is a free run of the identified truck: it uses speed and steer angle only, and no measurement "
-        "corrects it. Explained is the fraction of the channel's variance that the prediction explains. Sensor noise "
+        "The prediction is the output of the free-running model of the identified truck: it uses speed and steer angle "
+        "only, and no measurement corrects it. Explained is the fraction of the channel's variance that the "
+        "prediction explains. Sensor noise "
         "cannot be explained. A slow wave in the residual indicates a model error."
     )
     for log in dict.fromkeys(fit.log for fit in identification.fits):
         fits = [fit for fit in identification.fits if fit.log == log]
-        page.subheading(log, badge="" if fits[0].identified_on else "predicted only")
+        page.subheading(log, badge="" if fits[0].identified_on else "validation log")
         page.figures(map(_captioned_fit, fits))
 
 
@@ -194,7 +201,8 @@ def states(
     band = f" {conditions.in_words(identified=identified)}" if conditions else ""
     doubt = "" if reliable else " Do not rely on these states: the truck does not fit the measurements (see the top)."
     page.hint(
-        f"Estimated from the sensors, with a band of two sigma (95 %).{band} Measured values are as logged, with their "
+        f"The lines are the estimated states; the band is ± 2 sigma (95 %).{band} Measured values are not corrected "
+        "for "
         f"offsets. Do not use the states in shaded intervals.{doubt}"
     )
     for s in states:
@@ -216,20 +224,22 @@ def consistency(page: PageBuilder, states: Sequence[States], fits: Sequence[Fit]
     page.heading("consistency", "Residuals and consistency")
     if states:
         page.hint(
-            "An innovation is the measurement minus the prediction of the state filter, divided by its expected "
-            "standard deviation. 95 % should lie between the dashed lines, without a pattern; their rms should be 1."
+            "The normalised innovation is the measurement minus the prediction of the state filter, divided by its "
+            "predicted standard deviation. 95 % of the normalised innovations should lie between the dashed lines, "
+            "without a pattern; their rms should be 1."
         )
     page.hint(
-        f"Below, one line per channel says whether {'the residual of the free run' if fits else 'its innovation'} is "
-        "white noise. Open it for the autocorrelation (white noise stays inside the band)"
-        f"{', ' if states else ' and '}the histogram (normal noise follows the dashed curve)"
-        f"{' and the rms of the innovations by segment (95 % should lie inside the band)' if states else ''}."
+        f"Below, one line per channel says whether its {'residual' if fits else 'normalised innovation'} is white "
+        "noise. "
+        "Click a line to see the plots: autocorrelation (white noise stays inside the band), histogram (normal noise "
+        "follows the dashed curve)"
+        f"{', rms of the normalised innovations in time windows (95 % should lie inside the band)' if states else ''}."
     )
     for log in dict.fromkeys([*(fit.log for fit in fits), *(s.name for s in states)]):
         log_states = next((s for s in states if s.name == log), None)
         log_fits = {fit.signal: fit for fit in fits if fit.log == log}
         predicted_only = any(not fit.identified_on for fit in log_fits.values())
-        page.subheading(log, badge="predicted only" if predicted_only else "")
+        page.subheading(log, badge="validation log" if predicted_only else "")
         if log_states is not None:
             page.figures(_innovations(log_states))
         for signal in dict.fromkeys([*log_fits, *(log_states.innovation if log_states else ())]):
@@ -269,7 +279,7 @@ def _channel(page: PageBuilder, log: str, signal: str, states: States | None, fi
         text += f" {whiteness.describe_innovation_rms(size.rms, int(np.isfinite(accepted).sum()))}"
         segments = whiteness.segment_rms(states.time, accepted)
         if segments is not None:
-            note = f"{percent(segments.fraction_within_limits)} of the segments as expected"
+            note = f"{percent(segments.fraction_within_limits)} of the time windows inside the band"
             plot = residuals.rms_by_segment(segments, f"log {log}", name)
             plots.append(CaptionedPlot("Rms of the innovation", note, plot))
     summary = f"{code(signal)}: <span>{escape(text)}</span>"

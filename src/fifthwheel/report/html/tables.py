@@ -14,7 +14,7 @@ from fifthwheel.names import SensorErrorName
 from fifthwheel.record import Record
 from fifthwheel.report.provenance import Provenance
 from fifthwheel.report.text.conclusion import Conclusion
-from fifthwheel.report.text.words import STATUSES, mark, spoken_verdict
+from fifthwheel.report.text.words import STATUSES, mark, spoken_role
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def estimates(estimates: Sequence[Estimate], *, history: bool = True) -> str:
         prior, spread = value_and_sigma(e.initial * unit.factor, None if e.prior is None else e.prior * unit.factor)
         cells = [
             code(e.name),
-            f'<span class="{e.verdict}"><span class="mark">{mark(e)}</span>{spoken_verdict(e.verdict)}</span>',
+            f'<span class="{e.verdict}"><span class="mark">{mark(e)}</span>{spoken_role(e)}</span>',
             value,
             sigma or "–",
             escape(unit.name),
@@ -180,7 +180,7 @@ def logs(records: Sequence[Record], runs: Sequence[RunSummary], identification: 
     for name in dict.fromkeys([*summaries, *spans]):
         (first, last), samples = spans[name]
         log, run = summaries.get(name), by_name[name]
-        use = "identified on" if log else "predicted only" if identification else "states"
+        use = "identification" if log else "validation" if identification else "states"
         channel, rejected = max(log.rejected.items() if log else (), key=lambda item: item[1], default=("", 0.0))
         worst = f"{percent(rejected)} of {code(channel)}" if rejected else "none"
         cells = [

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fifthwheel.identify.design.remedies import Remedy
 
 PREDICTION_NOTE = (
-    "Predicted at the values of the vehicle file, from the sensor noise and the uncertain parameters of the vehicle "
-    "file. Model errors come in addition."
+    "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
+    "include model errors."
 )
 
 
@@ -40,11 +40,11 @@ def show_assessment(outlook: "InformationAssessment", console: "Console | None" 
         [COLOURS[p.verdict] for p in outlook.parameters],
     )
     separation = [
-        f"{p.name} from {', '.join(p.correlated_with)}" for p in outlook.parameters if p.correlated_with and p.remedies
+        f"{p.name} with {', '.join(p.correlated_with)}" for p in outlook.parameters if p.correlated_with and p.remedies
     ]
     page.lists(
         ("What would help", [_improvement(p) for p in outlook.parameters if p.remedies]),
-        ("Hard to separate", separation),
+        ("Strongly correlated", separation),
         ("Cautions", [*outlook.cautions, *warnings]),
         ("Notes", [*outlook.notes, *_notes(outlook), PREDICTION_NOTE]),
     )
@@ -58,7 +58,7 @@ def is_identifiable(assessment: "ParameterAssessment") -> bool:
 def explain_known(remedies: "Sequence[Remedy]") -> Iterator[str]:
     """What "known" means, if a remedy uses it."""
     if any("--fix" in describe_remedy(remedy) for remedy in remedies):
-        yield "Known (--fix): measure it, write it into the vehicle file, and fix it there with --fix NAME."
+        yield "Measured and fixed (--fix): measure it, write it into the vehicle file, and give --fix NAME."
 
 
 def _headline(
@@ -89,7 +89,7 @@ def _row(p: "ParameterAssessment") -> tuple[str, ...]:
 
 
 def _improvement(p: "ParameterAssessment") -> str:
-    """ "name: 20 % -> 12 % if semitrailer.roll_axis_height is known (--fix), -> 9 % with one more lane change"."""
+    """ "name: 20 % -> 12 % if semitrailer.roll_axis_height is calibrated, -> 9 % if one more lane change is driven"."""
     start = relative(p.value, p.sigma) if is_identifiable(p) else spoken_verdict(p.verdict)
     changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy)}" for remedy in p.remedies]
     return f"{p.name}: {start} {', '.join(changes)}"

@@ -37,7 +37,7 @@ def show_identification(
     )
     for log in dict.fromkeys(fit.log for fit in identification.fits):
         fits = [fit for fit in identification.fits if fit.log == log]
-        head = log if fits[0].identified_on else f"{log} (predicted only)"
+        head = log if fits[0].identified_on else f"{log} (validation log)"
         page.table((head, "Explained>", "Residual rms>", "Noise>"), map(_fit, fits))
     _show_lists(page, conclusion)
 

@@ -84,10 +84,14 @@ def _headline(identification: Identification, converged: Sequence[Estimate], est
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
     wide = sum(map(has_wide_sigma, converged))
-    sigma = f"; {wide} {'has' if wide == 1 else 'have'} a sigma above {percent(WIDE_SIGMA)}" if wide else ""
+    sigma = ""
+    if wide:
+        subject = "One parameter has" if wide == 1 else f"{wide} parameters have"
+        sigma = f" {subject} a sigma above {percent(WIDE_SIGMA)} of {'its' if wide == 1 else 'their'} value."
     if len(converged) == len(estimated):
-        return f"All {len(estimated)} parameters are identified from {logs}{sigma}."
-    return f"{len(converged)} of {len(estimated)} parameters are identified from {logs}{sigma}."
+        return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
+    verb = "is" if len(converged) == 1 else "are"
+    return f"{len(converged)} of {len(estimated)} parameters {verb} identified from {logs}.{sigma}"
 
 
 def _identified(identification: Identification, e: Estimate) -> str:
@@ -108,12 +112,16 @@ def _validated(predicted: PredictedLog) -> str:
     """The result of a log that was only predicted, and not poorly."""
     if predicted.explained is not None:
         explained = percent(predicted.explained, round_down=True)
-        result = f"at least {explained} is explained in each channel that sensor noise does not limit"
+        result = (
+            f"the model explains at least {explained} of the variance of each channel whose residual is larger than "
+            "the "
+            "sensor noise"
+        )
     elif predicted.excited:
         result = "no residual is larger than the sensor noise"
     else:
         result = "it does not validate the result, because the truck hardly turns in it"
-    return f"{predicted.log} (predicted only): {result}."
+    return f"{predicted.log} (validation log): {result}."
 
 
 def _not_identified(identification: Identification) -> list[str]:
@@ -142,8 +150,8 @@ def _reason(identification: Identification, e: Estimate) -> str:
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
         if e.correlated_with:
             others = " and ".join(spoken(name) for name in e.correlated_with)
-            return f"the logs do not separate it from {others}; {origin}"
-        return f"no channel contains enough information; log the roll rate of the {unit}; {origin}"
+            return f"strongly correlated with {others}; {origin}"
+        return f"the roll rate of the {unit} is not logged; {origin}"
     if e.sigma is None:
         return f"it was not estimated, because no roll rate of the {unit} was logged; {origin}"
     prior = e.prior if e.prior is not None else e.sigma
@@ -153,8 +161,10 @@ def _reason(identification: Identification, e: Estimate) -> str:
         absolute = ParameterPath.of(e.name).is_payload_height
         return f"±{approximate(sigma, e.unit) if absolute else percent(sigma / abs(e.initial))}"
 
-    reduction = f"from {magnitude(prior)} to {magnitude(limit)} or less"
-    return f"the logs do not reduce sigma {reduction}; {origin}"
+    return (
+        f"the logs reduce sigma too little: {magnitude(limit)} or less is required, the prior sigma is "
+        f"{magnitude(prior)}; {origin}"
+    )
 
 
 def _origin(identification: Identification, e: Estimate) -> str:

@@ -24,23 +24,24 @@ REMARKS = (
     "The TruckSim vehicle of the article is not public. This study uses a multibody truck with the published values,"
     " the values that follow from them, and assumptions for all others. Its tyres are not linear and have relaxation"
     " lengths; its axles roll on their tyres.",
-    "The arm `article` uses the settings and the models of the article: no relaxation length, and no roll in stage 1."
-    " The article does not publish P_p(0) and its sampling rate; this study uses Q_p and 100 Hz. The table of variants,"
-    " in a full run, shows their effect.",
+    "The method `article` uses the settings and the models of the article: no relaxation length, and no roll in "
+    "stage 1."
+    " The article gives neither P_p(0) nor the sampling rate; this study uses Q_p and 100 Hz. The table of variants "
+    "shows"
+    " their effect (not with `--quick`).",
     "Two assumptions about the vehicle have the largest effect on the payload height of the article's preset: the"
-    " height of the roll centres and the roll stiffness of the suspensions. The published error of 0.6 % shows that"
-    " TruckSim and the estimator used the same values, not that the payload height of a real truck can be identified"
-    " that accurately.",
+    " height of the roll centres and the roll stiffness of the suspensions. The published error of 0.6 % is so"
+    " small because TruckSim and the estimator used the same values. On a real truck, the error is larger.",
     "The speed, the true tyre parameters and the optical noise of section 4 are assumptions of this study. The sideslip"
     " at the landing leg is relative to the road below the body, as an optical sensor on the body measures it.",
 )
 """What a reader must know besides the numbers."""
 LEGEND = """\
 - **Published**: the number in the article, with the error that the article states against its own reference.
-- **Arm**: `article` is the two-stage method with the article's preset, `default` with its default settings;
+- **Method**: `article` is the two-stage method with the article's preset, `default` with its default settings;
   `front fixed` fixes the front cornering stiffness at the manufacturer's value.
 - **Estimate**: the mean over the seeds ± the standard deviation over the seeds. Each seed has its own sensor noise and
-  its own initial values; all arms use the same seeds.
+  its own initial values; all methods use the same seeds.
 - **True value**: that of the nonlinear truck. Its tyres are not linear, so a cornering stiffness has a range, as in
   Figure 4 of the article: side force divided by slip angle in two steady turns. Their steer angles are 0.1° and 1° in
   section 3, 0.1° and the largest of the lane change in section 4.
@@ -52,7 +53,7 @@ LEGEND = """\
   with a larger error than published. It is – where the article states no error. For a cornering stiffness, the article
   shows a range in a figure, for tyres that it does not describe; these numbers are no target for this truck."""
 HEAD = (
-    *("Quantity", "Published", "Arm", "Estimate", "True value"),
+    *("Quantity", "Published", "Method", "Estimate", "True value"),
     *("Error", "Worst seed", "Converged", "Worse than published"),
 )
 CSV_HEAD = (
@@ -111,7 +112,7 @@ def worse_than_published(rows: Sequence[Row]) -> str:
             summary = f"**{len(worse)} of {len(factors)}**: {', '.join(worse)}" if worse else f"none of {len(factors)}"
             lines.append(f"- {HEADINGS.get(case, case)}, {arm}: {summary}")
     return "\n".join(
-        ["Quantities whose error of the mean over the seeds is larger than the published error:", "", *lines]
+        ["Quantities for which the mean over all seeds has a larger error than the published value:", "", *lines]
     )
 
 
