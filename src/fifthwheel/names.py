@@ -12,7 +12,7 @@ All modules parse names here. A result is cached, so parsing is cheap.
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-SENSOR_ERROR_KINDS = ("offset", "gain", "delay", "misalignment")
+SENSOR_ERROR_KINDS = ("offset", "gain", "delay", "misalignment", "play")
 STEER_ERROR_KINDS = ("offset", "gain", "delay")
 
 

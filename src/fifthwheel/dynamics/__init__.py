@@ -11,14 +11,24 @@ from fifthwheel.dynamics.analysis import (
     steady_state,
 )
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.model import TIME_SCALE, ChainModel, all_parameters, model, steer_parameters
+from fifthwheel.dynamics.model import (
+    CONTACT,
+    TIME_SCALE,
+    ChainModel,
+    all_parameters,
+    contact_input,
+    model,
+    steer_parameters,
+)
 
 __all__ = [
+    "CONTACT",
     "TIME_SCALE",
     "ChainModel",
     "Matrices",
     "Mode",
     "all_parameters",
+    "contact_input",
     "critical_speed",
     "frequency_response",
     "matrices",

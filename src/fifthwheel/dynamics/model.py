@@ -34,7 +34,7 @@ class ChainModel:
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
     states: tuple[str, ...]  # (n,) names of x
-    inputs: tuple[str, ...]  # (k,) speed and steer signals
+    inputs: tuple[str, ...]  # (k,) speed and steer signals, and in an extended model the contact of each steering
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
     known: tuple[str, ...]  # names of c
@@ -64,6 +64,9 @@ def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
     return parameters
 
 
+CONTACT = "contact"
+"""Quantity of `contact_input`."""
+
 TIME_SCALE = "time_base.scale"
 """Duration of a true second on the time base of the log, a parameter of an extended model."""
 
@@ -74,14 +77,24 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
     They describe what a plain model leaves out, so that an estimator can state its effect:
 
         <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
+        <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
         <sensor>.delay           s, latency of a gyro or an articulation sensor, to first order
-        <sensor>.misalignment    rad, of a gyro: its output contains that fraction of the other rate of its unit
         time_base.scale          duration of a true second on the time base of the log
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
+    values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
     for name in outputs:
         values |= sensors.extension_parameters(name)
     return values | {TIME_SCALE: 1.0}
+
+
+def contact_input(steer: str) -> str:
+    """Name of the input of an extended model that says on which side the play of a steering is in contact, -0.5 to 0.5.
+
+    >>> contact_input("steer.tractor.front")
+    'contact.tractor.front'
+    """
+    return f"{CONTACT}.{SignalName.of(steer).place}"
 
 
 def all_parameters(vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False) -> dict[str, float]:
@@ -149,14 +162,17 @@ def _build(
     value = dict(zip(free, ca.vertsplit(p), strict=True)) if free else {}
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
     states, steers = chain.state_names(vehicle, roll=roll, bank=bank), vehicle.steer_signals()
-    n, k = len(states), 1 + len(steers)
+    inputs = ("speed", *steers, *(map(contact_input, steers) if extended else ()))
+    n, m, k = len(states), len(steers), len(inputs)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
-    measured_before, measured_after = d[1:k], d[k + 1 :]
+    measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
     duration = dt * value[TIME_SCALE] if extended else dt
     shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
     if extended:
+        play = ca.vertcat(*[value[f"{name}.play"] for name in steers])
+        before, after = before - play * d[m + 1 : k], after - play * d[k + m + 1 :]
         slip = chain.slip_angles(
             value, vehicle, x, d[k], dict(zip(steers, ca.vertsplit(after), strict=True)), roll=roll
         )
@@ -176,7 +192,7 @@ def _build(
     motion = chain.motion(value, vehicle, x, speed, roll=roll, bank=bank)
     velocity_rates = rate[list(equations.velocities)]
     centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
-    inputs = sensors.SensorInputs(
+    sensed = sensors.SensorInputs(
         p=value,
         vehicle=vehicle,
         motion=motion,
@@ -185,14 +201,14 @@ def _build(
         steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
         roll=roll,
     )
-    y = ca.vertcat(*[sensors.sensor_output(inputs, name) for name in outputs]) if outputs else ca.SX(0, 1)
+    y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
     return ChainModel(
         vehicle=vehicle,
         roll=roll,
         bank=bank,
         extended=extended,
         states=states,
-        inputs=("speed", *steers),
+        inputs=inputs,
         outputs=outputs,
         free=free,
         known=known,

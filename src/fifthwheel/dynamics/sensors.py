@@ -120,6 +120,8 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """Parameters of a sensor with their defaults: gain 1, offset 0, position under the CoG on the roll axis.
 
+    A gyro also has a misalignment, rad: that fraction of the other rate of its unit is part of its output.
+
     Raises:
         SignalError: as in `unit_index`.
     """
@@ -127,16 +129,16 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
         return {}
     unit = vehicle.units[unit_index(vehicle, name)]
     parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
+    if SignalName.of(name).quantity in RATES:
+        parameters[f"{name}.misalignment"] = 0.0
     if QUANTITIES[SignalName.of(name).quantity].has_position:
         parameters |= {f"{name}.position": unit.cog, f"{name}.height": unit.roll_axis_height}
     return parameters
 
 
 def extension_parameters(name: str) -> dict[str, float]:
-    """Further parameters of a sensor in an extended model: delay, s, and for gyros misalignment, rad."""
-    quantity = SignalName.of(name).quantity
-    parameters = {f"{name}.delay": 0.0} if quantity in (*RATES, "articulation") else {}
-    return parameters | ({f"{name}.misalignment": 0.0} if quantity in RATES else {})
+    """Further parameters of a sensor in an extended model: the delay of a gyro or of an articulation sensor, s."""
+    return {f"{name}.delay": 0.0} if SignalName.of(name).quantity in (*RATES, "articulation") else {}
 
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:

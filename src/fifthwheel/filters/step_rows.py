@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.filters.model import sample_rows
+from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -29,21 +31,45 @@ def steer_sigma(inputs: Mapping[str, Array]) -> float:
     return max(float(np.std(values)) for name, values in inputs.items() if name != "speed")
 
 
-def delay_corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:
+SMALLEST_PLAY = 0.002
+"""rad; the contact of a smaller play is computed with this one, so that noise of the steer angle does not change it."""
+PLAY_STEP = 0.0005
+"""rad; the play is rounded to this step, so that small changes of it do not change the contact."""
+
+
+def play_contact(steer: Array, play: float) -> Array:
+    """On which side the play of a steering is in contact (N,), -0.5 to 0.5; the wheels are at steer - play * contact.
+
+    Args:
+        steer: angle of the steering (N,), rad.
+        play: angle between both contacts, rad.
+    """
+    contact, width = 0.0, max(round(play / PLAY_STEP) * PLAY_STEP, SMALLEST_PLAY)
+    contacts = [contact := min(0.5, max(-0.5, contact + step)) for step in (np.diff(steer) / width).tolist()]
+    return np.array([0.0, *contacts])
+
+
+def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:
     """Inputs of a record by name, (N,) each, shifted by their delays.
+
+    The play of a steering changes its angle, unless its contact is an input of its own.
 
     Args:
         record: of N samples.
         names: of the inputs.
-        errors: of the sensors; "<name>.delay" is the delay of an input, s.
+        errors: of the sensors; "<name>.delay" is the delay of an input, s, "<name>.play" the play of a steering, rad.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
     """
     inputs = {}
-    for name in names:
-        values, delay = record.input(name), errors.get(f"{name}.delay", 0.0)
+    for name in (name for name in names if SignalName.of(name).quantity != dynamics.CONTACT):
+        values, delay, play = record.input(name), errors.get(f"{name}.delay", 0.0), errors.get(f"{name}.play", 0.0)
         inputs[name] = np.interp(record.time + delay, record.time, values) if delay else values
+        if (contact := dynamics.contact_input(name)) in names:
+            inputs[contact] = play_contact(inputs[name], play)
+        elif play:
+            inputs[name] = inputs[name] - play / errors.get(f"{name}.gain", 1.0) * play_contact(inputs[name], play)
     return inputs
 
 
@@ -56,13 +82,13 @@ def step_rows(
         model: gives inputs and outputs.
         vehicle: with the numbers that determine the longest step.
         record: of N samples.
-        errors: known errors of the steer sensors; a delay shifts the input.
+        errors: known errors of the steer sensors; delay and play change the input.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
     """
     errors = errors or {}
-    inputs = delay_corrected_inputs(record, model.inputs, errors)
+    inputs = corrected_inputs(record, model.inputs, errors)
     columns = steps.input_columns(inputs, model.inputs)
     limit = steps.step_limit(vehicle, model.roll)(columns[:, 0])
     fine, columns, indices = steps.subdivide(record.time, columns, limit)

@@ -165,6 +165,8 @@ def sensor_error_unit(name: str) -> str:
     error = SensorErrorName.of(name)
     if error is None:
         raise SignalError(f"{name}: expected the name of a sensor error, such as yaw_rate.tractor.offset")
+    if error.kind in ("misalignment", "play"):
+        return "rad"
     if error.kind != "offset":
         return "s" if error.kind == "delay" else "1"
     return "rad/s" if SignalName.of(error.signal).quantity.endswith("rate") else "rad"

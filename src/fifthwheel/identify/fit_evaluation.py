@@ -21,7 +21,7 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_state
-from fifthwheel.filters.step_rows import delay_corrected_inputs, steer_sigma
+from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
 from fifthwheel.identify.dataset import Dataset, LogData, speed_range
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Fit
@@ -160,7 +160,7 @@ def _free_run(
     """Time (N,), measured and predicted outputs (N, m) of one segment."""
     p = dynamics.all_parameters(vehicle, model.outputs)
     p |= {name: value for name, value in values.items() if not is_sensor_error(name, "delay")}
-    inputs = delay_corrected_inputs(segment, model.inputs, values)
+    inputs = corrected_inputs(segment, model.inputs, values)
     first = {name: float(v[0]) for name, v in inputs.items()}
     bank = INITIAL_SIGMA["bank"] if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)

@@ -210,6 +210,8 @@ def one_stage_unknowns(
         unknowns += [_sensor_error(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in _gyros(outputs)]
     if settings.nuisances and extended:
         unknowns += [_sensor_error(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
+        plays = [_sensor_error(f"{name}.play", settings.steer_play_prior) for name in vehicle.steer_signals()]
+        unknowns += [replace(play, lower=0.0) for play in plays]
     return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
 
 

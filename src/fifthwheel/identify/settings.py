@@ -166,6 +166,9 @@ class OneStage(CommonSettings):
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
     rate_gain_prior: float = 0.005
     """Prior standard deviation of the gain of a gyro; all logs share it."""
+    steer_play_prior: float = math.radians(0.2)
+    """Prior standard deviation of the play between steer sensor and road wheels, rad at the wheels; all logs share it.
+    Smaller if the angle is measured at the wheels, larger for a steering wheel angle of a worn steering."""
     misalignment_prior: float = math.radians(3)
     """Prior standard deviation of the misalignment of a gyro, rad; all logs share it."""
     bank_prior: float = 0.03

@@ -16,8 +16,10 @@ SENSOR_PRIORS: Mapping[str, str] = MappingProxyType(
         "steer_offset": "rad",
         "steer_gain": "1",
         "steer_delay": "s",
+        "steer_play": "rad",
         "rate_offset": "rad/s",
         "rate_gain": "1",
+        "misalignment": "rad",
         "articulation_offset": "rad",
         "bank": "rad",
     }

@@ -341,6 +341,12 @@ class Problem:
         return {name: i for i, name in enumerate(self.model.free)}
 
     @cached_property
+    def _input_errors(self) -> tuple[str, ...]:
+        """Names of the estimated delays and plays, which change the inputs."""
+        plays = [u.name for u in self.unknowns if is_sensor_error(u.name, "play")]
+        return (*self._delays, *plays)
+
+    @cached_property
     def _speed_range(self) -> tuple[float, float]:
         """Lowest and highest speed, m/s."""
         return speed_range(self.logs)
@@ -357,15 +363,15 @@ class Problem:
         return [[self._initial_factor(segment) for segment in log.segments] for log in self.logs]
 
     def _initial_factor(self, segment: Record) -> Array:
-        inputs = {name: segment.input(name) for name in self.model.inputs}
+        inputs = {name: segment.input(name) for name in ("speed", *self.model.vehicle.steer_signals())}
         first = {name: float(v[0]) for name, v in inputs.items()}
         bank = self.settings.bank_prior if self.model.bank else None
         _, P0 = initial_state(self.vehicle, first, {}, roll=self.model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
         return np.asarray(np.linalg.cholesky(P0))
 
     def _step_rows(self, i: int, j: int, values: Mapping[str, float]) -> StepRows:
-        """Rows of a segment at the present delays; kept until the delays change."""
-        key = (i, j, *[values[name] for name in self._delays])
+        """Rows of a segment at the present delays and plays; kept until these change."""
+        key = (i, j, *[values[name] for name in self._input_errors])
         if key not in self._rows:
             self._rows = {k: rows for k, rows in self._rows.items() if k[:2] != (i, j)}
             self._rows[key] = step_rows(self.model, self.vehicle, self.logs[i].segments[j], errors=values)

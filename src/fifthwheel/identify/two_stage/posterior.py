@@ -24,7 +24,7 @@ from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState, Scaling
 from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.filters.step_rows import delay_corrected_inputs, step_rows
+from fifthwheel.filters.step_rows import corrected_inputs, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity
 from fifthwheel.identify.parameters import Unknown, scaling
@@ -195,7 +195,7 @@ class _FixedFilter:
         x0, _ = steady_initial_state(vehicle, first, self.values, roll=roll)
         values = dynamics.all_parameters(vehicle, model.outputs) | self.values
         values |= {name: 0.0 for name in values if is_sensor_error(name, "delay")}  # applied to the inputs
-        corrected = delay_corrected_inputs(segment, model.inputs, self.values)
+        corrected = corrected_inputs(segment, model.inputs, self.values)
         _, outputs = linear_response(model, values, segment.time, corrected, x0)
         measured = {
             name: np.where(np.isfinite(segment.signals[name]), outputs[:, i], np.nan)
