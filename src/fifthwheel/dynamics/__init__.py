@@ -13,16 +13,19 @@ from fifthwheel.dynamics.analysis import (
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.model import (
     CONTACT,
+    STEER_RATE,
     TIME_SCALE,
     ChainModel,
     all_parameters,
     contact_input,
     model,
+    rate_input,
     steer_parameters,
 )
 
 __all__ = [
     "CONTACT",
+    "STEER_RATE",
     "TIME_SCALE",
     "ChainModel",
     "Matrices",
@@ -34,6 +37,7 @@ __all__ = [
     "matrices",
     "model",
     "modes",
+    "rate_input",
     "rearward_amplification",
     "state_names",
     "steady_state",

@@ -34,7 +34,7 @@ class ChainModel:
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
     states: tuple[str, ...]  # (n,) names of x
-    inputs: tuple[str, ...]  # (k,) speed and steer signals, and in an extended model the contact of each steering
+    inputs: tuple[str, ...]  # (k,) speed and steer signals; extended: also `contact_input` and `rate_input` of each
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
     known: tuple[str, ...]  # names of c
@@ -67,6 +67,9 @@ def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
 CONTACT = "contact"
 """Quantity of `contact_input`."""
 
+STEER_RATE = "steer_rate"
+"""Quantity of `rate_input`."""
+
 TIME_SCALE = "time_base.scale"
 """Duration of a true second on the time base of the log, a parameter of an extended model."""
 
@@ -95,6 +98,15 @@ def contact_input(steer: str) -> str:
     'contact.tractor.front'
     """
     return f"{CONTACT}.{SignalName.of(steer).place}"
+
+
+def rate_input(steer: str) -> str:
+    """Name of the input of an extended model that is the derivative of a measured steer angle, rad/s.
+
+    >>> rate_input("steer.tractor.front")
+    'steer_rate.tractor.front'
+    """
+    return f"{STEER_RATE}.{SignalName.of(steer).place}"
 
 
 def all_parameters(vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False) -> dict[str, float]:
@@ -162,24 +174,33 @@ def _build(
     value = dict(zip(free, ca.vertsplit(p), strict=True)) if free else {}
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
     states, steers = chain.state_names(vehicle, roll=roll, bank=bank), vehicle.steer_signals()
-    inputs = ("speed", *steers, *(map(contact_input, steers) if extended else ()))
+    inputs = ("speed", *steers)
+    if extended:
+        inputs = (*inputs, *map(contact_input, steers), *map(rate_input, steers))
     n, m, k = len(states), len(steers), len(inputs)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
     measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
     duration = dt * value[TIME_SCALE] if extended else dt
-    shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
     if extended:
-        play = ca.vertcat(*[value[f"{name}.play"] for name in steers])
-        before, after = before - play * d[m + 1 : k], after - play * d[k + m + 1 :]
-        slip = chain.slip_angles(
-            value, vehicle, x, d[k], dict(zip(steers, ca.vertsplit(after), strict=True)), roll=roll
+        play, late = ca.vertcat(*[value[f"{name}.play"] for name in steers]), error["gain"] * error["delay"]
+        before, after = (
+            angle - play * contact + late * rate
+            for angle, contact, rate in (
+                (before, d[m + 1 : 2 * m + 1], d[2 * m + 1 : k]),
+                (after, d[k + m + 1 : k + 2 * m + 1], d[k + 2 * m + 1 :]),
+            )
         )
+        correction = ca.SX.zeros(m)
+        steer = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
+        slip = chain.slip_angles(value, vehicle, x, d[k], steer, roll=roll)
         value |= {f"{path}.cornering_stiffness": _softened(value, path, alpha) for path, alpha in slip.items()}
+    else:
+        shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
+        correction = error["gain"] * shift
     equations = chain.equations(value, vehicle, roll=roll, bank=bank)
     A, B = equations.state_space((d[0] + d[k]) / 2)
-    correction = error["gain"] * shift
     order = ORDER[roll, bool(chain.relaxation_groups(vehicle))]
     transition = taylor(A, B, x, before + correction, after + correction, duration, order)
     later = ca.SX.sym("later", n)

@@ -63,14 +63,23 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
         SignalError: an input is missing, or has a gap that is too long.
     """
     inputs = {}
-    for name in (name for name in names if SignalName.of(name).quantity != dynamics.CONTACT):
+    derived = (dynamics.CONTACT, dynamics.STEER_RATE)
+    for name in (name for name in names if SignalName.of(name).quantity not in derived):
         values, delay, play = record.input(name), errors.get(f"{name}.delay", 0.0), errors.get(f"{name}.play", 0.0)
         inputs[name] = np.interp(record.time + delay, record.time, values) if delay else values
+        if (rate := dynamics.rate_input(name)) in names:
+            inputs[rate] = _slope(record.time, values, record.time + delay)
         if (contact := dynamics.contact_input(name)) in names:
             inputs[contact] = play_contact(inputs[name], play)
         elif play:
             inputs[name] = inputs[name] - play / errors.get(f"{name}.gain", 1.0) * play_contact(inputs[name], play)
     return inputs
+
+
+def _slope(time: Array, values: Array, at: Array) -> Array:
+    """Derivative (M,) of the values (N,), interpolated linearly, at other times (M,); 0 outside."""
+    slopes = np.concatenate([[0.0], np.diff(values) / np.diff(time), [0.0]])
+    return np.asarray(slopes[np.searchsorted(time, at, side="right")])
 
 
 def step_rows(

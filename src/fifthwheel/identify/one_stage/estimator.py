@@ -56,9 +56,9 @@ from fifthwheel.vehicle import Vehicle
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
-WHITE_TOLERANCE = 0.5
+WHITE_TOLERANCE = 2.0
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
-ROUND_TOLERANCES = (0.2, 0.02)
+ROUND_TOLERANCES = (0.3, 0.02)
 """Of the fits with a noise model; each takes the noise from the residuals of the one before."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""

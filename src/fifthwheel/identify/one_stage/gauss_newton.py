@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 
@@ -60,7 +61,8 @@ def minimise(
         z: initial point (k,).
         lower, upper: bounds of z (k,).
         iterations: largest number of steps.
-        tolerance: converged when a full step moves no unknown by more than this fraction of its standard deviation.
+        tolerance: converged when a full step would decrease the cost by less than its square, which moves no unknown by
+            more than 1.4 times this fraction of its standard deviation.
         progress: called with the number of steps done and the largest number of steps.
     """
     radius, steps, model = INITIAL_RADIUS, 0, expand(z)
@@ -68,14 +70,14 @@ def minimise(
         progress(steps, iterations)
         steps += 1
         gradient, hessian = model.gradient, model.hessian
-        free = ~(((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0)))
-        reduced = gradient[free], hessian[np.ix_(free, free)]
-        full_step, step = np.zeros_like(z), np.zeros_like(z)
-        full_step[free], _ = trust_region_step(*reduced, np.inf)
-        if (np.abs(np.clip(z + full_step, lower, upper) - z) <= tolerance * _standard_deviations(hessian)).all():
+        full_step = newton_step(z, gradient, hessian, lower, upper)
+        if full_step @ hessian @ full_step <= 2 * tolerance**2:
             return Minimum(z=z, model=model, converged=True, steps=steps)
-        step[free], interior = trust_region_step(*reduced, radius)
-        step = np.clip(z + step, lower, upper) - z
+        step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
+        if not interior:
+            free, step = ~_held(z, gradient, lower, upper), np.zeros_like(z)
+            step[free], _ = trust_region_step(gradient[free], hessian[np.ix_(free, free)], radius)
+            step = np.clip(z + step, lower, upper) - z
         predicted_decrease = -(gradient @ step + step @ hessian @ step / 2)
         decrease = model.cost - cost(z + step)
         usable = predicted_decrease > 0 and np.isfinite(decrease)
@@ -91,6 +93,26 @@ def minimise(
         elif radius < SMALLEST_RADIUS:
             break
     return Minimum(z=z, model=model, converged=False, steps=steps)
+
+
+def newton_step(z: Array, gradient: Array, hessian: Array, lower: Array, upper: Array) -> Array:
+    """The step to the minimum of a quadratic within bounds, by an active set: what reaches a bound stays on it."""
+    held, step = _held(z, gradient, lower, upper), np.zeros_like(z)
+    for _ in range(len(z)):
+        free = ~held
+        right = gradient[free] + hessian[np.ix_(free, held)] @ step[held]
+        step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], right)
+        beyond = free & ((z + step < lower) | (z + step > upper))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(z + step, lower, upper)[beyond] - z[beyond]
+        held = held | beyond
+    return step
+
+
+def _held(z: Array, gradient: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
+    """Which unknowns are on a bound and would leave the permitted range."""
+    return ((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0))
 
 
 def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[Array, bool]:
@@ -109,7 +131,3 @@ def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[A
         too_long = np.linalg.norm(components / (values + middle)) > radius
         low, high = (middle, high) if too_long else (low, middle)
     return vectors @ (components / (values + high)), False
-
-
-def _standard_deviations(hessian: Array) -> Array:
-    return np.sqrt(np.diag(np.linalg.inv(hessian)))

@@ -111,6 +111,7 @@ class Problem:
             )
             for log in logs
         )
+        self._last: dict[tuple[int, int], tuple[bytes, list[ResidualBlock]]] = {}  # at the last z, of each segment
         self._rows: dict[tuple[float, ...], StepRows] = {}  # of each segment, for the last delays
 
     @property
@@ -232,12 +233,20 @@ class Problem:
         """Residuals of segment j of log i at z, block by block; those of the free-running model are whitened."""
         blocks = self.residuals(z, i, j, directions=directions)
         if not self.output_error:
-            return blocks
+            return iter(blocks)
         dt, log = self.sample_interval(i), self.logs[i]
         return whitened(blocks, [log.noise_model(name) for name in self.model.outputs], dt)
 
-    def residuals(self, z: Array, i: int, j: int, *, directions: Directions = "none") -> Iterator[ResidualBlock]:
+    def residuals(self, z: Array, i: int, j: int, *, directions: Directions = "none") -> Iterable[ResidualBlock]:
         """Residuals of segment j of log i at z, block by block, as they are."""
+        if directions != "none":
+            return self._residuals(z, i, j, directions)
+        key = z.tobytes()
+        if self._last.get((i, j), (b"", []))[0] != key:
+            self._last[i, j] = key, list(self._residuals(z, i, j, directions))
+        return self._last[i, j][1]
+
+    def _residuals(self, z: Array, i: int, j: int, directions: Directions) -> Iterator[ResidualBlock]:
         values = self.model_values(z, i)
         rows = self._step_rows(i, j, values)
         # the delays have been applied to the rows, so the model has none
@@ -307,6 +316,7 @@ class Problem:
                 prediction-error form enlarges their variance by an autocorrelation factor.
         """
         self.logs = tuple(self._with_residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
+        self._last = {}  # they contain the former variances
 
     def _with_residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
