@@ -27,6 +27,7 @@ ROOMS = (
     "manoeuvres",
     "filters",
     "simulate",
+    "time_bases",
     "observe",
     "identify",
     "diagnose",

@@ -84,6 +84,21 @@ def added(name: str, like: str) -> Inject:
     return lambda record: record.with_signals({name: record.signals[like]})
 
 
+def late(delay: float, *names: str) -> Inject:
+    def inject(record: Record) -> Record:
+        return record.with_signals({n: np.interp(record.time - delay, record.time, record.signals[n]) for n in names})
+
+    return inject
+
+
+def fast(rate: float, *names: str) -> Inject:
+    def inject(record: Record) -> Record:
+        time = record.time / (1 + rate)
+        return record.with_signals({n: np.interp(time, record.time, record.signals[n]) for n in names})
+
+    return inject
+
+
 def swapped(one: str, other: str) -> Inject:
     return lambda record: record.with_signals({one: record.signals[other], other: record.signals[one]})
 
@@ -135,6 +150,11 @@ CASES = [
     Case(Fault.WRONG_COLUMN, STEER, swapped(STEER, ROLL), False, "with a noisy gyro", among=MEASURED),
     Case(Fault.WRONG_COLUMN, STEER, swapped(STEER, YAW), False, "with the yaw rate", among=MEASURED),
     Case(Fault.WRONG_COLUMN, YAW2, swapped(YAW, YAW2), True, "with the other yaw rate"),
+    Case(Fault.EXCHANGED, YAW2, swapped(YAW, YAW2), True),
+    Case(Fault.DUPLICATE, YAW2, added(YAW2, YAW), True),
+    Case(Fault.TIME_OFFSET, YAW2, late(0.35, YAW2, ROLL2), False, "trailer logger", among=(ROLL2,)),
+    Case(Fault.TIME_OFFSET, YAW, late(0.5, YAW), False),
+    Case(Fault.CLOCK_RATE, YAW2, fast(0.04, YAW2, ROLL2), False, among=(ROLL2,)),
     Case(Fault.UNKNOWN_UNIT, "roll_rate.trailer", added("roll_rate.trailer", ROLL2), True),
     *(
         Case(Fault.OFFSET, n, scaled(n, 1.0, 0.04), False, among=(f"{n}.offset", YAW2, STEER))

@@ -13,6 +13,7 @@ PACKAGES = (
     "checks",
     "logs",
     "vehicle",
+    "time_bases",
     "observe",
     "identify",
     "identify.online",

@@ -11,7 +11,7 @@ Severity = Literal["error", "warning"]
 
 
 class Fault(Enum):
-    """Faults that `check` looks for."""
+    """Faults of a record."""
 
     DROPOUT = "dropout"
     """Missing samples."""
@@ -39,6 +39,14 @@ class Fault(Enum):
     """A unit or steered axle that the vehicle does not have."""
     OFFSET = "offset"
     """A mean that is not zero where the other signals are zero."""
+    DUPLICATE = "duplicate"
+    """The samples of another signal."""
+    EXCHANGED = "exchanged"
+    """The signal of another unit."""
+    TIME_OFFSET = "time offset"
+    """Timestamps that are late or early."""
+    CLOCK_RATE = "clock rate"
+    """Timestamps of a clock that is fast or slow."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +62,8 @@ class Finding:
     """The signal, the expected and the actual value, and the cure."""
     remedy: Mapping[str, str | float] = field(default_factory=dict)
     """Keys of signals.toml whose values remove the fault; empty where the user must decide."""
+    others: tuple[str, ...] = ()
+    """Further signals with the same fault and the same remedy."""
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.message}"

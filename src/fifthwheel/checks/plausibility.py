@@ -1,9 +1,11 @@
 """Plausibility of a record, checked before an estimator turns faults of signals into wrong parameters."""
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.checks.findings import Fault, Finding, Severity, remedy_text
 from fifthwheel.checks.kinematics import kinematic_findings
 from fifthwheel.checks.samples import dropouts, limit_of, present_samples, spikes, stuck
@@ -18,6 +20,10 @@ _MAX_STEERING_WHEEL = 16.0
 """rad; a steering wheel turns by up to 2.5 revolutions to either side."""
 _MAX_RATE = 2e4
 """Hz; no log of a truck has a higher sampling rate."""
+_DISTINCT = ("yaw_rate", "roll_rate", "roll", "lateral_acceleration", "articulation")
+"""Quantities of which each unit has its own."""
+_SAME = (0.9999, 0.999)
+"""Least correlation of two signals with the same samples, and of their differences from sample to sample."""
 _DEFAULT_WHEELBASE = 4.5
 """m"""
 
@@ -44,6 +50,7 @@ def check(
     )
     explained = {finding.signal for finding in kinematic if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
     findings = [*_unknown_units(record, units, steered), *_speed(record), *_wheel_speeds(record), *kinematic]
+    findings += _duplicates(record)
     for name in record.signals:
         findings += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
         findings += [] if name in explained else _range(record, name)
@@ -100,6 +107,26 @@ def _speed(record: Record) -> Iterator[Finding]:
             f"stop = {last:.2f} in [time] of signals.toml"
         )
         yield finding(Fault.ZERO_SPEED, "warning", message)
+
+
+def _duplicates(record: Record) -> Iterator[Finding]:
+    """Signals of one quantity of two units with the same samples, noise included."""
+    names = [name for name in record.signals if SignalName.of(name).quantity in _DISTINCT]
+    for one, other in combinations(names, 2):
+        if SignalName.of(one).quantity != SignalName.of(other).quantity:
+            continue
+        a, b = record.signals[one], record.signals[other]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = a[both], b[both]
+        pairs = ((a, b), (np.diff(a), np.diff(b)))  # the differences contain the noise
+        if all(x.size > 100 and _same(x, y, least) for (x, y), least in zip(pairs, _SAME, strict=True)):
+            message = f"{other}: the same samples as {one}; map another column to one of them in signals.toml"
+            yield Finding(signal=other, fault=Fault.DUPLICATE, severity="error", message=message, others=(one,))
+
+
+def _same(a: Array, b: Array, least: float) -> bool:
+    """Whether two variables (n,) vary, and are correlated by at least `least`."""
+    return float(np.std(a)) > 1e-9 < float(np.std(b)) and float(np.corrcoef(a, b)[0, 1]) > least
 
 
 def _wheel_speeds(record: Record) -> Iterator[Finding]:

@@ -1,8 +1,13 @@
 """fifthwheel check"""
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from fifthwheel.cli import options
 from fifthwheel.cli.app import command
-from fifthwheel.cli.terminal import load_records, warn_of_axle_loads
+from fifthwheel.cli.terminal import load_records, print_files, warn_of_axle_loads
 
 
 @command(
@@ -10,6 +15,7 @@ from fifthwheel.cli.terminal import load_records, warn_of_axle_loads
     "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
     "fifthwheel check run.csv -v truck.toml --fix semitrailer.roll_stiffness",
     "fifthwheel check run.csv -v truck.toml --free tractor.yaw_inertia --json",
+    "fifthwheel check run.csv -v truck.toml --plot time.html",
 )
 def check(
     logs: options.Logs,
@@ -21,13 +27,17 @@ def check(
     consider: options.ConsiderOption = None,
     any_load: options.AnyLoadOption = False,
     sensor: options.SensorOption = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
+    ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Predict the sigma of each parameter from these logs, and what would reduce it.
 
     Predicts the sigma of each parameter that `identify` would estimate from all logs together. Uses the values of the
     vehicle file and does no fit. For each parameter with a large sigma, it predicts the sigma if another parameter were
-    known, another manoeuvre driven or another signal logged. It also lists implausible signals.
+    known, another manoeuvre driven or another signal logged. It also lists implausible signals, and late
+    ones.
     """
     from fifthwheel.identify.design.assess import assess_information
     from fifthwheel.workflow import read_vehicle
@@ -38,6 +48,10 @@ def check(
     )
     records = load_records(logs, signals)
     warn_of_axle_loads(truck, records)
+    if plot is not None:
+        from fifthwheel.report.html.time_bases import write_time_offsets
+
+        write_time_offsets(plot, records, truck)
     assessment = assess_information(records, truck, settings)
     if as_json:
         print(assessment.to_json())
@@ -45,3 +59,5 @@ def check(
         from fifthwheel.report.terminal.assessment import show_assessment
 
         show_assessment(assessment)
+        if plot is not None:
+            print_files({plot.name: plot})

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fifthwheel.checks import check, raise_errors
+from fifthwheel.checks import raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
@@ -16,6 +16,7 @@ from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
+from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 
 
@@ -164,8 +165,7 @@ def _check(record: Record, vehicle: Vehicle, steered: Vehicle, settings: CommonS
     for name in steered.steer_signals():
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}, but in another log; map it in all logs or in none")
-    units = [unit.name for unit in vehicle.units]
-    findings = check(record, wheelbase=steered.wheelbase, units=units, steered=vehicle.steer_signals())
+    findings = check_record(record, vehicle)
     if settings.check:
         raise_errors(findings)
     messages = [*[finding.message for finding in findings if finding.severity != "error"], *record.notes]

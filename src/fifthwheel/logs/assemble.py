@@ -13,6 +13,7 @@ from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.signal_map import Channel, SignalMap
 from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
+from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.record.signal_names import is_input, si_unit
@@ -25,6 +26,8 @@ _TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
 _MIN_EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
+_LOGGER = "logger"
+"""Name of the logger's own clock, where the steer angle has another one."""
 _SAME_INSTANT = 1e-6
 """s; timestamps closer than this are one instant."""
 
@@ -79,9 +82,31 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
         start = float(np.floor(time[0]))
         notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
         time = time - start
-    record = Record(time=time, signals=signals, reference=reference, name=name, notes=tuple(dict.fromkeys(notes)))
+    record = Record(
+        time=time,
+        signals=signals,
+        reference=reference,
+        name=name,
+        notes=tuple(dict.fromkeys(notes)),
+        time_bases=_time_bases(log, channels),
+    )
     start, stop = signal_map.span
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
+
+
+def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], Channel]) -> dict[str, str]:
+    """Signal to the name of its time base, without those of the main one.
+
+    It is the clock of the map, else the column with the channel's own timestamps, else the clock in the file. The main
+    time base is that of a steer angle, else of speed, else of the first signal.
+    """
+    names = {
+        signal: channel.clock or channel.time or log.columns[log.find(channel.columns[0])].time_base
+        for (_, signal), channel in channels.items()
+    }
+    main = next((n for n in names if SignalName.of(n).quantity == "steer"), "speed" if "speed" in names else None)
+    common = names[main] if main else next(iter(names.values()))
+    return {signal: name or _LOGGER for signal, name in names.items() if name != common}
 
 
 def time_column(log: LogSource) -> str | None:

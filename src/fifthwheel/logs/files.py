@@ -56,7 +56,7 @@ def _listed(names: Iterable[str], limit: int = 40) -> str:
 def write_record(record: Record, path: str | Path) -> None:
     """Write a record as .csv or .parquet, in SI with the units in the headers; `read_log` returns an equal record.
 
-    The file is written atomically. Notes are not written.
+    The file is written atomically. Notes are not written; time bases are written to Parquet only.
 
     Raises:
         SignalError: the ending is another one, or the file cannot be written.
@@ -64,7 +64,12 @@ def write_record(record: Record, path: str | Path) -> None:
     path = Path(path)
     columns = {"time": record.time, **record.signals, **{REFERENCE + n: v for n, v in record.reference.items()}}
     headers = [header(name) for name in columns]
-    fields = [pa.field(h, pa.float64(), metadata={"unit": split_header(h)[1] or ""}) for h in headers]
+    fields = []
+    for name, text in zip(columns, headers, strict=True):
+        metadata = {"unit": split_header(text)[1] or ""}
+        if base := record.time_bases.get(name.removeprefix(REFERENCE)):
+            metadata["time_base"] = base
+        fields.append(pa.field(text, pa.float64(), metadata=metadata))
     table = pa.table([pa.array(values, from_pandas=True) for values in columns.values()], schema=pa.schema(fields))
     write_table = record_writer(path)
     try:

@@ -17,6 +17,7 @@ delay = "200 ms"                    # the timestamps are late by this
 [signals."yaw_rate.semitrailer"]
 sum = ["yaw_rate", "hitch_rate"]    # the sum of columns
 time = "t_imu"                      # timestamps of its own
+clock = "trailer logger"            # which clock gave them
 
 [reference]
 "lateral_velocity.tractor" = "vy"   # for comparison only
@@ -91,6 +92,8 @@ class Channel(BaseModel):
     """Time by which the timestamps are late, s, or a text with a unit: "200 ms"."""
     time: str | None = None
     """Column with the channel's own timestamps, where the log has several rates."""
+    clock: str | None = None
+    """Name of the time base, such as the logger that gave the timestamps, if it is not the common one."""
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

@@ -33,7 +33,9 @@ class Column:
     unit: str | None = None
     """As in the file; None where the file has none."""
     clock: str = ""
-    """Time base: columns with the same one are sampled together; "" is that of the rows of a table."""
+    """Columns with the same one are sampled together; "" is that of the rows of a table."""
+    time_base: str = ""
+    """Name of the physical clock behind the timestamps, where it is not that of the logger; "" is the logger's."""
     about: str = ""
     """Description in the file."""
 

@@ -20,8 +20,8 @@ class Record:
     """Measured signals of a truck in SI and ISO 8855 on one strictly increasing time base.
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
-    quantity.unit[.axle] (signal_names.py). Two records are equal if time, signals and reference are equal; name and
-    notes are not compared.
+    quantity.unit[.axle] (signal_names.py). Two records are equal if time, signals and reference are equal; name,
+    notes and time bases are not compared.
     """
 
     time: Array
@@ -34,6 +34,9 @@ class Record:
     """Name of the run in reports."""
     notes: tuple[str, ...] = ()
     """What was left out or repaired when the log was read, one sentence each."""
+    time_bases: Mapping[str, str] = field(default_factory=dict)
+    """Signal to the name of the time base, or clock, that gave its timestamps; signals that are not listed share the
+    main time base. Entries of other names are left out."""
 
     def __post_init__(self) -> None:
         time = require_increasing(_frozen("time", self.time))
@@ -56,6 +59,8 @@ class Record:
                     raise SignalError(f"{name}: infinite at {at:.2f} s; mark missing samples with NaN")
             object.__setattr__(self, part, MappingProxyType(columns))
         object.__setattr__(self, "notes", tuple(self.notes))
+        known = {name: base for name, base in self.time_bases.items() if name in self.signals or name in self.reference}
+        object.__setattr__(self, "time_bases", MappingProxyType(known))
 
     @property
     def span(self) -> tuple[float, float]:
@@ -150,7 +155,8 @@ class Record:
 
     def __reduce__(self) -> tuple[Any, ...]:
         fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}
-        return partial(Record, time=self.time, **fields, name=self.name, notes=self.notes), ()
+        fields |= {"name": self.name, "notes": self.notes, "time_bases": dict(self.time_bases)}
+        return partial(Record, time=self.time, **fields), ()
 
     def _rows(self, rows: NDArray[Any], name: str) -> "Record":
         signals = {n: v[rows] for n, v in self.signals.items()}

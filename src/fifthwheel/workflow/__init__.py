@@ -1,9 +1,10 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
+from fifthwheel.time_bases import check_record
 from fifthwheel.workflow.axle_loads import AxleLoadDifference, WeighedVehicle, axle_load_differences, weigh_vehicle
 from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
-from fifthwheel.workflow.inputs import check_record, read_records, read_vehicle
+from fifthwheel.workflow.inputs import read_records, read_vehicle
 from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.results import write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings

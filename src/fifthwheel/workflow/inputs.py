@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from fifthwheel.checks import Finding, check
 from fifthwheel.errors import VehicleError
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
@@ -57,11 +56,3 @@ def read_records(
 def report_fraction(progress: Progress, title: str, fraction: float) -> None:
     """Report a fraction of the work as thousandths."""
     progress(title, round(1000 * fraction), 1000)
-
-
-def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Finding, ...]:
-    """Every fault of a record, errors first; with the vehicle also signals that it does not have."""
-    if vehicle is None:
-        return check(record)
-    units = [unit.name for unit in vehicle.units]
-    return check(record, wheelbase=vehicle.wheelbase, units=units, steered=vehicle.steer_signals())

@@ -2,15 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.checks import Fault
+from fifthwheel.errors import SignalError
+from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.propose import MapProposal, as_toml, propose_map
 from fifthwheel.logs.mapping.survey import LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
+from fifthwheel.logs.source import LogSource
+from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress, report_fraction
 
@@ -53,7 +58,7 @@ def survey_file(
     """Survey a log and propose a map.
 
     Args:
-        vehicle: gives the names of the units, and the wheelbase for the steering ratio.
+        vehicle: gives the names of the units, the wheelbase for the steering ratio, and the expected motion for delays.
         databases: DBC or ARXML files for CAN frames. In the map, those in its folder or below have a relative path.
         map_file: where to write the map.
         progress: called with a title, the thousandths of the log that are read, and 1000.
@@ -70,12 +75,39 @@ def survey_file(
     report = partial(report_fraction, progress, f"reading {path.name}")
     with open_log(path, databases, report) as opened:
         survey = survey_log(opened, report)
-        proposal = propose_map(opened, survey, databases=named, **known)
+        proposal = _with_delays(propose_map(opened, survey, databases=named, **known), opened, vehicle)
     text = as_toml(proposal, survey)
     if map_file is not None:
         with atomic_write(map_file) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return LogContents(survey=survey, proposal=proposal, signals_toml=text)
+
+
+def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None = None) -> MapProposal:
+    """The proposed map with the delays that the samples show, and the findings of `check_record`.
+
+    Args:
+        proposal: a map without delays.
+        log: open; it is read again.
+        vehicle: predicts the signals; default: any usual tractor and semitrailer, so that only large delays are found.
+    """
+    try:
+        record = assemble(log, proposal.signals, name=log.name)
+    except SignalError:
+        return proposal  # its findings tell why
+    channels, reasons = dict(proposal.signals.signals), dict(proposal.reasons)
+    findings = check_record(record, vehicle)
+    for finding in findings:
+        if finding.fault is Fault.TIME_OFFSET:
+            for signal in (finding.signal, *finding.others):
+                channels[signal] = channels[signal].model_copy(update=dict(finding.remedy))
+                reasons[signal] += f"; delay by what the other signals predict: {finding.message.partition(';')[0]}"
+    return replace(
+        proposal,
+        signals=proposal.signals.model_copy(update={"signals": channels}),
+        reasons=reasons,
+        findings=tuple(finding for finding in findings if finding.fault is not Fault.TIME_OFFSET),
+    )
 
 
 def _finite(value: Any) -> Any:

@@ -9,8 +9,9 @@ from fifthwheel.checks import raise_errors
 from fifthwheel.observe import Observer, ObserverSettings, States, Status
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
+from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.inputs import Progress, check_record
+from fifthwheel.workflow.inputs import Progress
 from fifthwheel.workflow.stored_identification import StoredIdentification
 
 

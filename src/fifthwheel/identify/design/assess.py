@@ -9,7 +9,7 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel import dynamics
-from fifthwheel.checks import Finding, check
+from fifthwheel.checks import Finding
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
@@ -20,6 +20,7 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
+from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle, unit_of
 
 
@@ -130,7 +131,7 @@ def assess_information(
         VehicleError: a parameter cannot be estimated or fixed; or the truck is unstable at the speeds of the logs.
     """
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
-    findings = [(r.name, finding) for r in records for finding in check(r, wheelbase=vehicle.wheelbase)]
+    findings = [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:
         dataset = prepare_dataset(records, vehicle, replace(settings, check=False))

@@ -105,7 +105,9 @@ class McapLog(LogSource):
                 column = f"{clock}.{key}" if key else clock
                 while column in self._columns:
                     column += "'"
-                self._columns[column] = Column(name=column, clock=clock, about=topic.about)
+                self._columns[column] = Column(
+                    name=column, clock=clock, about=topic.about, time_base=clock if topic.stamped else ""
+                )
                 self._places[column] = (name, key)
 
     @property

@@ -30,7 +30,10 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         raise SignalError(f"{path.name}: columns but no rows; the log is empty")
     if len(set(names)) < len(names):
         raise SignalError(f"{path.name}: columns with the same name; rename all but one")
-    columns = {name: Column(name=name, unit=unit) for name, unit in zip(names, units, strict=True)}
+    columns = {
+        name: Column(name=name, unit=unit, time_base=_metadata(field, "time_base"))
+        for name, unit, field in zip(names, units, fields, strict=True)
+    }
     headers = {name: field.name for name, field in zip(names, fields, strict=True)}
     return ParquetLog(path.name, file, columns, headers)
 
@@ -73,4 +76,8 @@ class ParquetLog(LogSource):
 
 def _unit(field: pa.Field) -> str | None:
     """Unit in the brackets of a name, else in the metadata."""
-    return split_header(field.name)[1] or (field.metadata or {}).get(b"unit", b"").decode(errors="replace") or None
+    return split_header(field.name)[1] or _metadata(field, "unit") or None
+
+
+def _metadata(field: pa.Field, key: str) -> str:
+    return str((field.metadata or {}).get(key.encode(), b"").decode(errors="replace"))

@@ -1,0 +1,236 @@
+"""Time offsets of channels and time bases, from the lags of the channels behind their predictions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.record import Record
+from fifthwheel.time_bases.lags import LagCurve
+from fifthwheel.time_bases.predictions import Prediction, predict_channels
+from fifthwheel.vehicle import Vehicle
+
+MAX_OFFSET = 2.0
+"""s; larger offsets are not found."""
+MIN_EXPLAINED = 0.3
+"""Channels of which the prediction explains less are not measured."""
+MIN_OFFSET = 0.2
+"""s; smaller offsets of measured channels are not reported. Real logs with a wrong vehicle file reach 0.19 s."""
+MIN_STEER_OFFSET = 0.25
+"""s; smaller offsets of a steer angle are not reported, an identification estimates them."""
+MIN_GENERIC_OFFSET = 0.3
+"""s; smaller offsets are not reported without a vehicle file."""
+_SAME_OFFSET = 0.1
+"""s; channels whose offsets differ by less are reported together."""
+_MODEL_SIGMA = 0.015
+"""s, error of the model besides that of the tyre stiffness, by comparison with the nonlinear truck."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeOffset:
+    """How late the timestamps of a channel, or of all channels of a time base, are."""
+
+    name: str
+    """The signal, or the time base."""
+    signals: tuple[str, ...]
+    """The signal, or those of the time base."""
+    offset: float
+    """s, positive if late: `delay` in signals.toml."""
+    sigma: float
+    """s, with the error of tyre stiffness unknown by 30 % and of autocorrelated residuals."""
+    explained_at_0: float
+    """Fraction of the variance that the prediction explains without a correction."""
+    explained: float
+    """The same with the offset corrected."""
+    smallest: float
+    """Smaller offsets are not reported, s."""
+
+    @property
+    def significant(self) -> bool:
+        """Whether it exceeds three sigma and the smallest offset that is reported."""
+        return abs(self.offset) > max(3 * self.sigma, self.smallest)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Lags:
+    """Lags of the channels behind their predictions, by variant of the vehicle."""
+
+    names: tuple[str, ...]
+    """(c,) channels that the prediction explains."""
+    curves: Sequence[LagCurve]
+    """(c,) of the best variant."""
+    lag: Array
+    """(v, c) s"""
+    sigma: Array
+    """(c,) s, of the best variant, without the uncertainty of the vehicle."""
+    weight: Array
+    """(v,) of the variants, from how well they explain all channels; their sum is 1."""
+    generic: bool
+    """Whether the vehicle is unknown."""
+
+    def mean(self, lags: Array) -> tuple[float, float]:
+        """Mean and standard deviation over the variants of some lags (v,), s."""
+        mean = float(self.weight @ lags)
+        return mean, float(np.sqrt(self.weight @ (lags - mean) ** 2))
+
+
+def measure_time_offsets(record: Record, vehicle: Vehicle | None = None) -> tuple[TimeOffset, ...]:
+    """Time offsets of the time bases and of the channels of a record, by what speed and steer angle predict.
+
+    A channel is predicted by the linear model, and the lag is searched at which the prediction explains most of the
+    channel's variance with free gain and bias. The offset is relative to the yaw rate of the first unit. If that yaw
+    rate and the steer angle do not agree, the other channels decide which of the two is late. The reference has no
+    entry. Channels are left out that the vehicle does not have, or that vary too little or too irregularly.
+
+    Args:
+        record: with speed and a steer angle.
+        vehicle: its cornering stiffness may be wrong by 30 %. Default: any usual tractor and semitrailer, with a larger
+            sigma.
+
+    Returns:
+        The offsets of time bases, then those of single channels, each in the order of the record.
+    """
+    prediction = predict_channels(record, vehicle)
+    return () if prediction is None else offsets_of(record, prediction)
+
+
+def offsets_of(record: Record, prediction: Prediction) -> tuple[TimeOffset, ...]:
+    """`measure_time_offsets` by a given prediction."""
+    lags = _measure_lags(prediction)
+    if lags is None:
+        return ()
+    channels = _channel_offsets(lags, prediction, record)
+    bases: dict[str, list[TimeOffset]] = {}
+    for channel in channels:
+        if base := record.time_bases.get(channel.name):
+            bases.setdefault(base, []).append(channel)
+    groups = [
+        _joined(base, members, tuple(n for n in record.signals if record.time_bases.get(n) == base))
+        for base, members in bases.items()
+    ]
+    return (*groups, *channels)
+
+
+def _measure_lags(prediction: Prediction) -> _Lags | None:
+    """Lags of all channels that some variant explains; variants without a lag of one of them are left out."""
+    curves = prediction.curves
+    best = [[None if curve is None else curve.best() for curve in row] for row in curves]
+    explained = np.array(
+        [
+            [0.0 if c is None or b is None else c.explained_at(b[0]) for c, b in zip(*rows, strict=True)]
+            for rows in zip(curves, best, strict=True)
+        ]
+    )
+    used = np.flatnonzero(explained[0] >= MIN_EXPLAINED)
+    complete = np.flatnonzero((explained[:, used] > 0).all(axis=1))
+    if not used.size:
+        return None
+    misfit = np.log(np.maximum(1 - explained[np.ix_(complete, used)], 1e-4)).mean(axis=1)
+    weight = np.exp(2 * (misfit.min() - misfit))
+    first = int(complete[misfit.argmin()])
+    found = [[best[v][c] or (0.0, 0.0) for c in used] for v in complete]
+    return _Lags(
+        names=tuple(prediction.names[c] for c in used),
+        curves=[curve for c in used if (curve := curves[first][c]) is not None],
+        lag=np.array([[lag for lag, _ in row] for row in found]),
+        sigma=np.array([(best[first][c] or (0.0, 0.0))[1] for c in used]),
+        weight=weight / weight.sum(),
+        generic=prediction.generic,
+    )
+
+
+def _channel_offsets(lags: _Lags, prediction: Prediction, record: Record) -> list[TimeOffset]:
+    """Offsets of the channels, and of the steer angle if a yaw rate of the first unit is the reference."""
+    steer, leading = prediction.steer, prediction.leading
+    if leading in record.signals and leading not in lags.names:
+        return []  # what steers the truck is unknown, or does not show
+    reference: int | None = lags.names.index(leading) if leading in lags.names else None
+    if reference is not None and _leading_is_wrong(lags, reference, record.time_bases, steer):
+        reference = None
+    origin = np.zeros(len(lags.weight)) if reference is None else lags.lag[:, reference]
+    origin_sigma = 0.0 if reference is None else float(lags.sigma[reference])
+    offsets = []
+    if reference is not None:
+        mean, spread = lags.mean(-origin)
+        curve = lags.curves[reference]
+        offsets.append(
+            TimeOffset(
+                name=steer,
+                signals=(steer,),
+                offset=mean,
+                sigma=float(np.sqrt(spread**2 + origin_sigma**2 + _MODEL_SIGMA**2)),
+                explained_at_0=curve.explained_at(0.0),
+                explained=curve.explained_at(-mean),
+                smallest=MIN_GENERIC_OFFSET if lags.generic else MIN_STEER_OFFSET,
+            )
+        )
+    for c, name in enumerate(lags.names):
+        if c == reference:
+            continue
+        mean, spread = lags.mean(lags.lag[:, c] - origin)
+        base, _ = lags.mean(origin)
+        offsets.append(
+            TimeOffset(
+                name=name,
+                signals=(name,),
+                offset=mean,
+                sigma=float(np.sqrt(spread**2 + lags.sigma[c] ** 2 + origin_sigma**2 + _MODEL_SIGMA**2)),
+                explained_at_0=lags.curves[c].explained_at(base),
+                explained=lags.curves[c].explained_at(base + mean),
+                smallest=MIN_GENERIC_OFFSET if lags.generic else MIN_OFFSET,
+            )
+        )
+    return offsets
+
+
+def _leading_is_wrong(lags: _Lags, leading: int, time_bases: Mapping[str, str], steer: str) -> bool:
+    """Whether the yaw rate of the first unit and the steer angle disagree, and the steer angle is right.
+
+    If the yaw rate seems late, it is late, perhaps with others. If it seems early, the steer angle is late, unless most
+    other channels agree with the steer angle.
+    """
+    lag, spread = lags.mean(lags.lag[:, leading])
+    others = np.array([lags.mean(lags.lag[:, c])[0] for c in range(len(lags.names)) if c != leading])
+    distance = np.abs(others - lag)
+    if abs(lag) < max(3 * float(np.hypot(spread, lags.sigma[leading])), MIN_STEER_OFFSET):
+        with_steer = np.abs(others) < distance / 2
+        return bool(others.size) and with_steer.mean() > 0.5 and float(np.median(distance)) > MIN_OFFSET
+    if lag > 0 or time_bases.get(lags.names[leading]) != time_bases.get(steer):
+        return True
+    return bool(np.mean(distance < np.abs(others)) < 0.5) if others.size else False
+
+
+def common_offsets(offsets: Sequence[TimeOffset]) -> list[TimeOffset]:
+    """The significant offsets, joined where those of time bases or channels are similar."""
+    late = [offset for offset in offsets if offset.significant]
+    common: list[list[TimeOffset]] = []
+    for offset in late:
+        same = next((c for c in common if abs(c[0].offset - offset.offset) < _SAME_OFFSET), None)
+        if same is None:
+            common.append([offset])
+        else:
+            same.append(offset)
+    return [
+        _joined(members[0].name, members, tuple(dict.fromkeys(name for o in members for name in o.signals)))
+        for members in common
+    ]
+
+
+def _joined(name: str, offsets: Sequence[TimeOffset], signals: tuple[str, ...]) -> TimeOffset:
+    """The common offset of several channels: their mean, weighted by sigma."""
+    weight = np.array([1 / max(o.sigma, 1e-3) ** 2 for o in offsets])
+    weight /= weight.sum()
+
+    def mean(values: list[float]) -> float:
+        return float(weight @ np.array(values))
+
+    return TimeOffset(
+        name=name,
+        signals=signals,
+        offset=mean([o.offset for o in offsets]),
+        sigma=mean([o.sigma for o in offsets]),  # the error of the vehicle is common to all channels
+        explained_at_0=mean([o.explained_at_0 for o in offsets]),
+        explained=mean([o.explained for o in offsets]),
+        smallest=max(o.smallest for o in offsets),
+    )

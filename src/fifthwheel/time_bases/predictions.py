@@ -1,0 +1,161 @@
+"""Channels predicted from speed and steer angles by the linear model, for several values of what is uncertain in it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.checks.plausibility import MIN_SPEED
+from fifthwheel.checks.samples import LIMITS, remove_input_spikes
+from fifthwheel.dynamics.sensors import NEEDS_ROLL
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.filters.initial_state import steady_initial_state
+from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.record import Record
+from fifthwheel.record.resample import decimate
+from fifthwheel.record.segments import segments_above
+from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
+from fifthwheel.vehicle import Vehicle, catalogue
+
+QUANTITIES = ("yaw_rate", "articulation", "roll_rate", "roll", "lateral_acceleration")
+"""Quantities that are predicted."""
+_KNOWN_STIFFNESS = ((1.0, 1.0), (0.7, 0.7), (1.4, 1.4), (1.0, 0.7), (1.0, 1.4))
+"""Factors of the cornering stiffness of the first unit and of the other units; a vehicle file is wrong by 30 %."""
+_UNKNOWN_STIFFNESS = (0.6, 1.0, 1.7)
+"""Factors of the cornering stiffness of all units without a vehicle file, laden or unladen."""
+_UNKNOWN_LENGTH = (0.8, 1.0, 1.3, 1.7)
+"""Factors of the length of the semitrailer without a vehicle file: 6.4 to 13.6 m."""
+_START = 1.0
+"""s at the start of a segment that depend on its unknown initial state."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """Measured and predicted channels on the multiples of 1 / RATE."""
+
+    time: Array
+    """(N,) s"""
+    steer: str
+    """The first steer angle, front to rear."""
+    names: tuple[str, ...]
+    """(c,) channels"""
+    measured: Array
+    """(N, c) SI; NaN where missing."""
+    predicted: Array
+    """(v, N, c) SI, by variant of the vehicle; NaN outside the usable segments."""
+
+    generic: bool
+    """Whether the vehicle is unknown and the variants are usual ones."""
+
+    @property
+    def leading(self) -> str:
+        """The yaw rate of the steered unit, whether measured or not."""
+        return f"yaw_rate.{SignalName.of(self.steer).unit}"
+
+    @cached_property
+    def curves(self) -> list[list[LagCurve | None]]:
+        """(v, c) how well each channel is explained by its own prediction at each lag."""
+        pairs = [zip(self.measured.T, variant.T, strict=True) for variant in self.predicted]
+        return [[lag_curve(measured, predicted) for measured, predicted in pair] for pair in pairs]
+
+
+def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Prediction | None:
+    """The prediction of every channel that the vehicle has, for each variant of the vehicle that is stable.
+
+    Args:
+        record: with speed and a steer angle.
+        vehicle: its cornering stiffness varies by 30 %. Default: a tractor and semitrailer of which stiffness and
+            length vary over the range of usual ones.
+
+    Returns:
+        None where the record has no speed or steer angle that can be used, or no such channel.
+    """
+    variants = _generic_variants() if vehicle is None else _stiffness_variants(vehicle)
+    units = [unit.name for unit in variants[0].units]
+    names = tuple(name for name in record.signals if _has(units, SignalName.of(name)))
+    try:
+        segments = segments_above(remove_input_spikes(record), MIN_SPEED)
+        variants = [variant.with_logged_steering(record.signals, record.name) for variant in variants]
+        steers = variants[0].steer_signals()
+        inputs = [{name: segment.input(name) for name in ("speed", *steers)} for segment in segments]
+    except FifthwheelError:
+        return None
+    fastest = max(float(columns["speed"].max()) for columns in inputs)
+    roll = any(SignalName.of(name).quantity in NEEDS_ROLL for name in names)
+    variants = [variant for variant in variants if _is_stable(variant, fastest, roll=roll)]
+    if not names or not variants or fastest > LIMITS["speed"].magnitude or len(record) < _START * RATE:
+        return None
+    time, values = decimate(record.time, np.column_stack([record.signals[name] for name in names]), RATE)
+    rows = np.rint(time * RATE).astype(int)
+    first = int(rows[0])
+    measured = np.full((rows[-1] - first + 1, len(names)), np.nan)
+    measured[rows - first] = values
+    predicted = np.full((len(variants), *measured.shape), np.nan)
+    for segment, columns in zip(segments, inputs, strict=True):
+        start, stop = np.ceil(segment.time[0] * RATE), np.floor(segment.time[-1] * RATE)
+        grid = np.arange(max(start, first), min(stop, rows[-1]) + 1) / RATE
+        if grid.size > _START * RATE:
+            on_grid = {name: np.interp(grid, segment.time, column) for name, column in columns.items()}
+            place = slice(round(grid[0] * RATE) - first, round(grid[-1] * RATE) - first + 1)
+            for variant, response in zip(variants, predicted, strict=True):
+                response[place] = _response(variant, names, grid, on_grid, roll=roll)
+    return Prediction(
+        time=np.arange(first, rows[-1] + 1) / RATE,
+        steer=steers[0],
+        names=names,
+        measured=measured,
+        predicted=predicted,
+        generic=vehicle is None,
+    )
+
+
+def _has(units: Sequence[str], signal: SignalName) -> bool:
+    """Whether a vehicle of these units has a predicted signal."""
+    has_angle = signal.quantity != "articulation" or signal.unit != units[0]
+    return signal.quantity in QUANTITIES and signal.unit in units and not signal.axle and has_angle
+
+
+def _is_stable(vehicle: Vehicle, speed: float, *, roll: bool) -> bool:
+    return bool(np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=roll).A).real.max() < 0)
+
+
+def _response(vehicle: Vehicle, names: Sequence[str], time: Array, inputs: dict[str, Array], *, roll: bool) -> Array:
+    """Outputs (N, c) from the steady state of the first inputs; NaN in the first second."""
+    first = {name: float(column[0]) for name, column in inputs.items()}
+    x0, _ = steady_initial_state(vehicle, first, {}, roll=roll)
+    model = dynamics.model(vehicle, names, roll=roll)
+    outputs = linear_response(model, dynamics.all_parameters(vehicle, names), time, inputs, x0)[1]
+    outputs[: round(_START * RATE)] = np.nan
+    return outputs
+
+
+def _stiffness_variants(vehicle: Vehicle) -> list[Vehicle]:
+    """The vehicle with several factors of its cornering stiffness, its own first."""
+    return [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
+
+
+def _generic_variants() -> list[Vehicle]:
+    """Tractors and semitrailers of usual stiffness and length."""
+    typical = catalogue.get("cheng_cebon_2011")
+    return [
+        _scaled(typical, leading=stiffness, towed=stiffness, length=length)
+        for stiffness, length in product(_UNKNOWN_STIFFNESS, _UNKNOWN_LENGTH)
+    ]
+
+
+def _scaled(vehicle: Vehicle, *, leading: float, towed: float, length: float = 1.0) -> Vehicle:
+    """The vehicle with factors of the cornering stiffness of its first and its other units, and of their length."""
+    first = vehicle.units[0].name
+    of_towed = {"cornering_stiffness": towed, "position": length, "cog": length, "yaw_inertia": length**2}
+    changed = {}
+    for name, value in vehicle.parameters().items():
+        path = ParameterPath.of(name)
+        factors = {"cornering_stiffness": leading} if path.unit == first else of_towed
+        if path.quantity in factors:
+            changed[name] = value * factors[path.quantity]
+    return vehicle.replace(changed)
