@@ -128,8 +128,10 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
     scale = np.sqrt(np.diag(P))
     with np.errstate(divide="ignore", invalid="ignore"):
         magnitude = np.nan_to_num(np.abs(P[i]) / (scale[i] * scale))
-    estimates = [*identification.parameters, *identification.uncertain, *identification.sensors]
-    estimated = {o.name for o in estimates if getattr(o, "verdict", None) is not Verdict.FIXED}
+    of_vehicle = [*identification.parameters, *identification.uncertain]
+    estimated = {o.name for o in of_vehicle if o.verdict is not Verdict.FIXED} | {
+        o.name for o in identification.sensors
+    }
     for j, name in enumerate(covariance.names):
         base, log = split_log(name)
         if j == i or base not in estimated or log == "":

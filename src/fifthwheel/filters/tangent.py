@@ -125,7 +125,7 @@ def run_in_chunks(
     carry = np.hstack([np.tile(start, (k, 1)), start_directions])
     constant = np.hstack([np.tile(p, (k, 1)), directions, np.tile(others, (k, 1))])
     half = scan.n_output // 2
-    only_start = ~directions.any(axis=1)  # directions of the start alone: their effect may decay
+    only_start = np.asarray(~directions.any(axis=1))  # directions of the start alone: their effect may decay
     initial = np.abs(start_directions).max(axis=1, initial=0.0)
     active = np.arange(k)
     for begin in range(0, len(rows), CHUNK):

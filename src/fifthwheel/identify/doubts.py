@@ -98,7 +98,7 @@ def score_tests(
     free = ~fixed
     P = np.linalg.inv(np.eye(int(free.sum())) + information[np.ix_(free, free)])
     tests = []
-    for c in np.flatnonzero(fixed):
+    for c in np.flatnonzero(fixed).tolist():
         towards = P @ information[free, c]
         remaining = float(information[c, c] - information[c, free] @ towards)
         if remaining <= 1e-9 * max(float(information[c, c]), 1.0):

@@ -454,9 +454,8 @@ def whitened(blocks: Iterable[ResidualBlock], models: Sequence[NoiseModel], dt: 
     for block in blocks:
         error, jacobian = np.full_like(block.error, np.nan), np.zeros_like(block.jacobian)
         for c in range(len(models)):
-            present: NDArray[np.bool_] | slice = np.isfinite(block.error[:, c])
-            if np.all(present):
-                present = slice(None)
+            is_present = np.isfinite(block.error[:, c])
+            present = slice(None) if is_present.all() else is_present
             error[present, c] = errors[c](block.error[present, c])
             if len(jacobian):
                 jacobian[:, present, c] = slopes[c](block.jacobian[:, present, c])
