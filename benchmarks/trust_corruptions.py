@@ -304,8 +304,8 @@ LEVELS = {"yaw_rate": 0.3, "roll_rate": 0.6, "steer": 0.05, "speed": 5.0}
 def time_bases() -> Iterator[Corruption]:
     def case(name: str, names: str | Iterable[str], change: OfSignal) -> Corruption:
         signals = (names,) if isinstance(names, str) else tuple(names)
-        words = (*TIME_WORDS, *signals) if len(signals) < len(EVERY) else (*TIME_WORDS, "sample", "rate")
-        return Corruption(name=name, category="time base", words=words, record=on(names, change))
+        words = words_of(signals) if len(signals) < len(EVERY) else ("sampling", "timestamp", "repeated")
+        return Corruption(name=name, category="time base", words=(*TIME_WORDS, *words), record=on(names, change))
 
     yield from (case(f"trailer gyros {s:g} s late", TRAILER, late(s)) for s in (0.02, 0.05, 0.1, 0.35, 1.0))
     for name in GYROS:
@@ -329,17 +329,17 @@ def gains() -> Iterator[Corruption]:
     factors = {STEER: (0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3), SPEED: (0.95, 0.98, 1.02, 1.05, 1.1)}
     for name in (STEER, SPEED, *GYROS):
         for factor in factors.get(name, (0.9, 0.95, 1.05, 1.1, 1.5, 2.0)):
-            yield of_signal("gain", f"{name} x {factor:g}", name, gained(factor), "gain", "ratio")
+            yield of_signal("gain", f"{name} x {factor:g}", name, gained(factor))
 
 
 def biases() -> Iterator[Corruption]:
     for name in GYROS:
         for bias in (0.1, 0.3, 1.0):
-            yield of_signal("bias", f"{name} {bias:+g} deg/s", name, gained(1, bias * DEGREE), "offset")
-        yield of_signal("bias", f"{name} drifts by 0.5 deg/s", name, drifting(0.5 * DEGREE), "offset", "drift")
+            yield of_signal("bias", f"{name} {bias:+g} deg/s", name, gained(1, bias * DEGREE))
+        yield of_signal("bias", f"{name} drifts by 0.5 deg/s", name, drifting(0.5 * DEGREE))
     for bias in (0.2, 0.5, 1.0, 2.0):
-        yield of_signal("bias", f"steer {bias:+g} deg", STEER, gained(1, bias * DEGREE), "offset")
-    yield of_signal("bias", "steer drifts by 0.3 deg", STEER, drifting(0.3 * DEGREE), "offset", "drift")
+        yield of_signal("bias", f"steer {bias:+g} deg", STEER, gained(1, bias * DEGREE))
+    yield of_signal("bias", "steer drifts by 0.3 deg", STEER, drifting(0.3 * DEGREE))
 
 
 def noise() -> Iterator[Corruption]:
@@ -354,8 +354,8 @@ def noise() -> Iterator[Corruption]:
     yield of_signal("noise", "speed in steps of 1 km/h", SPEED, quantised(1 / 3.6))
     for name in EVERY:
         level = LEVELS[SignalName.of(name).quantity]
-        yield of_signal("noise", f"spikes in {name}", name, spiked(level), "spike")
-        yield of_signal("noise", f"burst in {name}", name, burst(level / 3), "spike")
+        yield of_signal("noise", f"spikes in {name}", name, spiked(level))
+        yield of_signal("noise", f"burst in {name}", name, burst(level / 3))
 
 
 def faults() -> Iterator[Corruption]:
@@ -381,11 +381,11 @@ def faults() -> Iterator[Corruption]:
 def mounting() -> Iterator[Corruption]:
     for label, gyros in {"all gyros": GYROS, "tractor gyros": (YAW, ROLL), "trailer gyros": TRAILER}.items():
         for angle in (2, 5, 10):
-            change, words = tilted(dict.fromkeys(gyros, angle)), (*gyros, "mount", "misalign")
+            change, words = tilted(dict.fromkeys(gyros, angle)), gyros
             yield Corruption(name=f"{label} tilted {angle} deg", category="mounting", words=words, record=change)
     for name in GYROS:
         for angle in (-5, 5, 10):
-            change, words = tilted({name: angle}), (name, "mount", "misalign")
+            change, words = tilted({name: angle}), (name,)
             yield Corruption(name=f"{name} tilted {angle} deg", category="mounting", words=words, record=change)
 
 
@@ -393,7 +393,7 @@ def steering_and_road() -> Iterator[Corruption]:
     category = "steering and road"
     for width in (0.1, 0.3, 0.5, 1.0):
         name = f"steering play {width:g} deg"
-        yield of_signal(category, name, STEER, steering_play(width * DEGREE), "play", *TIME_WORDS)
+        yield of_signal(category, name, STEER, steering_play(width * DEGREE), "free play", *TIME_WORDS)
     for sigma in (0.02, 0.1, 0.3):
         yield of_signal(category, f"side wind, {sigma:g} deg of steer", STEER, wind_compensated(sigma * DEGREE), "wind")
     for angle in (-2, 1, 2, 4):
@@ -408,7 +408,7 @@ def steering_and_road() -> Iterator[Corruption]:
     for stiffness in (0.9, 0.8):
         two = ((), (("stiffness", stiffness),))
         name = f"tyres x {stiffness:g} in a second log"
-        yield Corruption(name=name, category=category, words=("tyre", "logs differ", "between logs"), runs=two)
+        yield Corruption(name=name, category=category, words=("logs differ", "between logs"), runs=two)
 
 
 def masses() -> Iterator[Corruption]:
@@ -465,8 +465,13 @@ def roll_and_tyres() -> Iterator[Corruption]:
 
 
 def of_signal(category: str, name: str, signal: str, change: OfSignal, *words: str) -> Corruption:
-    """The corruption of one signal; a message that names the signal names the cause."""
-    return Corruption(name=name, category=category, words=(signal, *words), record=on(signal, change))
+    """The corruption of one signal; a message on the signal names the cause."""
+    return Corruption(name=name, category=category, words=(*words_of([signal]), *words), record=on(signal, change))
+
+
+def words_of(signals: Iterable[str]) -> tuple[str, ...]:
+    """What a message on one of the signals contains; many messages contain the word "speed"."""
+    return tuple(word for name in signals for word in (("speed:", "speed in") if name == SPEED else (name,)))
 
 
 def of_file(category: str, name: str, change: OfVehicle, words: tuple[str, ...]) -> Corruption:
