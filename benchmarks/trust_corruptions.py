@@ -294,9 +294,10 @@ def all_of(*changes: OfVehicle) -> OfVehicle:
 # The table
 
 TIME_WORDS = ("time base", "delay", "latency")
-MASS_WORDS = ("vehicle file", "mass")
-GEOMETRY_WORDS = ("vehicle file", "axle position", "wheelbase", "CoG")
-ROLL_WORDS = ("vehicle file", "roll stiffness", "roll axis")
+MASS_WORDS = ("mass", "weigh")
+GEOMETRY_WORDS = ("axle position", "_position", ".position", "wheelbase", ".cog is")
+ROLL_WORDS = ("roll_stiffness", "roll stiffness", "roll_axis", "roll_damping", "cog_height", "roll_inertia")
+"""Words of wrong vehicle files. "Vehicle file" alone names no cause: many messages contain it."""
 LEVELS = {"yaw_rate": 0.3, "roll_rate": 0.6, "steer": 0.05, "speed": 5.0}
 """Size of a spike or burst in SI by quantity."""
 
@@ -457,10 +458,10 @@ def roll_and_tyres() -> Iterator[Corruption]:
     for factor in (0.8, 1.2):
         yield of_file("roll", f"payload width x {factor:g}", scaled(factor, ".payload.width"), (*ROLL_WORDS, "width"))
     for factor in (0.0, 2.0):
-        words = ("vehicle file", "relaxation")
+        words = ("relaxation",)
         yield of_file("tyres and inertia", f"relaxation x {factor:g}", scaled(factor, ".relaxation_length"), words)
     for factor in (0.7, 1.4):
-        change, words = scaled(factor, ".yaw_inertia", unit=TRACTOR_UNIT), ("vehicle file", "tractor.yaw_inertia")
+        change, words = scaled(factor, ".yaw_inertia", unit=TRACTOR_UNIT), ("tractor.yaw_inertia",)
         yield of_file("tyres and inertia", f"yaw inertia of tractor x {factor:g}", change, words)
 
 
