@@ -35,6 +35,7 @@ UNITS = ("tractor", "semitrailer")
 GYROS = article_gyro_variance(UNITS)
 STATES = tuple(f"{quantity}.{unit}" for quantity in ("sideslip", "roll") for unit in UNITS)
 SPEED, STEER = "speed", "steer.tractor.front"
+LEVEL, BANKED = ", level road assumed", ", bank as a state"
 INTERVAL = 1.645
 """Half width of a 90 % interval, in standard deviations."""
 
@@ -118,7 +119,7 @@ def samples(draw: Draw) -> dict[str, Sample]:
     except FifthwheelError:
         return {}
     ranges = true_ranges(((),)) if draw.nonlinear else exact_values()
-    return dict(estimate_samples(result, ranges)) | dict(state_samples(result, record))
+    return dict(estimate_samples(result, ranges)) | dict(state_samples(result, record, settings.bank_prior))
 
 
 def estimate_samples(result: Identification, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Sample]]:
@@ -128,19 +129,21 @@ def estimate_samples(result: Identification, ranges: Mapping[str, Range]) -> Ite
         yield e.name, Sample(error=error, sigma=sigma, converged=e.verdict == "converged")
 
 
-def state_samples(result: Identification, record: Record) -> Iterator[tuple[str, Sample]]:
-    settings, uncertainty = result.observer_settings(record.name), result.uncertainty(record.name)
-    states = Observer(result.vehicle, record.signals, settings).batch(record, uncertainty)
-    for name in STATES:
-        error = states.values[name] - record.reference[name]
-        present = np.isfinite(error)
-        yield name, Sample(error=error[present], sigma=states.sigma[name][present])
+def state_samples(result: Identification, record: Record, bank: float) -> Iterator[tuple[str, Sample]]:
+    """States as `fifthwheel identify` estimates them, for a level road, and with the bank of the road as a state."""
+    for suffix, prior in ((LEVEL, None), (BANKED, bank)):
+        settings = result.observer_settings(record.name, bank=prior)
+        states = Observer(result.vehicle, record.signals, settings).batch(record, result.uncertainty(record.name))
+        for name in STATES:
+            error = states.values[name] - record.reference[name]
+            present = np.isfinite(error)
+            yield name + suffix, Sample(error=error[present], sigma=states.sigma[name][present])
 
 
 def row(name: str, of_seeds: Sequence[Sample]) -> tuple[str, ...]:
     """Converged, coverage, mean and rms error, mean sigma and its ratio to the rms error; of states in degrees."""
     error, sigma = (np.concatenate([getattr(s, key) for s in of_seeds]) for key in ("error", "sigma"))
-    scale = math.degrees(1) if name in STATES else 100.0
+    scale = math.degrees(1) if name.endswith((LEVEL, BANKED)) else 100.0
     rms, mean_sigma = float(np.sqrt(np.mean(error**2))), float(np.mean(sigma))
     numbers = [f"{scale * x:.3g}" for x in (np.mean(error), rms, mean_sigma)]
     converged = np.mean([s.converged for s in of_seeds])

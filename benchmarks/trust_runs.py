@@ -61,4 +61,4 @@ def true_ranges(runs: Sequence[Changes]) -> dict[str, Range]:
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
     """A table as lines of Markdown."""
     lines = [list(heads), ["---"] * len(heads), *[list(map(str, row)) for row in rows]]
-    return ["| " + " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in line) + " |" for line in lines]
+    return ["| " + " | ".join(cell.replace("|", r"\|").replace("\n", " ") for cell in line) + " |" for line in lines]
