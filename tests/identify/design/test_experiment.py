@@ -66,20 +66,20 @@ def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
     predictor = InformationPredictor.of(steered, OneStage(), [speed])
     response = ImpulseResponse.of(predictor, speed, rate=rate, noise=GYROS)
     manoeuvre = candidate_manoeuvres(speed, (0.4,))[number]
-    steer, period = manoeuvre.steer(steered, rate), round(manoeuvre.period * rate)
-    for count, scaled in enumerate(response.information(steer, period, 3), 1):
+    steer = manoeuvre.steer(steered, rate)
+    for count, scaled in enumerate(response.information(manoeuvre, steer, 3).at(size), 1):
         record = steer_record(steered, speed, size * manoeuvre.repeated(steer, count, rate), rate, "run")
         log = LogData(name="run", segments=[record], noise=dict(GYROS))
         run = predictor.run_information(log, list(GYROS))
         expected = predictor.posterior([run])
-        result = predictor.posterior_of(response.names, scaled.at(size), GYROS)
+        result = predictor.posterior_of(response.names, scaled, GYROS)
         for name in predictor.estimated:
             assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=2e-4)
         order = [run.names.index(name) for name in response.names]
         information = run.information()[np.ix_(order, order)]
         steered_block = np.ix_(*2 * [response.steered & (np.diag(information) > 0)])
         root = np.sqrt(np.diag(information[steered_block]))
-        assert np.abs((scaled.at(size) - information)[steered_block] / np.outer(root, root)).max() < 1e-7
+        assert np.abs((scaled - information)[steered_block] / np.outer(root, root)).max() < 1e-7
 
 
 @pytest.mark.parametrize("settings", [OneStage(), EXACT], ids=["default", "exact"])
