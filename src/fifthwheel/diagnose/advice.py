@@ -186,6 +186,8 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         if source:
             known = f" (assumed uncertainty {percent((source.sigma or 0.0) / abs(source.value))})"
             cure = f"Measure it, or give its real uncertainty: --consider {term.source}=5%."
+        elif term.source.endswith(".softening"):
+            cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration."
         yield Advice(
             f"{percent(term.fraction)} of the variance of {term.parameter} comes from {term.source}{known}. {cure}",
             (term.parameter,),

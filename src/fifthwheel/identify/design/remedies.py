@@ -115,11 +115,7 @@ class PredictedRemedies:
 
     def _two_known(self, known: tuple[str, ...]) -> list[Change]:
         """One more known number, in addition to those that are known."""
-        sets = [(*known, name) for name in self.knowable if name not in known]
-        return [
-            (Remedy(known=names), self.predictor.posterior(self.runs, known=_unknowns(self.predictor, *names)))
-            for names in sets
-        ]
+        return [_with_known(self.predictor, self.runs, (*known, name)) for name in self.knowable if name not in known]
 
     def _best_of_each_kind(self, changes: Sequence[Change], name: str, limit: float) -> list[Remedy]:
         """The remedy of each kind that gives a parameter the smallest sigma, if that is at most the limit, SI."""
@@ -131,6 +127,11 @@ class PredictedRemedies:
             if remedy.sigma <= limit:
                 best.setdefault(remedy.kind, remedy)
         return list(best.values())
+
+
+def _with_known(predictor: InformationPredictor, runs: Sequence[RunInformation], known: tuple[str, ...]) -> Change:
+    """The remedy to know some numbers."""
+    return Remedy(known=known), predictor.posterior(runs, known=_unknowns(predictor, *known))
 
 
 def _knowable(predictor: InformationPredictor) -> list[str]:
