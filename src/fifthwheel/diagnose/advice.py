@@ -13,7 +13,8 @@ from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.variance_budget import dominant_terms
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
-from fifthwheel.names import ParameterPath, is_sensor_error
+from fifthwheel.names import ParameterPath, SensorErrorName
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 if TYPE_CHECKING:
     from fifthwheel.identify.design.assess import InformationAssessment
@@ -79,16 +80,35 @@ def _use_poor(logs: Sequence[str]) -> str:
 def describe_remedy(remedy: "Remedy", lane_change: str = "one more lane change") -> str:
     """A change as the end of a sentence: "if x is measured and fixed (--fix)", "if roll_rate.x is logged"."""
     if remedy.known:
-        verb = "is" if len(remedy.known) == 1 else "are"
-        sensors = sum(is_sensor_error(name) for name in remedy.known)
-        how = "measured and fixed (--fix)"
-        if sensors:
-            how = "calibrated" if sensors == len(remedy.known) else "measured and fixed (--fix) or calibrated"
-        return f"if {' and '.join(remedy.known)} {verb} {how}"
+        manners: dict[str, list[str]] = {}
+        for name in remedy.known:
+            subject, manner = _how_to_know(name)
+            manners.setdefault(manner, []).append(subject)
+        clauses = []
+        for manner, subjects in manners.items():
+            plural = len(subjects) > 1 or subjects[0].startswith(("all masses", "the axle positions"))
+            clauses.append(f"{' and '.join(subjects)} {'are' if plural else 'is'} {manner}")
+        return f"if {' and '.join(clauses)}"
     changes = [f"{remedy.channel} is logged"] if remedy.channel else []
     if remedy.drive:
         changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
     return f"if {' and '.join(changes)}"
+
+
+def _how_to_know(name: str) -> tuple[str, str]:
+    """A number in words, and how it becomes known: ("all masses", "known exactly (state it in the vehicle file)")."""
+    error, path = SensorErrorName.of(name), ParameterPath.of(name)
+    if error:
+        direct = error.kind in ("offset", "gain")
+        return f"the {error.kind} of {error.signal}", "calibrated" if direct else "measured"
+    together = {
+        "axle_positions": f"the axle positions of the {path.unit}",
+        "coupling": f"the position of the coupling on the {path.unit}",
+        "mass": f"the {path.component} mass of the {path.unit}".replace("  ", " "),
+    }
+    if name == MASS_SCALE or path.quantity in together:
+        return together.get(path.quantity, "all masses"), "known exactly (state it in the vehicle file)"
+    return name, "measured and fixed (--fix)"
 
 
 def _more_excitation(identification: Identification, runs: Sequence[RunSummary]) -> Iterator[Advice]:
@@ -166,6 +186,8 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         if source:
             known = f" (assumed uncertainty {percent((source.sigma or 0.0) / abs(source.value))})"
             cure = f"Measure it, or give its real uncertainty: --consider {term.source}=5%."
+        elif term.source.endswith(".softening"):
+            cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration."
         yield Advice(
             f"{percent(term.fraction)} of the variance of {term.parameter} comes from {term.source}{known}. {cure}",
             (term.parameter,),

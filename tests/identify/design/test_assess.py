@@ -9,7 +9,13 @@ import pytest
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.design import AssessmentSettings, InformationAssessment, assess_information
+from fifthwheel.identify.design import (
+    AssessmentSettings,
+    InformationAssessment,
+    ParameterAssessment,
+    Remedy,
+    assess_information,
+)
 from fifthwheel.identify.design.predict import InformationPredictor, combine_information
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT
 from fifthwheel.identify.one_stage.problem import Problem
@@ -17,12 +23,16 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
 from tests.identify.conftest import without
 
 EXACT = OneStage(priors={}, consider={}, nuisances=False)
 HEIGHT = "semitrailer.payload.height"
 FRONT = "tractor.front.cornering_stiffness"
 AXIS = "semitrailer.roll_axis_height"
+INERTIA = "semitrailer.yaw_inertia"
+KEEN = AssessmentSettings(enough=1e-6, min_reduction=0.01, max_remedies=4)
+"""Reports every remedy that reduces a sigma by 1 %."""
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +43,11 @@ def record(truck) -> Record:
 @pytest.fixture(scope="module")
 def assessment(truck, record) -> InformationAssessment:
     return assess_information([record], truck)
+
+
+def first_known(assessment: ParameterAssessment) -> Remedy:
+    """The best single number to know."""
+    return next(remedy for remedy in assessment.remedies if remedy.kind == "know")
 
 
 def sigmas(assessment: InformationAssessment) -> np.ndarray:
@@ -110,9 +125,39 @@ def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
         after = assess_information([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
         assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
         assert remedy.sigma < 0.8 * assessment[HEIGHT].sigma
-    uncertain = OneStage(priors={"relaxation_length": 0.5})
-    (remedy, *_) = assess_information([record], truck, uncertain)[FRONT].remedies
+    uncertain = OneStage(priors={"relaxation_length": 0.5}, consider={})
+    remedy = first_known(assess_information([record], truck, uncertain, KEEN)[FRONT])
     after = assess_information([record], truck, replace(uncertain, fixed=remedy.known))[FRONT]
+    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+
+
+def test_stating_exact_axle_positions_helps_as_predicted(truck, record, assessment):
+    (remedy,) = assessment[INERTIA].remedies
+    assert remedy.known == ("semitrailer.axle_positions",)
+    positions = [name for name in truck.parameters() if name.startswith("semitrailer.") and name.endswith(".position")]
+    after = assess_information([record], truck.with_stated(dict.fromkeys(positions, 0.0)))[INERTIA]
+    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+
+
+def test_stating_exact_masses_helps_as_predicted(truck, record):
+    """One remedy for the masses of all units: one scale weighs them."""
+    masses = {f"{unit.name}.mass": 0.0 for unit in truck.units}
+    others = {name: 0.0 for name in truck.parameters() if not name.endswith("mass")}
+    settings, weighed = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
+    remedy = first_known(assess_information([record], weighed, settings, KEEN)["semitrailer.cornering_stiffness"])
+    assert remedy.known == (MASS_SCALE,)
+    after = assess_information([record], weighed.with_stated(masses), settings)["semitrailer.cornering_stiffness"]
+    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "sigma"), [("gain", 0.15), ("play", 0.05)])
+def test_knowing_a_sensor_error_helps_as_predicted(truck, record, kind, sigma):
+    """Play or gain of the steering, where no other error limits the estimate."""
+    priors = {"rate_gain_prior": 1e-9, "misalignment_prior": 1e-9, "steer_gain_prior": 1e-9}
+    settings = OneStage(free=(FRONT,), consider={}, **{**priors, f"steer_{kind}_prior": sigma})
+    remedy = first_known(assess_information([record], truck, settings, KEEN)[FRONT])
+    assert remedy.known == (f"steer.tractor.front.{kind}",)
+    after = assess_information([record], truck, replace(settings, **{f"steer_{kind}_prior": 1e-9}))[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -164,13 +209,13 @@ def test_a_straight_run_contains_no_information(truck):
 
 
 def test_settings_of_the_assessment(truck, record, assessment):
-    assert [p.name for p in assessment.parameters if p.remedies] == [
-        p.name for p in assessment.parameters if p.sigma > 0.05 * p.value
-    ]
+    wide = {p.name for p in assessment.parameters if p.sigma > 0.05 * p.value}
+    assert {p.name for p in assessment.parameters if p.remedies} <= wide
 
     def assess(**settings: float) -> InformationAssessment:
         return assess_information([record], truck, None, AssessmentSettings(**settings))
 
+    assert {p.name for p in assess(min_reduction=0.01).parameters if p.remedies} == wide
     assert not any(p.remedies for p in assess(enough=1.0).parameters)
     assert not any(p.remedies for p in assess(min_reduction=0.99).parameters)
     assert len(assess(max_remedies=1)[HEIGHT].remedies) == 1

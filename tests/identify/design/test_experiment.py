@@ -20,6 +20,7 @@ from fifthwheel.identify.design import (
 )
 from fifthwheel.identify.design.impulse_response import ImpulseResponse
 from fifthwheel.identify.design.predict import InformationPredictor
+from fifthwheel.identify.design.search import search_candidates
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import lateral_acceleration, steer_record
@@ -61,31 +62,39 @@ def sigmas_along(predictor: InformationPredictor, run: ProposedRun) -> dict[str,
 
 @pytest.mark.parametrize("number", range(4))
 def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
-    """The convolution against the derivatives along the run, for any size and number of repetitions."""
+    """The convolution against the derivatives along the run, for any size and number of repetitions.
+
+    The prior of the initial state depends on the rms of the steer angle. It has a small effect on sigma, and none if
+    the initial state's rows are those of the run.
+    """
     speed, rate, size = 21.0, 100.0, 1.3
     predictor = InformationPredictor.of(steered, OneStage(), [speed])
     response = ImpulseResponse.of(predictor, speed, rate=rate, noise=GYROS)
     manoeuvre = candidate_manoeuvres(speed, (0.4,))[number]
-    steer, period = manoeuvre.steer(steered, rate), round(manoeuvre.period * rate)
-    for count, scaled in enumerate(response.information(steer, period, 3), 1):
+    steer = manoeuvre.steer(steered, rate)
+    for count, scaled in enumerate(response.information(manoeuvre, steer, 3).at(size), 1):
         record = steer_record(steered, speed, size * manoeuvre.repeated(steer, count, rate), rate, "run")
         log = LogData(name="run", segments=[record], noise=dict(GYROS))
         run = predictor.run_information(log, list(GYROS))
         expected = predictor.posterior([run])
-        result = predictor.posterior_of(response.names, scaled.at(size), GYROS)
-        for name in predictor.estimated:
-            assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=2e-4)
+        result = predictor.posterior_of(response.names, scaled, GYROS)
         order = [run.names.index(name) for name in response.names]
         information = run.information()[np.ix_(order, order)]
+        initial = [i for i, name in enumerate(response.names) if name.endswith("@0.0")]
+        scaled[initial], scaled[:, initial] = information[initial], information[:, initial]
+        same_start = predictor.posterior_of(response.names, scaled, GYROS)
+        for name in predictor.estimated:
+            assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=5e-4)
+            assert same_start.sigma(name) == pytest.approx(expected.sigma(name), rel=1e-6)
         steered_block = np.ix_(*2 * [response.steered & (np.diag(information) > 0)])
         root = np.sqrt(np.diag(information[steered_block]))
-        assert np.abs((scaled.at(size) - information)[steered_block] / np.outer(root, root)).max() < 1e-7
+        assert np.abs((scaled - information)[steered_block] / np.outer(root, root)).max() < 1e-7
 
 
 @pytest.mark.parametrize("settings", [OneStage(), EXACT], ids=["default", "exact"])
 def test_a_fit_of_the_run_reaches_the_target(truck, settings):
     """Sigma is as predicted but for the noise estimated from the log, and the error agrees with sigma."""
-    target = 0.03 if settings == OneStage() else 0.002
+    target = 0.07 if settings == OneStage() else 0.002
     design = design_experiment(truck, {INERTIA: target}, settings)
     assert design.met
     assert design.best.sigma[INERTIA] <= target
@@ -135,10 +144,23 @@ def test_limits_are_respected(steered, max_acceleration):
     assert max(steer_rates) == pytest.approx(0.1, rel=0.02)
 
 
+def test_a_driver_can_drive_the_lane_changes(steered):
+    """No lane change has a smaller lateral offset than the limit; other manoeuvres have none."""
+    settings = replace(QUICK, frequencies=(0.3, 0.6))
+    predictor = InformationPredictor.of(steered, EXACT, settings.speeds)
+    for min_offset in (0.1, 0.5):
+        limited = replace(settings, min_offset=min_offset)
+        candidates = list(search_candidates(predictor, settings.speeds, {INERTIA: 0.02}, GYROS, limited))
+        offsets = [run.offset for run in candidates if run.offset is not None]
+        assert min_offset <= min(offsets) < 1.3 * min_offset + 0.2
+        assert {run.manoeuvre.kind for run in candidates} == {"lane_change", "sweep", "random", "bend"}
+
+
 def test_of_equally_long_runs_the_gentlest_is_chosen(steered):
-    design = design_experiment(steered, {INERTIA: 0.02}, EXACT, planning=QUICK)
+    planning = replace(QUICK, min_offset=0.1)
+    design = design_experiment(steered, {INERTIA: 0.02}, EXACT, planning=planning)
     assert design.best.acceleration == 0.5
-    harder = design_experiment(steered, {INERTIA: 0.02}, EXACT, planning=replace(QUICK, accelerations=(1.5,)))
+    harder = design_experiment(steered, {INERTIA: 0.02}, EXACT, planning=replace(planning, accelerations=(1.5,)))
     assert (harder.best.acceleration, harder.best.duration) == (1.5, design.best.duration)
     assert harder.best.sigma[INERTIA] < design.best.sigma[INERTIA]
 
@@ -223,7 +245,7 @@ def test_settings_are_validated(wrong):
 
 
 def test_json_and_record(truck):
-    design = design_experiment(truck, {INERTIA: 0.05}, planning=QUICK)
+    design = design_experiment(truck, {INERTIA: 0.1}, planning=QUICK)
     content = json.loads(design.to_json(files={}))
     assert content["best"]["sigma"] == dict(design.best.sigma)
     assert content["best"]["max_steer"] == np.abs(design.best.steer).max()

@@ -1,12 +1,18 @@
-"""Information of any steer angle at one speed, from two short runs: one without steering, one with a pulse of steering.
+"""Information of a manoeuvre of any size and number of repetitions at one speed.
 
 At constant speed the model is linear with constant coefficients. So the part of the outputs' derivatives that a steer
-angle causes is the steer angle convolved with the response to a pulse. Each unknown acts either only with steering, as
-a cornering stiffness does, or only without, as the offset of a sensor does.
+angle causes is the steer angle convolved with the response to a pulse, which two short runs give: one without steering,
+one with a pulse of steering. Each unknown acts either only with steering, as a cornering stiffness does, or only
+without, as the offset of a sensor does.
+
+Superposition does not hold for the softening of tyres, which is quadratic in the slip angle, nor for the play of the
+steering, which depends on the course of the steer angle. The derivatives with respect to these few unknowns are
+computed along the complete run.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +22,8 @@ from fifthwheel._types import Array
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
 
 PULSE_SIZE = 1e-5
@@ -23,33 +31,56 @@ PULSE_SIZE = 1e-5
 
 The response is linear in it; small, because the initial state's prior depends on the rms of the steer angle.
 """
+NOT_LINEAR = (".softening", ".play")
+"""Ends of the names of unknowns whose derivatives are not linear in the steer angle."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScaledInformation:
-    """Information on k unknowns as a function of the size of the steer angle."""
+class ManoeuvreInformation:
+    """Information on k unknowns of 1, 2, ... n repetitions of a manoeuvre, as a function of its size."""
 
-    unit: Array
-    """Information (k, k) at size 1."""
-    steered: NDArray[np.bool_]
-    """Whether each unknown acts only with steering (k,)."""
+    response: "ImpulseResponse"
+    steer: Array
+    """Steer angle (N,) of all repetitions at size 1, rad."""
+    derivatives: Array
+    """Derivatives (n, k, N m / n) of the samples of each repetition at size 1; zero for unknowns of `NOT_LINEAR`."""
 
     def at(self, size: float) -> Array:
-        """Information (k, k) with a steer angle `size` times as large."""
-        factor = np.where(self.steered, size, 1.0)
-        return np.asarray(self.unit * np.outer(factor, factor))
+        """Information (n, k, k) of 1, 2, ... n repetitions with a steer angle `size` times as large."""
+        factor, own = np.where(self.response.steered, size, 1.0), list(self.response.not_linear)
+        result = self._linear * np.outer(factor, factor)
+        if own:
+            along = np.split(self.response.along(size * self.steer), len(result), axis=1)
+            rows = np.stack([part.reshape(len(own), -1) for part in along])
+            cross = np.cumsum(self.derivatives @ rows.transpose(0, 2, 1), axis=0) * factor[:, None]
+            cross[:, own] = np.cumsum(rows @ rows.transpose(0, 2, 1), axis=0)
+            result[:, :, own], result[:, own, :] = cross, cross.transpose(0, 2, 1)
+        return np.asarray(result)
+
+    @cached_property
+    def _linear(self) -> Array:
+        """Information (n, k, k) at size 1; zero for unknowns of `NOT_LINEAR`."""
+        return np.cumsum(self.derivatives @ self.derivatives.transpose(0, 2, 1), axis=0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImpulseResponse:
     """Derivatives of m channels with respect to k unknowns at one speed, relative to the noise; made by `of`."""
 
+    predictor: InformationPredictor
+    speed: float
+    """m/s."""
+    rate: float
+    """Sampling rate, Hz."""
+    noise: Mapping[str, float]
+    """Variance of each logged channel, SI squared."""
     names: tuple[str, ...]
     """Names of the unknowns (k,)."""
     straight: Array
     """Derivatives (k, M, m) without steering."""
     pulse: Array
-    """Derivatives (k, M - 1, m) for a pulse of 1 rad at the first sample; zero for unknowns that act without it."""
+    """Derivatives (k, M - 1, m) for a pulse of 1 rad at the second sample; zero for unknowns that act without it, and
+    for those of `NOT_LINEAR`."""
     steered: NDArray[np.bool_]
     """Whether each unknown acts only with steering (k,)."""
 
@@ -66,52 +97,77 @@ class ImpulseResponse:
             noise: variance of each logged channel, SI squared.
         """
         steer = np.zeros(round(DECAY_TIME * rate))
-        names, straight = _derivatives(predictor, speed, steer, rate, noise)
+        names, straight = _derivatives(predictor, predictor.unknowns, speed, steer, rate, noise)
         steered = np.asarray(~straight.any(axis=(1, 2)), dtype=np.bool_)
-        steer[1] = PULSE_SIZE  # linear between samples: the pulse begins to act after the first sample
-        _, pulse = _derivatives(predictor, speed, steer, rate, noise)
+        # linear between samples: the pulse acts from the first sample on, on the rate that a delay multiplies, too
+        steer[2] = PULSE_SIZE
+        _, pulse = _derivatives(predictor, predictor.unknowns, speed, steer, rate, noise)
+        superposed = steered & [not name.endswith(NOT_LINEAR) for name in names]
         return cls(
-            names=names, straight=straight, pulse=pulse[:, 1:] / PULSE_SIZE * steered[:, None, None], steered=steered
+            predictor=predictor,
+            speed=speed,
+            rate=rate,
+            noise=noise,
+            names=names,
+            straight=straight,
+            pulse=pulse[:, 1:] / PULSE_SIZE * superposed[:, None, None],
+            steered=steered,
         )
 
-    def information(self, steer: Array, period: int, count: int) -> list[ScaledInformation]:
+    @property
+    def not_linear(self) -> tuple[int, ...]:
+        """Indices of the unknowns of `NOT_LINEAR`."""
+        return tuple(i for i, name in enumerate(self.names) if name.endswith(NOT_LINEAR))
+
+    def along(self, steer: Array) -> Array:
+        """Derivatives (q, N, m) along a run with a steer angle (N,), rad, for the q unknowns of `NOT_LINEAR`."""
+        unknowns = [u for u in self.predictor.unknowns if u.name.endswith(NOT_LINEAR)]
+        names, derivatives = _derivatives(self.predictor, unknowns, self.speed, steer, self.rate, self.noise)
+        return derivatives[[names.index(self.names[i]) for i in self.not_linear]]
+
+    def information(self, manoeuvre: CandidateManoeuvre, steer: Array, count: int) -> ManoeuvreInformation:
         """Information of 1, 2, ... `count` repetitions of a manoeuvre, to the left and to the right in turn.
 
         Args:
+            manoeuvre: at this speed.
             steer: (N,) of one repetition and its decay, rad; starts at zero.
-            period: samples from the start of a repetition to the start of the next.
             count: number of repetitions.
         """
-        size, response = count * period, self._response(steer)
+        period, response = round(manoeuvre.period * self.rate), self._response(steer)
+        size = count * period
         settled = np.repeat(self.straight[:, -1:], max(size - self.straight.shape[1], 0), axis=1)
         derivatives = np.concatenate([self.straight, settled], axis=1)[:, :size]
         for i in range(count):
             segment = derivatives[:, i * period : i * period + response.shape[1]]
             segment += (-1) ** i * response[:, : segment.shape[1]]
-        k = len(self.names)
-        result, total = [], np.zeros((k, k))
-        for i in range(count):
-            rows = derivatives[:, i * period : (i + 1) * period].reshape(k, -1)
-            total = total + rows @ rows.T
-            result.append(ScaledInformation(unit=total, steered=self.steered))
-        return result
+        return ManoeuvreInformation(
+            response=self,
+            steer=manoeuvre.repeated(steer, count, self.rate),
+            derivatives=np.stack([part.reshape(len(self.names), -1) for part in np.split(derivatives, count, axis=1)]),
+        )
 
     def _response(self, steer: Array) -> Array:
-        """Derivatives (k, N + M - 1, m) that a steer angle (N,) causes, until they have decayed."""
+        """Derivatives (k, N + M - 2, m) that a steer angle (N,) causes, until they have decayed."""
         length = len(steer) + self.pulse.shape[1]
         size = next_fast_len(length, real=True)
         response = irfft(rfft(self.pulse, size, axis=1) * rfft(steer, size)[:, None], size, axis=1)
-        return np.asarray(response[:, :length])
+        return np.asarray(response[:, 1:length])  # the pulse is at the second sample
 
 
 def _derivatives(
-    predictor: InformationPredictor, speed: float, steer: Array, rate: float, noise: Mapping[str, float]
+    predictor: InformationPredictor,
+    unknowns: Sequence[Unknown],
+    speed: float,
+    steer: Array,
+    rate: float,
+    noise: Mapping[str, float],
 ) -> tuple[tuple[str, ...], Array]:
     """Names (k,) of the unknowns, and the derivatives (k, N, m) of the channels over the noise's standard deviation."""
     record = steer_record(predictor.vehicle, speed, steer, rate, "impulse response")
     log = LogData(name=record.name, segments=[record])
-    problem = Problem(predictor.model, predictor.vehicle, [log], predictor.unknowns, predictor.settings)
-    block = problem.block(np.zeros(len(problem.names)), 0, 0)
+    problem = Problem(predictor.model, predictor.vehicle, [log], unknowns, predictor.settings)
+    # not `blocks`: without measured values they whiten nothing
+    blocks = list(problem.residuals(np.zeros(len(problem.names)), 0, 0, directions="all"))
     channels = [predictor.channels.index(name) for name in noise]
-    jacobian = block.jacobian[..., channels] / np.sqrt(list(noise.values()))
-    return tuple(problem.names[i] for i in block.indices), np.asarray(jacobian)
+    jacobian = np.concatenate([block.jacobian[..., channels] for block in blocks], axis=1)
+    return tuple(problem.names[i] for i in blocks[0].indices), jacobian / np.sqrt(list(noise.values()))

@@ -169,7 +169,7 @@ class InformationPredictor:
         information = {name: np.zeros((len(z), len(z))) for name in self.channels}
         for j, samples in enumerate(presence):
             first = 0
-            for block in problem.blocks(z, 0, j):
+            for block in problem.residuals(z, 0, j, directions="all"):  # also of channels that are not logged
                 in_block, first = samples[first : first + len(block.time)], first + len(block.time)
                 places = np.ix_(block.indices, block.indices)
                 for c, name in enumerate(self.channels):

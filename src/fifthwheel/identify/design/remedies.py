@@ -9,6 +9,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior, RunInformation
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 REPEAT, LANE_CHANGE = "again", "lane_change"
 
@@ -18,7 +19,8 @@ class Remedy:
     """One change, or two together, and the sigma of a parameter that it would give."""
 
     known: tuple[str, ...] = ()
-    """Parameters, or offsets, gains and delays of sensors, to be known exactly."""
+    """Parameters, sensor errors or changes of the vehicle file to be known exactly; `MASS_SCALE` stands for the masses
+    of all units."""
     drive: str | None = None
     """Run to be added: `REPEAT` for the same runs again, `LANE_CHANGE` for one lane change of SAE J2179."""
     channel: str | None = None
@@ -43,7 +45,7 @@ class PredictedRemedies:
     predictor: InformationPredictor
     runs: tuple[RunInformation, ...]
     knowable: tuple[str, ...]
-    """Unknowns that could be known."""
+    """What could be known, as in `Remedy.known`."""
     single: tuple[Change, ...]
     """One change."""
     double: tuple[Change, ...]
@@ -66,8 +68,7 @@ class PredictedRemedies:
             lane_change: information of one lane change with the same channels.
             estimated_knowable: whether also an estimated parameter could be known.
         """
-        unknowns = [u.name for u in predictor.unknowns]
-        knowable = [name for name in unknowns if estimated_knowable or name not in predictor.estimated]
+        knowable = [n for n in _knowable(predictor) if estimated_knowable or n not in predictor.estimated]
         logged = {name for run in runs for name in run.logged}
         not_logged = [name for name in predictor.channels if name not in logged]
         with_lane_change = [*runs, lane_change]
@@ -78,7 +79,10 @@ class PredictedRemedies:
             single=(
                 (Remedy(drive=REPEAT), predictor.posterior([*runs, *runs])),
                 (Remedy(drive=LANE_CHANGE), predictor.posterior(with_lane_change)),
-                *[(Remedy(known=(name,)), predictor.posterior(runs, known=(name,))) for name in knowable],
+                *[
+                    (Remedy(known=(name,)), predictor.posterior(runs, known=_unknowns(predictor, name)))
+                    for name in knowable
+                ],
                 *[(Remedy(channel=name), predictor.posterior(runs, added=[name])) for name in not_logged],
             ),
             double=tuple(
@@ -111,8 +115,7 @@ class PredictedRemedies:
 
     def _two_known(self, known: tuple[str, ...]) -> list[Change]:
         """One more known number, in addition to those that are known."""
-        sets = [(*known, name) for name in self.knowable if name not in known]
-        return [(Remedy(known=names), self.predictor.posterior(self.runs, known=names)) for names in sets]
+        return [_with_known(self.predictor, self.runs, (*known, name)) for name in self.knowable if name not in known]
 
     def _best_of_each_kind(self, changes: Sequence[Change], name: str, limit: float) -> list[Remedy]:
         """The remedy of each kind that gives a parameter the smallest sigma, if that is at most the limit, SI."""
@@ -124,6 +127,28 @@ class PredictedRemedies:
             if remedy.sigma <= limit:
                 best.setdefault(remedy.kind, remedy)
         return list(best.values())
+
+
+def _with_known(predictor: InformationPredictor, runs: Sequence[RunInformation], known: tuple[str, ...]) -> Change:
+    """The remedy to know some numbers."""
+    return Remedy(known=known), predictor.posterior(runs, known=_unknowns(predictor, *known))
+
+
+def _knowable(predictor: InformationPredictor) -> list[str]:
+    """What could be known, as in `Remedy.known`.
+
+    Not the softening of tyres, which no simple test gives. One scale weighs all units, so their masses are known
+    together.
+    """
+    names = [u.name for u in predictor.unknowns if not u.name.endswith(".softening")]
+    weighed = _unknowns(predictor, MASS_SCALE)[1:] if MASS_SCALE in names else []
+    return [name for name in names if name not in weighed]
+
+
+def _unknowns(predictor: InformationPredictor, *known: str) -> list[str]:
+    """The unknowns that are known with what `Remedy.known` names."""
+    masses = [f"{unit.name}.mass" for unit in predictor.vehicle.units] if MASS_SCALE in known else []
+    return [*known, *masses]
 
 
 def lane_change_information(

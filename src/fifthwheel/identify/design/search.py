@@ -29,6 +29,8 @@ class DesignSettings:
     """Limit of the lateral acceleration, m/s^2, also a candidate; it keeps tyres linear and wheels on the road."""
     max_steer_rate: float = 0.3
     """Limit of the road wheels' steer rate, rad/s: about one turn of the steering wheel in a second."""
+    min_offset: float = 0.5
+    """Smallest lateral offset of a lane change, m; a driver cannot repeat a smaller one."""
     repetitions: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 10, 12)
     """Numbers of repetitions of a manoeuvre, to the left and to the right in turn."""
     rate: float = 100.0
@@ -85,8 +87,7 @@ class CandidateRun:
     @property
     def offset(self) -> float | None:
         """Lateral offset of a lane change, m; None for other manoeuvres."""
-        frequency = self.manoeuvre.frequency
-        return None if frequency is None else self.size / (2 * np.pi * frequency**2)
+        return _lateral_offset(self.manoeuvre, self.size)
 
 
 def search_candidates(
@@ -131,12 +132,15 @@ def _candidates_of(
     unit_acceleration = float(np.abs(accelerations).max())
     unit_steer_rate = float(np.abs(np.diff(steer)).max() * settings.rate)
     sizes = sorted({min(a / unit_acceleration, settings.max_steer_rate / unit_steer_rate) for a in settings.sizes})
-    period = round(manoeuvre.period * settings.rate)
-    information = response.information(steer, period, max(settings.repetitions))
+    sizes = [size for size in sizes if (_lateral_offset(manoeuvre, size) or np.inf) >= settings.min_offset]
+    if not sizes:
+        return
+    information = response.information(manoeuvre, steer, max(settings.repetitions))
     values = predictor.vehicle.parameters()
     for size in sizes:
+        of_repetitions = information.at(size)
         for count in settings.repetitions:
-            result = predictor.posterior_of(response.names, information[count - 1].at(size), noise)
+            result = predictor.posterior_of(response.names, of_repetitions[count - 1], noise)
             sigma = {n: result.sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in predictor.estimated}
             yield CandidateRun(
                 manoeuvre=manoeuvre,
@@ -148,3 +152,9 @@ def _candidates_of(
                 verdicts={n: result.verdict(n) for n in predictor.estimated},
                 worst_ratio=max(sigma[name] / target for name, target in targets.items()),
             )
+
+
+def _lateral_offset(manoeuvre: CandidateManoeuvre, size: float) -> float | None:
+    """Lateral offset of a lane change of a size in m/s^2, m; None for other manoeuvres."""
+    frequency = manoeuvre.frequency
+    return None if frequency is None else size / (2 * np.pi * frequency**2)

@@ -57,8 +57,11 @@ def is_identifiable(assessment: "ParameterAssessment") -> bool:
 
 def explain_known(remedies: "Sequence[Remedy]") -> Iterator[str]:
     """What "known" means, if a remedy uses it."""
-    if any("--fix" in describe_remedy(remedy) for remedy in remedies):
+    texts = " ".join(map(describe_remedy, remedies))
+    if "--fix" in texts:
         yield "Measured and fixed (--fix): measure it, write it into the vehicle file, and give --fix NAME."
+    if "known exactly" in texts:
+        yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
 
 
 def _headline(

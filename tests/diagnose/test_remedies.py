@@ -1,0 +1,32 @@
+"""A remedy in words."""
+
+import pytest
+
+from fifthwheel.diagnose.advice import describe_remedy
+from fifthwheel.identify.design import Remedy
+
+
+@pytest.mark.parametrize(
+    ("known", "text"),
+    [
+        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (--fix)"),
+        (("mass_scale",), "if all masses are known exactly (state it in the vehicle file)"),
+        (
+            ("semitrailer.payload.mass",),
+            "if the payload mass of the semitrailer is known exactly (state it in the vehicle file)",
+        ),
+        (
+            ("tractor.coupling", "mass_scale"),
+            "if the position of the coupling on the tractor and all masses are known exactly (state it in the vehicle "
+            "file)",
+        ),
+        (
+            ("tractor.axle_positions", "steer.tractor.front.gain"),
+            "if the axle positions of the tractor are known exactly (state it in the vehicle file) and the gain of "
+            "steer.tractor.front is calibrated",
+        ),
+        (("steer.tractor.front.play",), "if the play of steer.tractor.front is measured"),
+    ],
+)
+def test_what_is_known_is_said_in_words(known, text):
+    assert describe_remedy(Remedy(known=known)) == text
