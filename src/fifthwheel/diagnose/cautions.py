@@ -221,7 +221,7 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
         quality, unit = fit_quality(fit), si_unit(fit.signal)
         place = f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}"
         severity: Severity = "warning"
-        if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL:
+        if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL and not quality.good:
             kind, severity = CautionKind.UNRELATED_CHANNEL, "error"
             text = "speed and steer angle explain almost none of this channel."
             cure = "Check that the column is mapped to the right signal. Do not use results that depend on it."

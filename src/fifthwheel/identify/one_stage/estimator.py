@@ -47,7 +47,7 @@ from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.result import Estimate, Identification, LogSummary
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, uninformed_parameters
-from fifthwheel.names import split_log
+from fifthwheel.names import SignalName, is_sensor_error, split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
@@ -55,7 +55,7 @@ from fifthwheel.vehicle import Vehicle
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
-WHITE_TOLERANCE = 2.0
+WHITE_TOLERANCE = 1.0
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
 ROUND_TOLERANCES = (0.3, 0.02)
 """Of the fits with a noise model; each takes the noise from the residuals of the one before."""
@@ -121,7 +121,7 @@ class _Estimator:
         """
         problem = self._problem(self.dataset.logs, {})
         initial = self._initial(problem)
-        uninformed = {} if initial.any() else self._uninformed(problem, initial)
+        uninformed = {} if initial.any() else self._uninformed(problem, initial, noise_only=True)
         for attempt in itertools.count():
             problem = self._problem(problem.logs, uninformed)
             minimum = self._minimise(problem, progress)
@@ -143,19 +143,24 @@ class _Estimator:
         unknowns += parameters.suspects() if self.settings.consider else []
         return Problem(self.model, self.dataset.vehicle, logs, unknowns, self.settings)
 
-    def _uninformed(self, problem: Problem, z: Array) -> dict[str, Verdict]:
+    def _uninformed(self, problem: Problem, z: Array, *, noise_only: bool = False) -> dict[str, Verdict]:
         """Estimated parameters that the logs do not determine, by the information that the inputs excite.
 
         The estimated initial states are set to their prior means: along them the noise of the sensors would look like
         excitation.
+
+        Args:
+            noise_only: without the effect of the considered unknowns. Far from the solution the vehicle may be close
+                to instability, and that effect then says nothing about the logs.
         """
         excited_by_inputs = z.copy()
         for segments in problem.layout.initial_states:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
         information = problem.expand(excited_by_inputs, directions="all").hessian - np.eye(len(z))
-        information = _without(problem.suspects, information)
         considered = [name for name in problem.considered if name not in self.estimated]
+        omitted = considered if noise_only else []
+        information = _without([*problem.suspects, *map(problem.names.index, omitted)], information)
         posterior = Posterior.from_information(
             problem.names, information, considered=considered, nuisances=problem.nuisances
         )
@@ -176,16 +181,19 @@ class _Estimator:
         With adapted noise in several phases: the first takes residuals as white and updates the noise at every step;
         each of the others fits the noise model to the residuals of the phase before, and keeps it.
         """
-        lower, upper = problem.bounds
-        z = self._initial(problem)
+        bounds, z = problem.bounds, self._initial(problem)
         white = functools.partial(problem.update_noise, autocorrelated=False)
         phases: list[tuple[str, Callable[[Array], None], float]] = [("fit", _keep_noise, ROUND_TOLERANCES[-1])]
         if self.settings.adapt_noise:
             phases = [("fit", white, WHITE_TOLERANCE)]
             phases += [("fit with estimated noise", _keep_noise, tolerance) for tolerance in ROUND_TOLERANCES]
         for number, (title, accept, tolerance) in enumerate(phases):
+            lower, upper = bounds
             if number:
                 problem.update_noise(z, autocorrelated=True)
+            elif len(phases) > 1:  # far from the solution the errors of gyros would absorb those of the parameters
+                late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
+                lower, upper = (np.where(late, 0.0, bound) for bound in bounds)
             minimum = minimise(
                 problem.expand,
                 problem.cost,
@@ -200,6 +208,12 @@ class _Estimator:
             z = minimum.z
             progress(title, self.settings.iterations, self.settings.iterations)
         return minimum
+
+
+def _is_early(name: str) -> bool:
+    """Whether a sensor error is estimated from the first fit on: offsets, and gain and delay of the steering."""
+    steer = SignalName.of(name).quantity == "steer"
+    return is_sensor_error(name, "offset") or (steer and not is_sensor_error(name, "play"))
 
 
 def _keep_noise(_: Array) -> None:
