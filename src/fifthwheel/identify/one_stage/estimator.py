@@ -140,6 +140,9 @@ class _Estimator:
             replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
             for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
         ]
+        time_bases = {name: base for record in self.dataset.records for name, base in record.time_bases.items()}
+        main = time_bases.get(self.dataset.vehicle.steer_signals()[0], "")
+        unknowns += parameters.time_base_delays(time_bases, main, self.outputs, self.settings)
         unknowns += parameters.suspects() if self.settings.consider else []
         return Problem(self.model, self.dataset.vehicle, logs, unknowns, self.settings)
 
