@@ -56,7 +56,7 @@ def test_low_sampling_rate_gives_additional_rows(record: Record) -> None:
 def test_delay_shifts_an_input(record: Record) -> None:
     actual = rows_of(record, delay=0.1)
     shifted = np.interp(record.time + 0.1, record.time, record.signals[STEER])
-    np.testing.assert_array_equal(actual.rows[actual.sample_indices][:, 4], shifted)
+    np.testing.assert_allclose(actual.rows[actual.sample_indices][:, 4], shifted, atol=2e-5)  # by a spline
 
 
 def test_gap_in_an_input(record: Record) -> None:

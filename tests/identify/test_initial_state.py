@@ -45,17 +45,23 @@ def test_derivative_by_values(truck: Vehicle) -> None:
     unknowns = parameters.one_stage_unknowns(steered, OUTPUTS, OneStage(initial_payload_height=None))
     model = dynamics.model(steered, OUTPUTS, roll=True, bank=True)
     inputs = {name: float(record.signals[name][0]) for name in model.inputs} | {"steer.tractor.front": 0.02}
-    values = {u.name: u.centre for u in unknowns}
+    given = dynamics.all_parameters(steered, OUTPUTS, extended=True)
+    values = given | {u.name: u.centre for u in unknowns if not u.moves}
     slopes = steady_state_slopes(model, steered, inputs, values, unknowns)
     state = steady_state(model, steered, inputs, values)
     for unknown, slope in zip(unknowns, slopes, strict=True):
         step = 1e-3 * unknown.prior_sigma
-        higher, lower = (
-            steady_state(model, steered, inputs, values | {unknown.name: unknown.centre + s}) for s in (step, -step)
-        )
+        rates = unknown.slopes.items()
+        changed = [{name: values[name] + s * rate for name, rate in rates} for s in (step, -step)]
+        higher, lower = (steady_state(model, steered, inputs, values | change) for change in changed)
         np.testing.assert_allclose(2 * step * slope, higher - lower, rtol=1e-5, atol=1e-12, err_msg=unknown.name)
     moving = {u.name for u, slope in zip(unknowns, slopes, strict=True) if slope.any()}
-    assert {"tractor.front.cornering_stiffness", "steer.tractor.front.offset", "steer.tractor.front.gain"} <= moving
+    assert {
+        "mass_scale",
+        "tractor.front.cornering_stiffness",
+        "steer.tractor.front.offset",
+        "steer.tractor.front.gain",
+    } <= moving
     assert not moving & {"steer.tractor.front.delay", "yaw_rate.tractor.offset", "yaw_rate.tractor.gain"}
     assert state[-1] == 0
     assert not slopes[:, -1].any()

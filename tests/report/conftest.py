@@ -1,5 +1,6 @@
 """One short identification and its variants, for the tests of diagnosis and report."""
 
+import itertools
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 
@@ -56,7 +57,8 @@ def every_verdict(result) -> Identification:
     """The same with a verdict of each kind."""
     old = result.identification.parameters
     verdicts = [verdict for verdict in Verdict if verdict is not Verdict.FIXED]
-    changed = [replace(e, verdict=verdict) for e, verdict in zip(old, verdicts, strict=True)]
+    of_verdict = itertools.cycle(old)
+    changed = [replace(e, verdict=verdict) for verdict, e in zip(verdicts, of_verdict, strict=False)]
     fixed = replace(old[0], name="tractor.yaw_inertia", unit="kg m^2", verdict=Verdict.FIXED, sigma=None)
     changed.append(fixed)
     return replace(result.identification, parameters=tuple(changed))

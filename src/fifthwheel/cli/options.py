@@ -75,7 +75,8 @@ SensorOption = Annotated[
     typer.Option(
         "--sensor",
         help="NAME=SIGMA: prior sigma of a sensor error, such as steer_delay=5ms if all signals have a common time "
-        "base. NAME is steer_offset, steer_gain, steer_delay, rate_offset, rate_gain, articulation_offset or bank. "
+        "base. NAME is steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
+        "articulation_offset or bank. "
         "May be repeated.",
     ),
 ]

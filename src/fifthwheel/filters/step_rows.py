@@ -65,21 +65,33 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     inputs = {}
     derived = (dynamics.CONTACT, dynamics.STEER_RATE)
     for name in (name for name in names if SignalName.of(name).quantity not in derived):
-        values, delay, play = record.input(name), errors.get(f"{name}.delay", 0.0), errors.get(f"{name}.play", 0.0)
-        inputs[name] = np.interp(record.time + delay, record.time, values) if delay else values
-        if (rate := dynamics.rate_input(name)) in names:
-            inputs[rate] = _slope(record.time, values, record.time + delay)
-        if (contact := dynamics.contact_input(name)) in names:
-            inputs[contact] = play_contact(inputs[name], play)
-        elif play:
-            inputs[name] = inputs[name] - play / errors.get(f"{name}.gain", 1.0) * play_contact(inputs[name], play)
+        delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
+        measured, extended = record.input(name), dynamics.contact_input(name) in names
+        inputs[name], rate = _shifted(record.time, measured, delay) if delay or extended else (measured, measured)
+        if not play and not extended:
+            continue
+        contact, change = _shifted(record.time, play_contact(measured, play), delay)
+        if extended:
+            inputs[dynamics.contact_input(name)] = contact
+            inputs[dynamics.rate_input(name)] = rate - play / gain * change
+        else:
+            inputs[name] = inputs[name] - play / gain * contact
     return inputs
 
 
-def _slope(time: Array, values: Array, at: Array) -> Array:
-    """Derivative (M,) of the values (N,), interpolated linearly, at other times (M,); 0 outside."""
-    slopes = np.concatenate([[0.0], np.diff(values) / np.diff(time), [0.0]])
-    return np.asarray(slopes[np.searchsorted(time, at, side="right")])
+def _shifted(time: Array, values: Array, delay: float) -> tuple[Array, Array]:
+    """The values (N,) of a signal at time + delay, and their derivatives; constant outside the log.
+
+    A cubic spline is differentiable with respect to the delay; linear interpolation has kinks, at which a search stops.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import
+
+    if len(time) < 4:
+        return np.interp(time + delay, time, values), np.zeros_like(time)
+    spline, at = CubicSpline(time, values), time + delay
+    inside = (at >= time[0]) & (at <= time[-1])
+    at = np.clip(at, time[0], time[-1])
+    return (values if delay == 0 else np.asarray(spline(at))), np.where(inside, spline(at, 1), 0.0)
 
 
 def step_rows(

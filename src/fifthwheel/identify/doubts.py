@@ -22,7 +22,7 @@ SIGNIFICANT_SCORE = 6.0
 """|t| of a significant score test. Whitened residuals of a real vehicle are not exactly white."""
 STRONG_SCORE = 9.0
 """|t| from which the model does not describe the logs: then every estimate is doubtful."""
-UNUSUAL_CHANGE = 2.5
+UNUSUAL_CHANGE = 3.0
 """|z| of an implied change that its prior does not explain."""
 UNUSUAL_SENSOR_ERROR = 3.5
 """An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""

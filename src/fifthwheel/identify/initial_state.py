@@ -15,7 +15,6 @@ from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_state, steady_initial_state
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.parameters import Unknown
-from fifthwheel.names import is_sensor_error
 from fifthwheel.vehicle import Vehicle
 
 
@@ -67,15 +66,31 @@ def steady_state_slopes(
 ) -> Array:
     """Derivative of `steady_state` with respect to the values of k unknowns (k, n), by central differences.
 
-    It is zero for every unknown that is neither a parameter of the vehicle nor a steering offset or gain.
+    It is zero for every unknown that changes neither a parameter of the vehicle nor the first steer angle.
     """
     relevant = {*vehicle.parameters(), *dynamics.steer_parameters(vehicle)}
     slopes = np.zeros((len(unknowns), len(model.states)))
     for row, unknown in zip(slopes, unknowns, strict=True):
-        moved = {n: rate for n, rate in unknown.slopes.items() if n in relevant and not is_sensor_error(n, "delay")}
+        moved = {name: rate for name, rate in unknown.slopes.items() if name in relevant}
         if moved:
             step = 1e-4 * unknown.prior_sigma
-            shifted = [{n: values[n] + s * rate for n, rate in moved.items()} for s in (step, -step)]
-            higher, lower = (steady_state(model, vehicle, inputs, {**values, **changed}) for changed in shifted)
+            higher, lower = (
+                steady_state(model, vehicle, _delayed(inputs, change), {**values, **_added(values, change)})
+                for change in ({name: s * rate for name, rate in moved.items()} for s in (step, -step))
+            )
             row[:] = (higher - lower) / (2 * step)
     return slopes
+
+
+def _added(values: Mapping[str, float], change: Mapping[str, float]) -> dict[str, float]:
+    return {name: values[name] + difference for name, difference in change.items()}
+
+
+def _delayed(inputs: Mapping[str, float], change: Mapping[str, float]) -> dict[str, float]:
+    """First inputs after a change of parameters: a delay changes the first steer angle by its derivative."""
+    changed = dict(inputs)
+    for name, difference in change.items():
+        signal, _, kind = name.rpartition(".")
+        if kind == "delay":
+            changed[signal] += difference * inputs.get(dynamics.rate_input(signal), 0.0)
+    return changed

@@ -15,8 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.signal import lfilter, periodogram
 
 from fifthwheel._types import Array
 
@@ -24,6 +22,8 @@ LONGEST_TIME_CONSTANT = 10.0
 """Of the discrepancy, s; a slower one is not separable from a sensor's offset."""
 BINS = 60
 """Number of frequency bins of the periodogram, equally spaced in ln(frequency)."""
+EVIDENCE = 6.0
+"""A discrepancy is taken up if it raises the log-likelihood by more than this."""
 FEWEST_SAMPLES = 64
 """A segment with fewer residuals does not contribute to the fit of the noise model."""
 
@@ -82,6 +82,8 @@ class Whitener:
         """Rows (..., N) of consecutive samples, whitened, with variance 1; the next call continues from here."""
         if self.white:
             return rows / self.deviation
+        from scipy.signal import lfilter  # slow to import
+
         first = self._state is None
         state = np.zeros((*rows.shape[:-1], 1)) if self._state is None else self._state
         whitened, self._state = lfilter(self.numerator, self.denominator, rows, axis=-1, zi=state)
@@ -99,6 +101,8 @@ def fit_noise_model(segments: Sequence[Array], dt: float, *, floor: float = 0.0)
         dt: sample interval, s.
         floor: smallest variance of the white noise, SI squared.
     """
+    from scipy.optimize import minimize  # slow to import
+
     frequency, density, count = _binned_periodogram([s for s in segments if len(s) >= FEWEST_SAMPLES], dt)
     everything = np.concatenate(list(segments))
     total = max(float(np.mean(everything**2)), floor, np.finfo(float).tiny)
@@ -126,13 +130,15 @@ def fit_noise_model(segments: Sequence[Array], dt: float, *, floor: float = 0.0)
     best = min((minimize(cost, start, method="Nelder-Mead", options=options) for start in starts), key=lambda r: r.fun)
     fitted = model(np.asarray(best.x))
     white = np.log([total, 1e-12 * total, 1.0])
-    if cost(white) <= best.fun + 2.0:  # no discrepancy that the residuals show
+    if cost(white) <= best.fun + EVIDENCE:
         return NoiseModel(white=max(total, floor))
     return fitted
 
 
 def _binned_periodogram(segments: Sequence[Array], dt: float) -> tuple[Array, Array, Array]:
     """Frequency, Hz, mean density, SI squared per Hz, and number of values of each bin of the periodograms."""
+    from scipy.signal import periodogram  # slow to import
+
     if not segments:
         return np.zeros(0), np.zeros(0), np.zeros(0)
     pairs = [periodogram(s, 1 / dt, window="boxcar", detrend=False) for s in segments]

@@ -86,7 +86,7 @@ def test_one_lane_change_reaches_the_bound(truck: Vehicle) -> None:
     rms = np.sqrt(np.mean(error**2, axis=0)) / np.array(list(BOUND.values()))
     covered = np.mean(np.abs(error) < 1.645 * sigma, axis=0)
     assert (rms < 1.1 * 1.1).all(), rms  # an rms of 100 draws has a standard deviation of 7 %
-    assert ((covered >= 0.85) & (covered <= 0.97)).all(), covered
+    assert (np.abs(covered - 0.9) < 2.7 * 0.03).all(), covered  # 100 draws have a standard deviation of 3 %
 
 
 @pytest.mark.parametrize("form", ["output_error", "prediction_error"])
@@ -113,7 +113,7 @@ def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle, f
         "roll_rate.semitrailer.offset": -0.003,
     }.items():
         assert abs(errors[name].value - value) < 3.5 * errors[name].sigma, name
-    assert errors[f"{STEER}.delay"].sigma < 0.01
+    assert errors[f"{STEER}.delay"].sigma < 0.015  # the latency of each gyro is considered with 0.01 s
     assert {e.verdict for e in result.uncertain} == {Verdict.FIXED}
 
 

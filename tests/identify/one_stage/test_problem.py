@@ -19,8 +19,8 @@ from fifthwheel.vehicle import Vehicle
 def problem(truck: Vehicle, records: list[Record], settings: OneStage) -> Problem:
     truck = truck.with_logged_steering(records[0].signals, "the records")
     outputs = tuple(name for name in records[0].signals if "rate" in name)
-    free = tuple(dynamics.all_parameters(truck, outputs))
-    model = dynamics.model(truck, outputs, roll=True, bank=settings.nuisances, free=free)
+    free = tuple(dynamics.all_parameters(truck, outputs, extended=True))
+    model = dynamics.model(truck, outputs, roll=True, bank=settings.nuisances, free=free, extended=True)
     logs = [LogData(name=r.name, segments=segments_above(r, 5.0)) for r in records]
     return Problem(model, truck, logs, one_stage_unknowns(truck, outputs, settings), settings)
 
@@ -38,14 +38,16 @@ def records(truck: Vehicle) -> list[Record]:
 def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     """By all unknowns: parameters, sensor errors, initial states and bank."""
     p = problem(truck, records, OneStage(form=form, initial_payload_height=1.0, rate_gain_prior=0.05))
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(4)  # no innovation is at the gate of the filter, where the cost has a step
     z = 0.1 * rng.normal(size=len(p.names))
+    play = p.names.index("steer.tractor.front.play")
+    z[play] = abs(z[play])
     quadratic = p.expand(z, directions="all")
     assert quadratic.cost == pytest.approx(p.cost(z), rel=1e-9)
     step = 1e-4
     for i in range(0, len(z), 1 if form == "output_error" else 3):
-        if p.names[i].endswith(".delay"):
-            continue  # linear interpolation of the steer angle is not differentiable
+        if p.names[i].endswith(".delay") and form == "output_error":
+            continue  # a shifted input is constant beyond the ends of a segment: the cost has kinks there
         shift = np.eye(len(z))[i] * step
         expected = (p.cost(z + shift) - p.cost(z - shift)) / (2 * step)
         scale = np.sqrt(quadratic.hessian[i, i])

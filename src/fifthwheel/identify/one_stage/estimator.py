@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 import fifthwheel
 from fifthwheel import dynamics
@@ -475,7 +474,9 @@ def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Unc
     others = [u for u in problem.unknowns if u.per_log]
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ posterior.covariance @ map_to_si.T
-    covariance = np.asarray(block_diag((of_logs + of_logs.T) / 2, np.diag([u.scale**2 for u in others])))
+    k = len(rows)
+    covariance = np.diag([*[0.0] * k, *[u.scale**2 for u in others]])
+    covariance[:k, :k] = (of_logs + of_logs.T) / 2
     return Uncertainty(names=(*rows, *[f"{u.name}@" for u in others]), covariance=covariance)
 
 

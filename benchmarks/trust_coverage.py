@@ -1,0 +1,170 @@
+"""Coverage of the 90 % intervals of parameters and states with random errors of vehicle file and sensors.
+
+Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the considered
+parameters, and the errors of the sensors, the latency of the gyros and the bank from the priors of `OneStage`. The
+linear truck has the speed and the steer angle of a run of the nonlinear truck.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
+from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.names import ParameterPath
+from fifthwheel.observe import Observer
+from fifthwheel.plant import Sensor, measure
+from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import article_gyro_variance
+from fifthwheel.studies.cheng_cebon_2011.experiments import initial_guess
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.uncertainty import changes
+from trust_runs import RUNS, TRUCK, Range, driven, exact_values, table, true_ranges
+
+UNITS = ("tractor", "semitrailer")
+GYROS = article_gyro_variance(UNITS)
+STATES = tuple(f"{quantity}.{unit}" for quantity in ("sideslip", "roll") for unit in UNITS)
+SPEED, STEER = "speed", "steer.tractor.front"
+LEVEL, BANKED = ", level road assumed", ", bank as a state"
+INTERVAL = 1.645
+"""Half width of a 90 % interval, in standard deviations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """One seed of one run."""
+
+    run: str
+    nonlinear: bool
+    seed: int
+    duration: float
+    """Of everyday driving, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """Error and sigma of one quantity: a number of an estimate, or one value for each sample of a state."""
+
+    error: Array
+    sigma: Array
+    converged: bool = True
+
+
+def drawn_file(settings: OneStage, rng: np.random.Generator) -> Vehicle:
+    """The truck with errors of all numbers of its file that are not estimated."""
+    values = TRUCK.parameters()
+    for change in changes(TRUCK):
+        z = rng.normal()
+        for path, slope in change.slopes.items():
+            values[path] += z * slope
+    estimated = {*stage_1_names(TRUCK), "semitrailer.payload.height"}
+    for path, value in values.items():
+        key, parsed = longest_matching_key(path, settings.consider), ParameterPath.of(path)
+        is_trailer_body = (parsed.unit, parsed.component) == ("semitrailer", "sprung")
+        if key is not None and key not in MODEL_ERRORS and value > 0 and not is_trailer_body and path not in estimated:
+            values[path] = value * math.exp(settings.consider[key] * rng.normal())
+    return TRUCK.replace(values)
+
+
+def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
+    """Time (N,) and true signals and states (N,) each of a run on a banked road; bank in rad."""
+    run = driven(draw.run, draw.seed, draw.duration, (("bank", bank),) if draw.nonlinear else ())
+    if draw.nonlinear:
+        return run.time, run.truth
+    inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
+    truck = TRUCK.with_logged_steering(inputs, run.name)
+    model = dynamics.model(truck, outputs, roll=True, bank=True)
+    start = np.zeros(len(model.states))
+    start[model.states.index(BANK)] = bank
+    _, y = linear_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs, start)
+    return run.time, inputs | {name: y[:, i] for i, name in enumerate(outputs)}
+
+
+def drawn_record(draw: Draw, settings: OneStage, rng: np.random.Generator) -> Record:
+    """The log of a draw with errors of all sensors and the true states as reference."""
+    time, truth = true_signals(draw, settings.bank_prior * rng.normal())
+    measured: dict[str, Array] = {SPEED: truth[SPEED]}
+    gain, offset = 1 + settings.steer_gain_prior * rng.normal(), settings.steer_offset_prior * rng.normal()
+    delay = settings.steer_delay_prior * rng.normal()
+    measured[STEER] = np.interp(time - delay, time, truth[STEER]) / gain + offset
+    for name in GYROS:
+        other = name.replace("yaw", "roll") if name.startswith("yaw") else name.replace("roll", "yaw")
+        angle = settings.misalignment_prior * rng.normal() * (1 if name.startswith("yaw") else -1)
+        values = math.cos(angle) * truth[name] + math.sin(angle) * truth[other]
+        values = np.interp(time - settings.consider["gyro_delay"] * rng.normal(), time, values)
+        gain, offset = 1 + settings.rate_gain_prior * rng.normal(), settings.rate_offset_prior * rng.normal()
+        measured[name] = gain * values + offset
+    sensors = {name: Sensor(variance=GYROS.get(name, 0.0)) for name in measured}
+    signals = measure(time, measured, sensors, seed=draw.seed)
+    return Record(time=time, signals=signals, reference={name: truth[name] for name in STATES}, name="log")
+
+
+def samples(draw: Draw) -> dict[str, Sample]:
+    """Errors and sigmas of all estimates and states by name, as fractions and in rad; empty if the log is refused."""
+    settings, rng = OneStage(), np.random.default_rng([draw.seed, 17])
+    file = drawn_file(settings, rng)
+    record = drawn_record(draw, settings, rng)
+    try:
+        result = identify([record], initial_guess(file, draw.seed), settings)
+    except FifthwheelError:
+        return {}
+    ranges = true_ranges(((),)) if draw.nonlinear else exact_values()
+    return dict(estimate_samples(result, ranges)) | dict(state_samples(result, record, settings.bank_prior))
+
+
+def estimate_samples(result: Identification, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Sample]]:
+    for e in (*result.parameters, *result.derived):
+        nearest = float(np.clip(e.value, *ranges[e.name]))
+        error, sigma = np.array([e.value / nearest - 1]), np.array([(e.sigma or 0.0) / nearest])
+        yield e.name, Sample(error=error, sigma=sigma, converged=e.verdict == "converged")
+
+
+def state_samples(result: Identification, record: Record, bank: float) -> Iterator[tuple[str, Sample]]:
+    """States as `fifthwheel identify` estimates them, for a level road, and with the bank of the road as a state."""
+    for suffix, prior in ((LEVEL, None), (BANKED, bank)):
+        settings = result.observer_settings(record.name, bank=prior)
+        states = Observer(result.vehicle, record.signals, settings).batch(record, result.uncertainty(record.name))
+        for name in STATES:
+            error = states.values[name] - record.reference[name]
+            present = np.isfinite(error)
+            yield name + suffix, Sample(error=error[present], sigma=states.sigma[name][present])
+
+
+def row(name: str, of_seeds: Sequence[Sample]) -> tuple[str, ...]:
+    """Converged, coverage, mean and rms error, mean sigma and its ratio to the rms error; of states in degrees."""
+    error, sigma = (np.concatenate([getattr(s, key) for s in of_seeds]) for key in ("error", "sigma"))
+    scale = math.degrees(1) if name.endswith((LEVEL, BANKED)) else 100.0
+    rms, mean_sigma = float(np.sqrt(np.mean(error**2))), float(np.mean(sigma))
+    numbers = [f"{scale * x:.3g}" for x in (np.mean(error), rms, mean_sigma)]
+    converged = np.mean([s.converged for s in of_seeds])
+    covered = np.mean(np.abs(error) <= INTERVAL * sigma)
+    return name, f"{converged:.0%}", f"{covered:.0%}", *numbers, f"{mean_sigma / max(rms, 1e-12):.2f}"
+
+
+def coverage_tables(runs: Sequence[str], seeds: Sequence[int], jobs: int, duration: float) -> list[str]:
+    """Coverage of all estimates and states on the linear and the nonlinear truck, as lines of Markdown."""
+    heads = ("", "converged", "coverage", "mean error", "rms error", "mean sigma", "sigma / rms error")
+    lines: list[str] = []
+    with ProcessPoolExecutor(jobs) as pool:
+        for run, nonlinear in product(runs, (False, True)):
+            draws = [Draw(run=run, nonlinear=nonlinear, seed=seed, duration=duration) for seed in seeds]
+            results = []
+            for i, result in enumerate(pool.map(samples, draws), 1):
+                results += [result] if result else []
+                print(f"[{i}/{len(draws)}] coverage, {run}, {'nonlinear' if nonlinear else 'linear'}", flush=True)
+            title = f"{RUNS[run]}, {'nonlinear' if nonlinear else 'linear'} truck"
+            lines += [f"## Coverage: {title}", "", f"{len(results)} of {len(draws)} logs; the others are refused."]
+            lines += ["Estimates in per cent of the true value, states in degrees. Nominal coverage: 90 %.", ""]
+            names = results[0] if results else {}
+            lines += [*table(heads, [row(name, [result[name] for result in results]) for name in names]), ""]
+    return lines
