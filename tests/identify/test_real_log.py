@@ -57,7 +57,7 @@ def test_one_stage_on_both_logs(bend: Record, ramp: Record) -> None:
     assert set(verdicts.values()) == {Verdict.CONVERGED}
     assert {e.name for e in result.sensors} >= {f"steer.tractor.front.{kind}" for kind in ("offset", "gain", "delay")}
     front = result["tractor.front.cornering_stiffness"]
-    other = identify([bend, ramp], vehicle.get("auburn_6x4"), OneStage(form="prediction_error"))
+    other = identify([bend, ramp], vehicle.get("auburn_6x4"), OneStage(form="prediction_error", consider={}))
     both = [e for e in result.parameters if other[e.name].verdict is e.verdict is Verdict.CONVERGED]
     assert len(both) >= 3
     for e in both:  # both forms agree within sigma
