@@ -103,7 +103,8 @@ def is_unusual(settings: CommonSettings, error: SensorError) -> bool:
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
     if kind == "gain" and SignalName.of(signal).quantity == "steer":
         return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
-    return abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
+    far = abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
+    return far and (kind != "misalignment" or abs(error.value - mean) > 2 * error.sigma)
 
 
 def assumption_cautions(identification: Identification) -> Iterator[Caution]:
@@ -142,13 +143,17 @@ def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
         return f"{error.signal} is {with_sigma(abs(change), None, 's')} {'late' if change > 0 else 'early'} ({times})"
     if path.endswith(".softening"):
         return f"the tyres of {path.removesuffix('.softening')} soften with the slip angle ({times})"
+    if cause.name.endswith(".axle_positions"):
+        largest = max(map(abs, cause.changes.values()))
+        side = "closer to" if change > 0 else "further from"
+        return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
     if path not in values:
         return f"{cause.name} is different ({times})"
     direction = "larger" if change > 0 else "smaller"
     lengths = ("cog", "position", "leading_position", "trailing_position")
     if ParameterPath.of(path).quantity in lengths or not values[path]:
         side = "front" if change > 0 else "rear"
-        size = f"{with_sigma(abs(change), None, unit_of(path))} further to the {side}"
+        size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:
         size = f"{percent(abs(change / values[path]))} {direction}"
     also = f" with {len(others)} other numbers that belong to it" if others else ""
