@@ -12,8 +12,8 @@ from fifthwheel.cli.terminal import print_files, progress_bar
 
 @command(
     "fifthwheel design --vehicle truck.toml",
-    "fifthwheel design -v truck.toml --target semitrailer.yaw_inertia=2% --speed 80km/h",
-    "fifthwheel design -v truck.toml --target semitrailer.payload.height=10% --fix semitrailer.roll_axis_height",
+    "fifthwheel design -v truck.toml --target semitrailer.yaw_inertia=10% --speed 80km/h",
+    "fifthwheel design -v truck.toml --target semitrailer.payload.height=15% --fix semitrailer.roll_axis_height",
     "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
 )
 def design(
@@ -23,7 +23,7 @@ def design(
         typer.Option(
             "--target",
             help="NAME=FRACTION: required sigma of a parameter as a fraction of its value, such as "
-            "semitrailer.yaw_inertia=2%; may be repeated. Default: 5% of every cornering stiffness and of the yaw "
+            "semitrailer.yaw_inertia=10%; may be repeated. Default: 5% of every cornering stiffness and of the yaw "
             "inertia of every unit behind the first.",
         ),
     ] = None,

@@ -103,7 +103,8 @@ def is_unusual(settings: CommonSettings, error: SensorError) -> bool:
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
     if kind == "gain" and SignalName.of(signal).quantity == "steer":
         return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
-    return abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
+    far = abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
+    return far and (kind != "misalignment" or abs(error.value - mean) > 2 * error.sigma)
 
 
 def assumption_cautions(identification: Identification) -> Iterator[Caution]:
@@ -142,13 +143,17 @@ def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
         return f"{error.signal} is {with_sigma(abs(change), None, 's')} {'late' if change > 0 else 'early'} ({times})"
     if path.endswith(".softening"):
         return f"the tyres of {path.removesuffix('.softening')} soften with the slip angle ({times})"
+    if cause.name.endswith(".axle_positions"):
+        largest = max(map(abs, cause.changes.values()))
+        side = "closer to" if change > 0 else "further from"
+        return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
     if path not in values:
         return f"{cause.name} is different ({times})"
     direction = "larger" if change > 0 else "smaller"
     lengths = ("cog", "position", "leading_position", "trailing_position")
     if ParameterPath.of(path).quantity in lengths or not values[path]:
         side = "front" if change > 0 else "rear"
-        size = f"{with_sigma(abs(change), None, unit_of(path))} further to the {side}"
+        size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:
         size = f"{percent(abs(change / values[path]))} {direction}"
     also = f" with {len(others)} other numbers that belong to it" if others else ""
@@ -221,7 +226,9 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
         quality, unit = fit_quality(fit), si_unit(fit.signal)
         place = f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}"
         severity: Severity = "warning"
-        if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL and not quality.good:
+        if quality.good and _is_uninformative(identification, fit.signal):
+            continue
+        if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL:
             kind, severity = CautionKind.UNRELATED_CHANNEL, "error"
             text = "speed and steer angle explain almost none of this channel."
             cure = "Check that the column is mapped to the right signal. Do not use results that depend on it."
@@ -236,6 +243,12 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
         yield Caution(kind, message, cure, fit.explained, severity=severity, signals=(fit.signal,), log=fit.log)
     for log in identification.logs:
         yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES, "identification")
+
+
+def _is_uninformative(identification: Identification, signal: str) -> bool:
+    """Whether a channel may contain noise alone: the roll rate of a unit whose payload height is not estimated."""
+    name, estimated = SignalName.of(signal), {e.name for e in identification.parameters}
+    return name.quantity == "roll_rate" and f"{name.unit}.payload.height" not in estimated
 
 
 def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:

@@ -124,10 +124,11 @@ def fit_noise_model(segments: Sequence[Array], dt: float, *, floor: float = 0.0)
         return float(count @ (np.log(expected) + density / expected))
 
     starts = [
-        np.log([high, max(total - high, 1e-3 * total), np.clip(tau, shortest, longest)]) for tau in (0.1, 0.5, 2.0)
+        np.log([high, max(total - high, 1e-3 * total), np.clip(tau, shortest, longest)])
+        for tau in (0.05, 0.2, 1.0, 4.0)
     ]
     options = {"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400}
-    best = min((minimize(cost, start, method="Nelder-Mead", options=options) for start in starts), key=lambda r: r.fun)
+    best = minimize(cost, min(starts, key=cost), method="Nelder-Mead", options=options)
     fitted = model(np.asarray(best.x))
     white = np.log([total, 1e-12 * total, 1.0])
     if cost(white) <= best.fun + EVIDENCE:

@@ -23,6 +23,8 @@ BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
 TIME_SCALE_SIGMA = 0.002
 """Of the rate of a time base: clocks are better, but timestamps are sometimes made from a nominal sampling rate."""
+TIME_BASE = "time_base"
+"""First word of the name of a time base's delay."""
 ROAD_FRICTION = 0.8
 """Of a dry road."""
 SOFTENING = 3.0
@@ -213,6 +215,30 @@ def one_stage_unknowns(
         plays = [_sensor_error(f"{name}.play", settings.steer_play_prior) for name in vehicle.steer_signals()]
         unknowns += [replace(play, lower=0.0) for play in plays]
     return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
+
+
+def time_base_delays(
+    time_bases: Mapping[str, str], main: str, outputs: Sequence[str], settings: OneStage
+) -> list[Unknown]:
+    """The delay of every time base but the main one: one unknown that delays all its channels.
+
+    Args:
+        time_bases: of signals, by their names; signals that are not listed are on the main one.
+        main: the time base of the steer angles.
+        outputs: measured signals.
+        settings: of the identification.
+    """
+    if not settings.nuisances:
+        return []
+    moves: dict[str, dict[str, float]] = {}
+    for name in outputs:  # gyros and articulation sensors
+        base = time_bases.get(name, "")
+        if base != main:
+            moves.setdefault(f"{TIME_BASE}.{base or 'main'}", {})[f"{name}.delay"] = 1.0
+    return [
+        replace(_sensor_error(f"{base}.delay", settings.time_base_delay_prior), moves=channels)
+        for base, channels in moves.items()
+    ]
 
 
 def suspects() -> list[Unknown]:

@@ -11,6 +11,7 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.parameters import TIME_BASE
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import ObserverSettings
@@ -161,7 +162,8 @@ def sensor_settings(identification: Mapping[str, Any], log: str | None) -> dict[
         log: its sensor errors and noise, besides the errors that all logs share; None or another log for the latter
             only and the noise of the first log.
     """
-    errors = {error["name"]: error["value"] for error in identification["sensors"] if error["log"] in (None, log)}
+    sensors = [error for error in identification["sensors"] if not error["name"].startswith(f"{TIME_BASE}.")]
+    errors = {error["name"]: error["value"] for error in sensors if error["log"] in (None, log)}
     logs = identification["logs"]
     noise = next((summary["noise"] for summary in logs if summary["name"] == log), logs[0]["noise"])
     return {"sensor_errors": errors, "noise": noise}

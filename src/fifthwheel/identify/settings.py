@@ -169,6 +169,9 @@ class OneStage(CommonSettings):
     steer_play_prior: float = math.radians(0.2)
     """Prior standard deviation of the play between steer sensor and road wheels, rad at the wheels; all logs share it.
     Smaller if the angle is measured at the wheels, larger for a steering wheel angle of a worn steering."""
+    time_base_delay_prior: float = 0.1
+    """Prior standard deviation of the delay of a further time base against that of the steer angle, s; all logs share
+    it. The model is linear in this delay: correct a delay of more than 0.1 s in the signal map."""
     misalignment_prior: float = math.radians(3)
     """Prior standard deviation of the misalignment of a gyro, rad; all logs share it."""
     bank_prior: float = 0.03

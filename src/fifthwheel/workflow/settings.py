@@ -20,6 +20,7 @@ SENSOR_PRIORS: Mapping[str, str] = MappingProxyType(
         "rate_offset": "rad/s",
         "rate_gain": "1",
         "misalignment": "rad",
+        "time_base_delay": "s",
         "articulation_offset": "rad",
         "bank": "rad",
     }

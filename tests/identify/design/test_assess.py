@@ -153,8 +153,8 @@ def test_stating_exact_masses_helps_as_predicted(truck, record):
 @pytest.mark.parametrize(("kind", "sigma"), [("gain", 0.15), ("play", 0.05)])
 def test_knowing_a_sensor_error_helps_as_predicted(truck, record, kind, sigma):
     """Play or gain of the steering, where no other error limits the estimate."""
-    priors = {"rate_gain_prior": 1e-9, "misalignment_prior": 1e-9, "steer_gain_prior": 1e-9}
-    settings = OneStage(free=(FRONT,), consider={}, **{**priors, f"steer_{kind}_prior": sigma})
+    names = ("rate_gain_prior", "misalignment_prior", "steer_gain_prior", "steer_delay_prior")
+    settings = OneStage(free=(FRONT,), consider={}, **{**dict.fromkeys(names, 1e-9), f"steer_{kind}_prior": sigma})
     remedy = first_known(assess_information([record], truck, settings, KEEN)[FRONT])
     assert remedy.known == (f"steer.tractor.front.{kind}",)
     after = assess_information([record], truck, replace(settings, **{f"steer_{kind}_prior": 1e-9}))[FRONT]

@@ -169,6 +169,8 @@ def test_default_targets_and_parameters_that_are_not_estimated_by_default(truck)
     design = design_experiment(truck, planning=QUICK)
     assert set(design.targets.values()) == {0.05}
     assert set(design.targets) == {name for name in design.best.sigma if name != HEIGHT}
+    predictor = InformationPredictor.of(design.vehicle, OneStage(), QUICK.speeds)
+    assert sigmas_along(predictor, design.best) == pytest.approx(dict(design.best.sigma), rel=1e-3)
     other = design_experiment(truck, {"tractor.yaw_inertia": 0.2}, planning=QUICK)
     assert other.best.sigma["tractor.yaw_inertia"] > 0
     fixed = design_experiment(truck, None, OneStage(fixed=(FRONT,)), planning=QUICK)

@@ -6,8 +6,9 @@ one with a pulse of steering. Each unknown acts either only with steering, as a 
 without, as the offset of a sensor does.
 
 Superposition does not hold for the softening of tyres, which is quadratic in the slip angle, nor for the play of the
-steering, which depends on the course of the steer angle. The derivatives with respect to these few unknowns are
-computed along the complete run.
+steering, which depends on the course of the steer angle. A delay of the steering acts through the slope of a spline,
+which a single pulse does not give. The derivatives with respect to these few unknowns are computed along the complete
+run (`along_run`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,6 +36,11 @@ NOT_LINEAR = (".softening", ".play")
 """Ends of the names of unknowns whose derivatives are not linear in the steer angle."""
 
 
+def along_run(name: str) -> bool:
+    """Whether the derivatives with respect to an unknown are computed along the complete run."""
+    return name.endswith(NOT_LINEAR) or (name.startswith("steer.") and name.endswith(".delay"))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ManoeuvreInformation:
     """Information on k unknowns of 1, 2, ... n repetitions of a manoeuvre, as a function of its size."""
@@ -43,11 +49,11 @@ class ManoeuvreInformation:
     steer: Array
     """Steer angle (N,) of all repetitions at size 1, rad."""
     derivatives: Array
-    """Derivatives (n, k, N m / n) of the samples of each repetition at size 1; zero for unknowns of `NOT_LINEAR`."""
+    """Derivatives (n, k, N m / n) of the samples of each repetition at size 1; zero for unknowns of `along_run`."""
 
     def at(self, size: float) -> Array:
         """Information (n, k, k) of 1, 2, ... n repetitions with a steer angle `size` times as large."""
-        factor, own = np.where(self.response.steered, size, 1.0), list(self.response.not_linear)
+        factor, own = np.where(self.response.steered, size, 1.0), list(self.response.separate)
         result = self._linear * np.outer(factor, factor)
         if own:
             along = np.split(self.response.along(size * self.steer), len(result), axis=1)
@@ -59,7 +65,7 @@ class ManoeuvreInformation:
 
     @cached_property
     def _linear(self) -> Array:
-        """Information (n, k, k) at size 1; zero for unknowns of `NOT_LINEAR`."""
+        """Information (n, k, k) at size 1; zero for unknowns of `along_run`."""
         return np.cumsum(self.derivatives @ self.derivatives.transpose(0, 2, 1), axis=0)
 
 
@@ -79,8 +85,8 @@ class ImpulseResponse:
     straight: Array
     """Derivatives (k, M, m) without steering."""
     pulse: Array
-    """Derivatives (k, M - 1, m) for a pulse of 1 rad at the second sample; zero for unknowns that act without it, and
-    for those of `NOT_LINEAR`."""
+    """Derivatives (k, M - 1, m) for a pulse of 1 rad at the first sample; zero for unknowns that act without it, and
+    for those of `along_run`."""
     steered: NDArray[np.bool_]
     """Whether each unknown acts only with steering (k,)."""
 
@@ -99,10 +105,9 @@ class ImpulseResponse:
         steer = np.zeros(round(DECAY_TIME * rate))
         names, straight = _derivatives(predictor, predictor.unknowns, speed, steer, rate, noise)
         steered = np.asarray(~straight.any(axis=(1, 2)), dtype=np.bool_)
-        # linear between samples: the pulse acts from the first sample on, on the rate that a delay multiplies, too
-        steer[2] = PULSE_SIZE
+        steer[1] = PULSE_SIZE  # linear between samples: the pulse begins to act after the first sample
         _, pulse = _derivatives(predictor, predictor.unknowns, speed, steer, rate, noise)
-        superposed = steered & [not name.endswith(NOT_LINEAR) for name in names]
+        superposed = steered & [not along_run(name) for name in names]
         return cls(
             predictor=predictor,
             speed=speed,
@@ -115,15 +120,15 @@ class ImpulseResponse:
         )
 
     @property
-    def not_linear(self) -> tuple[int, ...]:
-        """Indices of the unknowns of `NOT_LINEAR`."""
-        return tuple(i for i, name in enumerate(self.names) if name.endswith(NOT_LINEAR))
+    def separate(self) -> tuple[int, ...]:
+        """Indices of the unknowns of `along_run`."""
+        return tuple(i for i, name in enumerate(self.names) if along_run(name))
 
     def along(self, steer: Array) -> Array:
-        """Derivatives (q, N, m) along a run with a steer angle (N,), rad, for the q unknowns of `NOT_LINEAR`."""
-        unknowns = [u for u in self.predictor.unknowns if u.name.endswith(NOT_LINEAR)]
+        """Derivatives (q, N, m) along a run with a steer angle (N,), rad, for the q unknowns of `along_run`."""
+        unknowns = [u for u in self.predictor.unknowns if along_run(u.name)]
         names, derivatives = _derivatives(self.predictor, unknowns, self.speed, steer, self.rate, self.noise)
-        return derivatives[[names.index(self.names[i]) for i in self.not_linear]]
+        return derivatives[[names.index(self.names[i]) for i in self.separate]]
 
     def information(self, manoeuvre: CandidateManoeuvre, steer: Array, count: int) -> ManoeuvreInformation:
         """Information of 1, 2, ... `count` repetitions of a manoeuvre, to the left and to the right in turn.
@@ -147,11 +152,11 @@ class ImpulseResponse:
         )
 
     def _response(self, steer: Array) -> Array:
-        """Derivatives (k, N + M - 2, m) that a steer angle (N,) causes, until they have decayed."""
+        """Derivatives (k, N + M - 1, m) that a steer angle (N,) causes, until they have decayed."""
         length = len(steer) + self.pulse.shape[1]
         size = next_fast_len(length, real=True)
         response = irfft(rfft(self.pulse, size, axis=1) * rfft(steer, size)[:, None], size, axis=1)
-        return np.asarray(response[:, 1:length])  # the pulse is at the second sample
+        return np.asarray(response[:, :length])
 
 
 def _derivatives(

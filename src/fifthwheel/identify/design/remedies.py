@@ -79,10 +79,7 @@ class PredictedRemedies:
             single=(
                 (Remedy(drive=REPEAT), predictor.posterior([*runs, *runs])),
                 (Remedy(drive=LANE_CHANGE), predictor.posterior(with_lane_change)),
-                *[
-                    (Remedy(known=(name,)), predictor.posterior(runs, known=_unknowns(predictor, name)))
-                    for name in knowable
-                ],
+                *[_with_known(predictor, runs, (name,)) for name in knowable],
                 *[(Remedy(channel=name), predictor.posterior(runs, added=[name])) for name in not_logged],
             ),
             double=tuple(

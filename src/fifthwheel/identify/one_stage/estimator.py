@@ -58,7 +58,8 @@ HISTORY_LENGTH = 200
 WHITE_TOLERANCE = 1.0
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
 ROUND_TOLERANCES = (0.3, 0.02)
-"""Of the fits with a noise model; each takes the noise from the residuals of the one before."""
+"""Of the fits with a noise model; each takes the noise from the residuals of the one before. The prediction-error form
+has the last one only."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""
 
@@ -140,6 +141,9 @@ class _Estimator:
             replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
             for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
         ]
+        time_bases = {name: base for record in self.dataset.records for name, base in record.time_bases.items()}
+        main = time_bases.get(self.dataset.vehicle.steer_signals()[0], "")
+        unknowns += parameters.time_base_delays(time_bases, main, self.outputs, self.settings)
         unknowns += parameters.suspects() if self.settings.consider else []
         return Problem(self.model, self.dataset.vehicle, logs, unknowns, self.settings)
 
@@ -186,7 +190,8 @@ class _Estimator:
         phases: list[tuple[str, Callable[[Array], None], float]] = [("fit", _keep_noise, ROUND_TOLERANCES[-1])]
         if self.settings.adapt_noise:
             phases = [("fit", white, WHITE_TOLERANCE)]
-            phases += [("fit with estimated noise", _keep_noise, tolerance) for tolerance in ROUND_TOLERANCES]
+            tolerances = ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
+            phases += [("fit with estimated noise", _keep_noise, tolerance) for tolerance in tolerances]
         for number, (title, accept, tolerance) in enumerate(phases):
             lower, upper = bounds
             if number:

@@ -46,7 +46,7 @@ from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.names import is_sensor_error
+from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -363,9 +363,10 @@ class Problem:
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:
-        """Names of the sensor delays that are estimated."""
+        """Names of the delays of steer angles that are estimated; these shift the inputs."""
         estimated = [name for u in self.unknowns if not u.considered for name in u.slopes]
-        return tuple(dict.fromkeys(name for name in estimated if is_sensor_error(name, "delay")))
+        steer = [name for name in estimated if SignalName.of(name).quantity == "steer"]
+        return tuple(dict.fromkeys(name for name in steer if is_sensor_error(name, "delay")))
 
     @cached_property
     def _initial_factors(self) -> list[list[Array]]:
