@@ -9,6 +9,7 @@ from fifthwheel.diagnose.cautions import CautionKind, identification_cautions, s
 from fifthwheel.diagnose.fit_quality import white_noise_sigma
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.identify import SensorError
+from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
 from tests.report.conftest import NASTY
 
 STEER = "steer.tractor.front"
@@ -115,3 +116,43 @@ def test_large_innovations_are_one_caution_for_a_log(result):
     rejected = [c for c in state_cautions(spiked, "vehicle file") if c.kind is CautionKind.REJECTED_SAMPLES]
     assert {c.signals[0] for c in rejected} == set(states.innovation)
     assert [c.value for c in rejected] == pytest.approx([0.05] * len(rejected), rel=0.05)
+
+
+def test_every_kind_of_sensor_error_can_be_unusual(result):
+    for name, value, unit in (
+        (f"{STEER}.play", 0.02, "rad"),
+        ("yaw_rate.tractor.misalignment", 0.3, "rad"),
+        ("time_base.trailer.delay", 0.4, "s"),
+    ):
+        identification = with_sensors(result, SensorError(name=name, value=value, sigma=0.001, unit=unit, log=None))
+        caution = only(identification_cautions(identification), CautionKind(name.rpartition(".")[2]))
+        assert caution.value == value
+
+
+def test_a_doubt_has_a_caution(result):
+    """An assumption that the residuals contradict, and a sensor error far outside its prior."""
+    doubts = (
+        Doubt(
+            kind=DoubtKind.ASSUMPTION,
+            causes=(
+                Cause(name="mass_scale", changes={"semitrailer.mass": 3120.0}, prior_sigmas=5.0),
+                Cause(name="yaw_rate.tractor.delay", changes={"yaw_rate.tractor.delay": 0.05}, prior_sigmas=5.0),
+                Cause(name="time_base", changes={"time_base.scale": 0.01}, prior_sigmas=5.0),
+            ),
+            parameters=("semitrailer.yaw_inertia",),
+            statistic=12.0,
+        ),
+        Doubt(
+            kind=DoubtKind.SENSOR,
+            causes=(Cause(name=f"{STEER}.play", changes={f"{STEER}.play": 0.013}, prior_sigmas=3.8),),
+            parameters=("tractor.front.cornering_stiffness",),
+            statistic=3.8,
+        ),
+    )
+    sensor = SensorError(name=f"{STEER}.play", value=0.013, sigma=0.01, unit="rad", log=None)
+    cautions = identification_cautions(replace(with_sensors(result, sensor), doubts=doubts))
+    assumption, play = only(cautions, CautionKind.ASSUMPTION), only(cautions, CautionKind.PLAY)
+    assert assumption.parameters == ("semitrailer.yaw_inertia",)
+    for text in ("all masses are", "larger", "yaw_rate.tractor is 50 ms late", "the time base runs 1 % too slow"):
+        assert text in assumption.message, assumption.message
+    assert play.parameters == ("tractor.front.cornering_stiffness",)

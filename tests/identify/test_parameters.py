@@ -21,6 +21,18 @@ HEIGHT = "semitrailer.payload.height"
 RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
 
 
+def test_the_vehicle_file_replaces_a_default_that_is_considered(truck: Vehicle) -> None:
+    def sigma(settings: OneStage, stated: float) -> float | None:
+        vehicle = truck.with_stated({"semitrailer.roll_stiffness": stated})
+        unknowns = {u.name: u for u in one_stage_unknowns(vehicle, RATES, settings)}
+        return unknowns["semitrailer.roll_stiffness"].scale if "semitrailer.roll_stiffness" in unknowns else None
+
+    value = truck.parameters()["semitrailer.roll_stiffness"]
+    assert sigma(OneStage(), 0.03 * value) == pytest.approx(0.03)
+    assert sigma(OneStage(), 0.0) is None
+    assert sigma(OneStage(consider={"roll_stiffness": 0.2}), 0.03 * value) == 0.2
+
+
 def test_longest_matching_key() -> None:
     table = {"roll_stiffness": 0.1, "front.roll_stiffness": 0.2, "tractor.front.roll_stiffness": 0.3, "stiffness": 0.4}
     assert longest_matching_key("tractor.front.roll_stiffness", table) == "tractor.front.roll_stiffness"

@@ -67,7 +67,8 @@ ConsiderOption = Annotated[
     typer.Option(
         "--consider",
         help="NAME=FRACTION: do not estimate NAME, but include its uncertainty in every sigma, such as "
-        "roll_stiffness=10%. NAME is a parameter path or its last part. 0: NAME is exact. May be repeated.",
+        "roll_stiffness=10%. NAME is a parameter path or its last part, or vehicle_file or softening (times the "
+        "default), or gyro_delay (2ms). 0: NAME is exact. May be repeated.",
     ),
 ]
 SensorOption = Annotated[
@@ -112,7 +113,7 @@ def one_stage(
         fix=fix or (),
         free=free or (),
         prior=fractions("--prior", prior),
-        consider=fractions("--consider", consider),
+        consider=considered_sigmas(consider),
         any_load=any_load,
         sensors=sensor_sigmas(sensor),
         base=base,
@@ -156,6 +157,23 @@ def fractions(option: str, texts: list[str] | None) -> dict[str, float]:
         return value
 
     return named_values(option, texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)
+
+
+def considered_sigmas(texts: list[str] | None) -> dict[str, float]:
+    """ "name=fraction" as name: fraction; for model errors a factor, or a latency in s."""
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.identify.settings import MODEL_ERRORS
+    from fifthwheel.units import quantity
+
+    def sigma(name: str, text: str) -> float:
+        if name == "gyro_delay":
+            return quantity(text, "s")
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if not 0 <= value < (100 if name in MODEL_ERRORS else 1):
+            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
+        return value
+
+    return named_values("--consider", texts, "NAME=FRACTION, such as roll_stiffness=10%", sigma)
 
 
 def sensor_sigmas(texts: list[str] | None) -> dict[str, float]:

@@ -15,7 +15,7 @@ from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import CommonSettings, Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
-from fifthwheel.names import ParameterPath, SensorErrorName, SignalName, is_sensor_error
+from fifthwheel.names import ParameterPath, SensorErrorName, SignalName, is_sensor_error, split_log
 from fifthwheel.observe import States
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -30,6 +30,7 @@ class CautionKind(StrEnum):
     DELAY = "delay"  # a significant or unusual delay of a sensor
     GAIN = "gain"  # an unusual gain of a sensor
     MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
+    PLAY = "play"  # an unusual play of the steering
     OFFSET = "offset"  # an unusual offset of a sensor
     UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck
     POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
@@ -90,6 +91,8 @@ def sensor_error_prior(settings: CommonSettings, name: str) -> tuple[float, floa
         return 1.0, settings.steer_gain_prior if quantity == "steer" else rate_gain
     if kind == "delay":
         return 0.0, settings.steer_delay_prior
+    if kind == "play":
+        return 0.0, getattr(settings, "steer_play_prior", thresholds.UNUSUAL_PLAY)
     if kind == "misalignment":
         return 0.0, getattr(settings, "misalignment_prior", thresholds.UNUSUAL_MISALIGNMENT)
     if quantity == "steer":
@@ -136,7 +139,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
     (path, change), *others = cause.changes.items()
     error = SensorErrorName.of(path)
     if path == TIME_SCALE:
-        return f"the time base runs {percent(abs(change))} too {'fast' if change > 0 else 'slow'} (timestamps)"
+        return f"the time base runs {percent(abs(change))} too {'slow' if change > 0 else 'fast'} (timestamps)"
     if cause.name == MASS_SCALE:
         return f"all masses are {percent(abs(change / values[path]))} {'larger' if change > 0 else 'smaller'} ({times})"
     if error and error.kind == "delay":
@@ -181,7 +184,9 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
         delayed = kind == "delay" and abs(error.value) > significant
-        if not delayed and not is_unusual(identification.settings, error):
+        doubts = [d for d in identification.doubts if any(split_log(c.name)[0] == error.name for c in d.causes)]
+        doubts = [d for d in doubts if d.kind is DoubtKind.SENSOR]
+        if not delayed and not doubts and not is_unusual(identification.settings, error):
             continue
         steer_gain = kind == "gain" and SignalName.of(signal).quantity == "steer"
         value = with_sigma(error.value, error.sigma, error.unit)
@@ -197,6 +202,9 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
                 "as wrong tyre stiffnesses, so the stiffness estimates depend on this gain."
             )
             cure = "Measure the ratio of the road-wheel angle to the logged angle, and correct it in the signal map."
+        elif kind == "play":
+            text = f"the estimated play between this angle and the road wheels is {value}."
+            cure = "Check the steering linkage, or measure the angle at the wheels."
         elif kind == "misalignment":
             text = f"the estimated misalignment is {value}: the gyro also measures another axis."
             cure = "Check how the gyro is mounted, and whether its axes are exchanged."
@@ -207,13 +215,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
             text = f"the estimated offset is {value}, more than such a sensor usually has."
             cure = "Check the mounting and the calibration of the sensor."
         message = f"{signal} in {error.log}: {text}" if error.log else f"{signal}: {text}"
-        parameters = tuple(
-            name
-            for doubt in identification.doubts
-            for cause in doubt.causes
-            if cause.name == error.name
-            for name in doubt.parameters
-        )
+        parameters = tuple(dict.fromkeys(name for doubt in doubts for name in doubt.parameters))
         yield Caution(
             CautionKind(kind), message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log
         )

@@ -71,7 +71,7 @@ STEER_RATE = "steer_rate"
 """Quantity of `rate_input`."""
 
 TIME_SCALE = "time_base.scale"
-"""Duration of a true second on the time base of the log, a parameter of an extended model."""
+"""True duration of a second of the log, a parameter of an extended model."""
 
 
 def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, float]:
@@ -82,7 +82,7 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
         <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
         <sensor>.delay           s, latency of a gyro or an articulation sensor, to first order
-        time_base.scale          duration of a true second on the time base of the log
+        time_base.scale          true duration of a second of the log
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
     values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}

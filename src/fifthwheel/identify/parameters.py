@@ -327,7 +327,7 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
     """Uncertain parameters, then considered parameters.
 
     A key that is the end of a path does not apply to values of 0, nor to the sprung body below a payload whose height
-    is estimated: its CoG height would be the same unknown again.
+    is estimated: its CoG height would be the same unknown again. What the vehicle file states replaces a default.
     """
     loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
     done = {*estimated, *expand_names(vehicle, settings.fixed)}
@@ -339,7 +339,11 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             if key is None or name in done or (excluded and key != name):
                 continue
             done.add(name)
-            unknowns.append(_logarithmic(name, value, table[key], uncertain=not considered, considered=considered))
+            sigma = table[key]
+            if considered and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
+                sigma = vehicle.stated[name] / value
+            if sigma:
+                unknowns.append(_logarithmic(name, value, sigma, uncertain=not considered, considered=considered))
     return unknowns
 
 
