@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from threadpoolctl import threadpool_limits
+
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress, TwoStage
@@ -34,6 +36,7 @@ def identify(
         VehicleError: a parameter in the settings does not exist or cannot be estimated or fixed.
     """
     settings = settings or OneStage()
-    if isinstance(settings, OneStage):
-        return identify_one_stage(records, vehicle, settings, validate=validate, progress=progress)
-    return identify_two_stage(records, vehicle, settings, validate=validate, progress=progress)
+    with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
+        if isinstance(settings, OneStage):
+            return identify_one_stage(records, vehicle, settings, validate=validate, progress=progress)
+        return identify_two_stage(records, vehicle, settings, validate=validate, progress=progress)
