@@ -22,7 +22,7 @@ from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.verdict import Verdict, information_verdicts
+from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -215,20 +215,14 @@ class InformationPredictor:
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
         all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
         estimated = [name for name in self.estimated if name in names]
-        by_place = information_verdicts(
-            all_estimated, [all_estimated.names.index(name) for name in estimated], self.settings.excited
-        )
-        not_identified = {names[i]: verdict for i, verdict in by_place.items() if verdict is not Verdict.CONVERGED}
-        excited = len(not_identified) < len(estimated) or Verdict.NOT_IDENTIFIABLE in not_identified.values()
-        no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
-        not_identified |= dict.fromkeys(no_channel, Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED)
+        not_identified = uninformed_parameters(all_estimated, estimated, channels, self.settings.excited)
         return PredictedPosterior(
             all_estimated=all_estimated,
             with_fixed=Posterior.from_information(
                 names, information, considered=[*considered, *not_identified], nuisances=nuisances
             ),
             not_identified=not_identified,
-            no_channel=no_channel,
+            no_channel=frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels)),
         )
 
 

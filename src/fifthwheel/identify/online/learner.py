@@ -20,7 +20,7 @@ from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.verdict import Verdict
+from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
 from fifthwheel.observe import Status
 from fifthwheel.record import Record
@@ -163,10 +163,8 @@ class Learner:
                 verdict = Verdict.NOT_IDENTIFIABLE
             elif not z_sigma[i] < problem.settings.excited:
                 verdict = Verdict.NOT_EXCITED
-            elif min(p[i] - u.lower, u.upper - p[i]) < 0.1 * sigma[i]:
-                verdict = Verdict.AT_BOUND
             else:
-                verdict = Verdict.CONVERGED if consistent else Verdict.NOT_CONVERGED
+                verdict = estimate_verdict(u, float(p[i]), float(sigma[i]), converged=consistent)
             value = LearnedValue(name=u.name, value=float(p[i]), sigma=float(sigma[i]), verdict=verdict)
             estimates.append((u, value))
         return estimates
