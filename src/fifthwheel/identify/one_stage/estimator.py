@@ -60,6 +60,8 @@ WHITE_TOLERANCE = 1.0
 ROUND_TOLERANCES = (0.3, 0.02)
 """Of the fits with a noise model; each takes the noise from the residuals of the one before. The prediction-error form
 has the last one only."""
+EARLY_ITERATIONS = 25
+"""Largest number of steps of every fit but the last."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""
 
@@ -206,7 +208,7 @@ class _Estimator:
                 z,
                 lower=lower,
                 upper=upper,
-                iterations=self.settings.iterations,
+                iterations=self.settings.iterations if number == len(phases) - 1 else EARLY_ITERATIONS,
                 tolerance=tolerance,
                 progress=functools.partial(progress, title),
             )
