@@ -118,7 +118,7 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
         texts = [describe_cause(cause, identification.initial_vehicle) for cause in doubt.causes]
         one = len(texts) == 1
         message = (
-            f"The residuals contradict the vehicle file or an assumption on a sensor. They would be smaller if "
+            "The residuals contradict the vehicle file or an assumption on a sensor. They would be smaller if "
             f"{texts[0] if one else 'one of these holds: ' + '; '.join(texts)}."
         )
         cure = "Check this, correct it in the vehicle file or the signal map, and identify again."

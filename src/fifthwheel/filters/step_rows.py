@@ -66,14 +66,14 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     derived = (dynamics.CONTACT, dynamics.STEER_RATE)
     for name in (name for name in names if SignalName.of(name).quantity not in derived):
         delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
-        measured, extended = record.input(name), dynamics.contact_input(name) in names
-        inputs[name], rate = _shifted(record.time, measured, delay) if delay or extended else (measured, measured)
-        if not play and not extended:
+        inputs[name], contact_name = record.input(name), dynamics.contact_input(name)
+        if contact_name not in names and not delay and not play:
             continue
-        contact, change = _shifted(record.time, play_contact(measured, play), delay)
-        if extended:
-            inputs[dynamics.contact_input(name)] = contact
-            inputs[dynamics.rate_input(name)] = rate - play / gain * change
+        contact, contact_rate = _shifted(record.time, play_contact(inputs[name], play), delay)
+        inputs[name], rate = _shifted(record.time, inputs[name], delay)
+        if contact_name in names:
+            inputs[contact_name] = contact
+            inputs[dynamics.rate_input(name)] = rate - play / gain * contact_rate
         else:
             inputs[name] = inputs[name] - play / gain * contact
     return inputs

@@ -44,12 +44,6 @@ class NoiseModel:
         """Variance of a residual, r + q."""
         return self.white + self.discrepancy
 
-    def scaled(self, factor: float) -> "NoiseModel":
-        """The model with both variances multiplied by a factor."""
-        return NoiseModel(
-            white=self.white * factor, discrepancy=self.discrepancy * factor, time_constant=self.time_constant
-        )
-
     def filter(self, dt: float) -> tuple[float, float, float]:
         """phi, the stationary Kalman gain K, and the standard deviation of an innovation, at a sample interval in s."""
         phi, r, q = math.exp(-dt / self.time_constant), self.white, self.discrepancy
@@ -93,28 +87,27 @@ class Whitener:
         return np.asarray(whitened)
 
 
-def fit_noise_model(segments: Sequence[Array], dt: float, *, floor: float = 0.0) -> NoiseModel:
+def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
     """The noise model of the residuals of one channel by maximum likelihood.
 
     Args:
         segments: residuals of each segment (N_i,), without missing samples.
         dt: sample interval, s.
-        floor: smallest variance of the white noise, SI squared.
     """
     from scipy.optimize import minimize  # slow to import
 
     frequency, density, count = _binned_periodogram([s for s in segments if len(s) >= FEWEST_SAMPLES], dt)
     everything = np.concatenate(list(segments))
-    total = max(float(np.mean(everything**2)), floor, np.finfo(float).tiny)
+    total = max(float(np.mean(everything**2)), np.finfo(float).tiny)
     if len(frequency) < 4:
         return NoiseModel(white=total)
-    high = max(float(np.median(density[-max(len(density) // 6, 1) :])) / (2 * dt), 1e-4 * total, floor)
+    high = max(float(np.median(density[-max(len(density) // 6, 1) :])) / (2 * dt), 1e-4 * total)
     shortest, longest = 2 * dt, min(LONGEST_TIME_CONSTANT, max(len(s) for s in segments) * dt / 4)
 
     def model(theta: Array) -> NoiseModel:
         r, q, tau = np.exp(np.clip(theta, -80.0, 80.0))
         return NoiseModel(
-            white=max(float(r), floor, 1e-6 * total),
+            white=max(float(r), 1e-6 * total),
             discrepancy=float(q),
             time_constant=float(np.clip(tau, shortest, longest)),
         )
@@ -132,7 +125,7 @@ def fit_noise_model(segments: Sequence[Array], dt: float, *, floor: float = 0.0)
     fitted = model(np.asarray(best.x))
     white = np.log([total, 1e-12 * total, 1.0])
     if cost(white) <= best.fun + EVIDENCE:
-        return NoiseModel(white=max(total, floor))
+        return NoiseModel(white=total)
     return fitted
 
 

@@ -264,7 +264,7 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
     for change in changes(vehicle) if factor else ():
         moves = {path: s * factor for path, s in change.slopes.items() if path not in done and path not in exact}
         if moves:
-            unknowns.append(_considered(f"{change.name}", 1.0, moves))
+            unknowns.append(_considered(change.name, 1.0, moves))
     return unknowns
 
 

@@ -15,13 +15,14 @@ derivatives e_z and v_z of residual and variance with respect to the unknowns (c
 The terms in brackets apply where the variance depends on the unknowns.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.identify.noise_model import NoiseModel, Whitener
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +48,26 @@ class ResidualBlock:
                 jacobian=self.jacobian[:, rows],
                 variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[:, rows],
             )
+
+
+def whitened(blocks: Iterable[ResidualBlock], models: Sequence[NoiseModel], dt: float) -> Iterator[ResidualBlock]:
+    """Consecutive blocks of residuals of one segment, whitened, with variance 1.
+
+    Args:
+        blocks: with constant variances.
+        models: of the m channels.
+        dt: sample interval, s. Missing samples are left out as if there were no gap.
+    """
+    errors, slopes = ([Whitener(model, dt) for model in models] for _ in range(2))
+    for block in blocks:
+        error, jacobian = np.full_like(block.error, np.nan), np.zeros_like(block.jacobian)
+        for c in range(len(models)):
+            is_present = np.isfinite(block.error[:, c])
+            present = slice(None) if is_present.all() else is_present
+            error[present, c] = errors[c](block.error[present, c])
+            if len(jacobian):
+                jacobian[:, present, c] = slopes[c](block.jacobian[:, present, c])
+        yield replace(block, error=error, jacobian=jacobian, variance=np.ones_like(error))
 
 
 def loss(block: ResidualBlock, limit: float) -> float:

@@ -98,3 +98,11 @@ class Posterior:
         reduction = self.covariance[i] ** 2 / np.diag(self.covariance)
         reduction[i] = 0.0
         return int(np.argmax(reduction))
+
+
+def without(information: Array, indices: Sequence[int]) -> Array:
+    """The information matrix (k, k) with zeros for some unknowns."""
+    reduced = information.copy()
+    reduced[list(indices), :] = 0.0
+    reduced[:, list(indices)] = 0.0
+    return reduced

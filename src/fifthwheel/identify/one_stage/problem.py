@@ -39,7 +39,7 @@ from fifthwheel.filters.initial_state import initial_state
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_slopes
-from fifthwheel.identify.noise_model import NoiseModel, Whitener, fit_noise_model
+from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
@@ -235,7 +235,7 @@ class Problem:
         if not self.output_error:
             return iter(blocks)
         dt, log = self.sample_interval(i), self.logs[i]
-        return whitened(blocks, [log.noise_model(name) for name in self.model.outputs], dt)
+        return likelihood.whitened(blocks, [log.noise_model(name) for name in self.model.outputs], dt)
 
     def residuals(self, z: Array, i: int, j: int, *, directions: Directions = "none") -> Iterable[ResidualBlock]:
         """Residuals of segment j of log i at z, block by block, as they are."""
@@ -280,22 +280,6 @@ class Problem:
             indices=indices,
         )
         return self._output_errors(run) if self.output_error else self._innovations(run)
-
-    def block(self, z: Array, i: int, j: int) -> ResidualBlock:
-        """Residuals of segment j of log i at z as one block."""
-        first, *others = self.blocks(z, i, j)
-        if not others:
-            return first
-        blocks = [first, *others]
-        slopes = [block.variance_jacobian for block in blocks if block.variance_jacobian is not None]
-        return ResidualBlock(
-            time=np.concatenate([block.time for block in blocks]),
-            error=np.concatenate([block.error for block in blocks]),
-            variance=np.concatenate([block.variance for block in blocks]),
-            jacobian=np.concatenate([block.jacobian for block in blocks], axis=1),
-            variance_jacobian=np.concatenate(slopes, axis=1) if slopes else None,
-            indices=first.indices,
-        )
 
     def unstable(self, z: Array) -> bool:
         """Whether the vehicle is unstable at the lowest or highest speed of the logs."""
@@ -441,26 +425,6 @@ class Problem:
                 variance_jacobian=slopes[..., m : 2 * m],
                 indices=run.indices,
             )
-
-
-def whitened(blocks: Iterable[ResidualBlock], models: Sequence[NoiseModel], dt: float) -> Iterator[ResidualBlock]:
-    """Consecutive blocks of residuals of one segment, whitened, with variance 1.
-
-    Args:
-        blocks: with constant variances.
-        models: of the m channels.
-        dt: sample interval, s. Missing samples are left out as if there were no gap.
-    """
-    errors, slopes = ([Whitener(model, dt) for model in models] for _ in range(2))
-    for block in blocks:
-        error, jacobian = np.full_like(block.error, np.nan), np.zeros_like(block.jacobian)
-        for c in range(len(models)):
-            is_present = np.isfinite(block.error[:, c])
-            present = slice(None) if is_present.all() else is_present
-            error[present, c] = errors[c](block.error[present, c])
-            if len(jacobian):
-                jacobian[:, present, c] = slopes[c](block.jacobian[:, present, c])
-        yield replace(block, error=error, jacobian=jacobian, variance=np.ones_like(error))
 
 
 def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Indices]:

@@ -156,7 +156,7 @@ def _assign_towed_gyro(
 ) -> str | None:
     """Move the gyro that lags the others, and all channels of its device, to the last unit; the reason in words.
 
-    Nothing is moved where a name tells the unit, or where no gyro lags.
+    No channel is moved if a name contains the unit, or if no gyro lags.
     """
     leading, towed = f"yaw_rate.{units[0]}", f"yaw_rate.{units[-1]}"
     gyros = [hint for hint in candidates.get(leading, []) if hint.trailing is None]

@@ -1,0 +1,188 @@
+"""The result of one stage: an `Identification` from its solution."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import fifthwheel
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.identify import estimates, parameters
+from fifthwheel.identify.fit_evaluation import evaluate_fits
+from fifthwheel.identify.one_stage.evidence import find_doubts
+from fifthwheel.identify.one_stage.gauss_newton import Minimum
+from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.solution import Linearisation, Solution, linearise
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.result import Estimate, Identification, LogSummary
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.verdict import Verdict, estimate_verdict
+from fifthwheel.names import split_log
+from fifthwheel.observe.uncertainty import Uncertainty
+
+
+def build_identification(solution: Solution) -> Identification:
+    """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs."""
+    dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
+    linearisation = linearise(solution)
+    posterior, doubts = linearisation.posterior, find_doubts(solution, linearisation)
+    doubtful = {name for doubt in doubts for name in doubt.parameters}
+    given = dataset.initial_vehicle.parameters()
+    shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
+    logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
+    file_unknowns = [u for u in problem.unknowns if not u.nuisance and not u.moves and u.name in given]
+    vehicle_values = {u.name: shared[u.name] for u in file_unknowns}
+    sensor_errors = [u for u in problem.unknowns if u.nuisance and not u.considered]
+    shared_errors = {u.name: shared[u.name] for u in sensor_errors if not u.per_log}
+    evaluation = evaluate_fits(
+        dataset,
+        logs,
+        dynamics.model(dataset.vehicle, problem.model.outputs, roll=True, bank=problem.model.bank),
+        dataset.vehicle.replace(vehicle_values),
+        problem.unknowns,
+        shared_errors,
+        settings,
+    )
+    converged = minimum.converged and evaluation.trusted
+    estimated, uncertain = [], []
+    for u in file_unknowns:
+        if u.name in solution.estimated:
+            estimated.append(_estimate(solution, linearisation, u, shared[u.name], converged, u.name in doubtful))
+        else:
+            uncertain.append(_uncertain_estimate(u, shared[u.name], sigma[u.name], settings))
+    fixed = parameters.expand_names(dataset.vehicle, settings.fixed)
+    estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
+    vehicle = dataset.identified_vehicle(vehicle_values)
+    covariance = _covariance(problem, minimum, posterior)
+    return Identification(
+        method="one-stage",
+        vehicle=vehicle,
+        initial_vehicle=dataset.initial_vehicle,
+        parameters=tuple(estimated),
+        derived=tuple(estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance)),
+        sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
+        uncertain=tuple(uncertain),
+        covariance=covariance,
+        doubts=tuple(doubts),
+        variance_budget=_variance_budget(problem, posterior, solution.estimated),
+        histories={"one stage": linearisation.history},
+        logs=tuple(_summary(solution, posterior, i) for i in range(len(logs))),
+        fits=evaluation.fits,
+        settings=settings,
+        rounds=minimum.steps,
+        notes=tuple(dict.fromkeys((*dataset.notes, *evaluation.notes))),
+        version=fifthwheel.__version__,
+    )
+
+
+def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
+    """Sensor errors that belong to one log, SI."""
+    values = problem.values(z, log)
+    return {u.name: values[u.name] for u in problem.unknowns if u.per_log}
+
+
+def _estimate(
+    solution: Solution, linearisation: Linearisation, unknown: Unknown, value: float, converged: bool, doubtful: bool
+) -> Estimate:
+    """The estimate of an estimated parameter."""
+    name, settings = unknown.name, solution.settings
+    posterior, history = linearisation.posterior, linearisation.history
+    sigma_z = float(posterior.sigma[posterior.names.index(name)])
+    uninformed = solution.uninformed.get(name)
+    sigma = sigma_z * unknown.slope(value)
+    verdict = uninformed or estimate_verdict(unknown, value, sigma, converged=converged, doubtful=doubtful)
+    settled = None if uninformed else history.settled_row(name, settings.tolerance)
+    return estimates.parameter_estimate(
+        unknown,
+        value,
+        sigma_z,
+        verdict,
+        settling_time=None if settled is None else float(history.time[settled]),
+        correlated_with=_correlated(solution, posterior, name, verdict),
+    )
+
+
+def _correlated(solution: Solution, posterior: Posterior, name: str, verdict: Verdict) -> tuple[str, ...]:
+    """Unknowns from which a parameter is hardly separable; initial states are left out.
+
+    A parameter that is not identifiable although its conditional sigma is small has at least one.
+    """
+    if parameters.lacks_roll_rate(name, solution.problem.model.outputs):
+        return ()
+    i, single_log = posterior.names.index(name), len(solution.dataset.logs) == 1
+    names = [_without_number(posterior.names[j], single_log) for j in posterior.correlated(i)]
+    names = [other for other in names if other not in solution.problem.model.states]
+    confounded = verdict is Verdict.NOT_IDENTIFIABLE and posterior.conditional_sigma(i) < solution.settings.excited
+    if confounded and not names:
+        names = [_without_number(posterior.names[posterior.most_limiting(i)], single_log)]
+    return tuple(names)
+
+
+def _without_number(name: str, single_log: bool) -> str:
+    """The name of an unknown without the number of its log if there is only one; of an initial state without that of
+    its segment."""
+    base, number = split_log(name)
+    return base if single_log or (number is not None and "." in number) else name
+
+
+def _uncertain_estimate(unknown: Unknown, value: float, sigma_z: float, settings: OneStage) -> Estimate:
+    """The estimate of an uncertain or considered parameter."""
+    informed = sigma_z < settings.excited
+    verdict = Verdict.FIXED if unknown.considered else Verdict.CONVERGED if informed else Verdict.NOT_EXCITED
+    return estimates.parameter_estimate(unknown, value, sigma_z, verdict)
+
+
+def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
+    """What was used of log i; with the bank of its first segment if it is estimated."""
+    problem, minimum, settings = solution.problem, solution.minimum, solution.settings
+    log, bank = problem.logs[i], None
+    blocks = [b for j in range(len(log.segments)) for b in problem.residuals(minimum.z, i, j)]
+    sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
+    accepted = (sizes <= settings.gate).astype(float)
+    if problem.model.bank and problem.output_error:
+        index, prior = problem.layout.initial_states[i][0][-1], settings.bank_prior
+        bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)
+    summary = estimates.log_summary(solution.dataset.records[i], log, problem.model.outputs, accepted)
+    return replace(summary, bank=bank)
+
+
+def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Uncertainty:
+    """Joint covariance of the parameters of the vehicle and of the sensor errors, SI.
+
+    The sensor errors of log i have the names "name@log". Those of any other log, "name@", have their prior. A
+    considered change of the vehicle file contributes to every parameter that it alters.
+    """
+    known = dynamics.all_parameters(problem.vehicle, problem.model.outputs)  # by an observer
+    rows: dict[str, Array] = {}
+    for i, log in enumerate(problem.logs):
+        values = problem.values(minimum.z, i)
+        slopes = problem.scaling.slope(np.array([values[u.name] for u in problem.unknowns]))
+        for u, index, slope in zip(problem.unknowns, problem.layout.unknowns[i], slopes, strict=True):
+            if i == 0 or u.per_log:
+                for name, factor in u.slopes.items():
+                    if name in known:
+                        row = rows.setdefault(f"{name}@{log.name}" if u.per_log else name, np.zeros(len(problem.names)))
+                        row[index] += slope * factor
+    others = [u for u in problem.unknowns if u.per_log]
+    map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
+    of_logs = map_to_si @ posterior.covariance @ map_to_si.T
+    k = len(rows)
+    covariance = np.diag([*[0.0] * k, *[u.scale**2 for u in others]])
+    covariance[:k, :k] = (of_logs + of_logs.T) / 2
+    return Uncertainty(names=(*rows, *[f"{u.name}@" for u in others]), covariance=covariance)
+
+
+def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:
+    """For each estimated parameter the fraction of its variance that each considered unknown causes.
+
+    The squared correlation: considered unknowns keep their prior, and the estimate depends on them linearly.
+    """
+    P, names = posterior.covariance, posterior.names
+    sources = [(u.name, names.index(u.name)) for u in problem.unknowns if u.considered and not u.suspect]
+    budget = {}
+    for i, name in ((names.index(name), name) for name in estimated):
+        fractions = {source: float(P[i, j] ** 2 / (P[i, i] * P[j, j])) for source, j in sources if i != j}
+        budget[name] = dict(sorted(fractions.items(), key=lambda item: -item[1]))
+    return budget

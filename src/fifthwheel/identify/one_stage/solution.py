@@ -1,0 +1,90 @@
+"""The solution of one stage, and the logs linearised at it: posterior, history and score tests."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel.identify import parameters
+from fifthwheel.identify.dataset import Dataset
+from fifthwheel.identify.doubts import ScoreTest, score_tests
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.one_stage import likelihood
+from fifthwheel.identify.one_stage.gauss_newton import Minimum
+from fifthwheel.identify.one_stage.posterior import Posterior, without
+from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.residuals import long_run_covariance
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.verdict import Verdict
+
+HISTORY_LENGTH = 200
+"""Approximate number of rows in the history of the estimates."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """The maximum of the posterior."""
+
+    dataset: Dataset
+    settings: OneStage
+    estimated: tuple[str, ...]
+    """Names of the estimated parameters."""
+    problem: Problem
+    minimum: Minimum
+    uninformed: Mapping[str, Verdict]
+    """Parameters that keep the value of the vehicle file, because the logs do not determine them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linearisation:
+    """What follows from the logs, linearised at a solution."""
+
+    posterior: Posterior
+    history: ParameterHistory
+    """How the estimates would have developed sample after sample."""
+    tests: tuple[ScoreTest, ...]
+    """Of every considered unknown, the largest |t| first."""
+
+
+def linearise(solution: Solution) -> Linearisation:
+    """The logs, linearised at the solution."""
+    problem, z, settings = solution.problem, solution.minimum.z, solution.settings
+    k, considered = len(problem.names), problem.considered
+    information, score_covariance, gradient = np.zeros((k, k)), np.zeros((k, k)), np.zeros(k)
+    free = np.array([name not in considered for name in problem.names])
+    rows = [problem.names.index(name) for name in solution.estimated]
+    length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
+    elapsed, time, values, sigmas = 0.0, [], [], []
+    for i, j in problem.segments():
+        segment, scores = problem.logs[i].segments[j], []
+        for block in problem.blocks(z, i, j):
+            for piece in block.split(length):
+                piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
+                information[np.ix_(piece.indices, piece.indices)] += piece_information
+                gradient[piece.indices] += piece_gradient
+                P = np.linalg.inv(np.eye(k) + information * np.outer(free, free))
+                values.append((z - free * (P @ (free * (z + gradient))))[rows])
+                sigmas.append(np.sqrt(np.diag(P))[rows])
+                time.append(elapsed + piece.time[-1] - segment.time[0])
+            scores.append(likelihood.scores(block, settings.outlier))
+        elapsed = time[-1]
+        lags = max(int(settings.correlation_time * segment.rate), 1)
+        score_covariance[np.ix_(block.indices, block.indices)] += long_run_covariance(np.concatenate(scores), lags)
+    scale = parameters.scaling([u for u in problem.unknowns if u.name in solution.estimated])
+    p = scale.to_p(np.array(values))
+    history = ParameterHistory(
+        names=solution.estimated,
+        time=np.array(time),
+        values=p,
+        sigma=np.array(sigmas) * np.abs(scale.slope(p)),
+        starts=(0,),
+    )
+    tests = tuple(score_tests(problem.names, gradient, information, considered))
+    posterior = Posterior.from_information(
+        problem.names,
+        without(information, problem.suspects),
+        score_covariance,
+        considered=considered,
+        nuisances=problem.nuisances,
+    )
+    return Linearisation(posterior=posterior, history=history, tests=tests)
