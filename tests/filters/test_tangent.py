@@ -36,42 +36,76 @@ def outputs(
     starts: np.ndarray,
     directions: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    chunks = list(run(start=start, start_directions=starts, p=p, directions=directions))
-    return np.concatenate([c.values for c in chunks]), np.concatenate([c.slopes for c in chunks], axis=1)
+    """Outputs (N, n_output) and their derivatives (N, n_output_dot, k)."""
+    values, slopes = [], []
+    for chunk in run(start=start, start_directions=starts, p=p, directions=directions):
+        values.append(chunk.values)
+        slopes.append(np.zeros((*chunk.slopes.shape[:2], len(directions))))
+        slopes[-1][..., chunk.directions] = chunk.slopes
+    return np.concatenate(values), np.concatenate(slopes)
 
 
 @pytest.mark.parametrize("form", ["simulation", "innovations"])
 def test_derivatives(setting: tuple[dynamics.ChainModel, np.ndarray, np.ndarray], form: str, monkeypatch) -> None:
     model, rows, p = setting
-    n, n_d, _, _, m = sizes(model)
+    n, _, _, _, m = sizes(model)
     rng = np.random.default_rng(0)
     monkeypatch.setattr(tangent, "CHUNK", 97)  # several chunks, the last one shorter
-    x0 = 0.01 * rng.normal(size=n)
+    count, x0 = 10, 0.01 * rng.normal(size=n)
+    x0_directions = 0.01 * rng.normal(size=(count, n))
     if form == "simulation":
-        scan, rows, others, start = tangent.simulation_tangent(model), rows[:, : 1 + n_d], np.zeros(0), x0
+        discrepancy = np.array([1e-5, 0.0, 1e-4])
+        scan, others = tangent.simulation_tangent(model), np.concatenate([np.full(m, 1e-4), discrepancy, np.ones(m)])
+        start, starts = tangent.simulation_start(x0, discrepancy, x0_directions)
     else:
         noise = Noise(
             process=process_covariance(model.states, PROCESS_VARIANCE), measurement=np.full(m, 1e-4), gate=5.0
         )
         scan, others = tangent.innovations_tangent(model), noise.vector()
-        start, _ = tangent.initial_carry(x0, 1e-4 * np.eye(n), np.zeros((1, n)))
-    count = 6
-    starts = np.zeros((count, len(start)))
-    starts[:, :n] = 0.01 * rng.normal(size=(count, n))
+        start, starts = tangent.innovations_start(x0, 1e-4 * np.eye(n), x0_directions)
     directions = 0.02 * np.maximum(np.abs(p), 1e-3) * rng.normal(size=(count, len(p)))
+    directions[0] = 0.0  # along the initial state alone; its effect decays
 
-    def run(**arguments: Any) -> Iterator[tangent.Chunk]:
-        return tangent.run_in_chunks(scan, rows, others=others, **arguments)
+    def run(*, p: np.ndarray, **arguments: Any) -> Iterator[tangent.Chunk]:
+        return tangent.run_in_chunks(scan, rows, constant=np.concatenate([p, others]), **arguments)
 
     values, slopes = outputs(run, start, p, starts, directions)
     assert len(values) == len(rows)
-    none = np.zeros((1, len(p)))
-    step = 1e-4
+    step, differentiated = 1e-4, slopes.shape[1]
     for j in range(count):
+        shift = np.zeros_like(start)
+        shift[: starts.shape[1]] = starts[j]
         ends = [
-            outputs(run, start + s * starts[j], p + s * directions[j], np.zeros((1, len(start))), none)[0]
+            outputs(
+                run, start + s * shift, p + s * directions[j], np.zeros((0, starts.shape[1])), np.zeros((0, len(p)))
+            )
             for s in (step, -step)
         ]
-        expected = (ends[0] - ends[1]) / (2 * step)
+        expected = (ends[0][0] - ends[1][0])[:, :differentiated] / (2 * step)
         scale = np.abs(expected).max(axis=0) + 1e-12
-        assert np.abs((slopes[j] - expected) / scale).max() < 1e-5
+        assert np.abs((slopes[..., j] - expected) / scale).max() < 1e-5
+
+
+def test_free_running_innovations_are_those_of_generalised_least_squares(
+    setting: tuple[dynamics.ChainModel, np.ndarray, np.ndarray],
+) -> None:
+    model, rows, p = setting
+    n, _, _, _, m = sizes(model)
+    r, q, tau = np.array([1e-4, 2e-4, 1e-4]), np.array([1e-5, 0.0, 1e-4]), np.array([0.5, 1.0, 0.05])
+
+    def run(q: np.ndarray) -> np.ndarray:
+        start, _ = tangent.simulation_start(np.zeros(n), q, np.zeros((0, n)))
+        constant = np.concatenate([p, r, q, tau])
+        nothing = np.zeros((0, n + m)), np.zeros((0, len(p)))
+        scan = tangent.simulation_tangent(model)
+        return scan(start, rows, constant, *nothing).output
+
+    white, coloured, time = run(np.zeros(m)), run(q), np.cumsum(rows[:, 0])
+    for c in range(m):
+        used = rows[:, c - m] > 0
+        lags = np.abs(time[used][:, None] - time[used])
+        covariance = q[c] * np.exp(-lags / tau[c]) + r[c] * np.eye(len(lags))
+        factor = np.linalg.cholesky(covariance)
+        innovation, variance = coloured[used, c], coloured[used, m + c]
+        np.testing.assert_allclose(np.linalg.solve(factor, white[used, c]), innovation / np.sqrt(variance), atol=1e-8)
+        np.testing.assert_allclose(variance, np.diag(factor) ** 2, rtol=1e-9)

@@ -264,7 +264,7 @@ def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX,
     term = dt * (A @ x + constant)
     total = x + term
     for k in range(2, order + 1):
-        term = dt * (A @ term + (change if k == 2 else 0)) / k
+        term = (dt / k) * (A @ term + (change if k == 2 else 0))  # one division, not one for each state
         total = total + term
     return ca.densify(total)
 

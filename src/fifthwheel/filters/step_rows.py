@@ -1,8 +1,10 @@
 """Rows of a compiled step from a record."""
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.names import SignalName
+from fifthwheel.native import Scan
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -44,9 +47,17 @@ def play_contact(steer: Array, play: float) -> Array:
         steer: angle of the steering (N,), rad.
         play: angle between both contacts, rad.
     """
-    contact, width = 0.0, max(round(play / PLAY_STEP) * PLAY_STEP, SMALLEST_PLAY)
-    contacts = [contact := min(0.5, max(-0.5, contact + step)) for step in (np.diff(steer) / width).tolist()]
-    return np.array([0.0, *contacts])
+    width = max(round(play / PLAY_STEP) * PLAY_STEP, SMALLEST_PLAY)
+    _, contacts = _contact_step()(np.zeros(1), np.diff(steer)[:, None], np.array([width]))
+    return np.concatenate([[0.0], contacts[:, 0]])
+
+
+@functools.cache
+def _contact_step() -> Scan:
+    """carry = the contact; sample = the change of the steer angle; constant = the play."""
+    contact, change, width = (ca.SX.sym(name) for name in ("contact", "change", "width"))
+    later = ca.fmin(0.5, ca.fmax(-0.5, contact + change / width))
+    return Scan(ca.Function("contact", [contact, change, width], [later, later]))
 
 
 def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:

@@ -1,7 +1,10 @@
 """Exact derivatives of a model or a filter with respect to its parameters and its initial state.
 
-Forward differentiation with one direction in each lane of the compiled step. A batch with one lane for each unknown
-gives the Jacobian, and one compiled step serves every choice of unknowns.
+Forward differentiation along any number of directions: the nominal step is computed once, the derivatives in the lanes
+of vector registers. One compiled step serves every choice of unknowns.
+
+Both steps give innovations. Those of the free-running model are y - h(x) - d, where the discrepancy d of each channel
+is a first-order process, predicted from the residuals before (`identify.noise_model`): they are white.
 """
 
 import functools
@@ -11,65 +14,89 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack
-from fifthwheel.native import Scan
+from fifthwheel.native import DirectionScan
 
-LANES = 8
-"""Number of directions in one pass of the loop."""
-
-CHUNK = 1_000
-"""Number of rows in one pass; it bounds the memory for long records and keeps it in the processor's cache."""
+CHUNK = 2_000
+"""Number of rows in one pass; it bounds the memory for long records."""
 
 DECAYED = 1e-9
 """The effect of the initial state is left out once it has decayed to this fraction."""
 
 
-def _with_tangent(
+def _with_directions(
     name: str,
-    carry: ca.SX,
+    *,
+    carry: tuple[ca.SX, ca.SX],
     sample: ca.SX,
-    p: ca.SX,
-    others: ca.SX,
-    later: ca.SX,
-    output: ca.SX,
-) -> Scan:
-    """The step (carry, sample, [p, others]) -> (later, output), and its derivative along (carry', p').
+    constant: tuple[ca.SX, ca.SX],
+    later: tuple[ca.SX, ca.SX],
+    output: tuple[ca.SX, ca.SX],
+) -> DirectionScan:
+    """The step (carry, sample, constant) -> (carry, output), and its derivative along directions.
 
-    carry = [carry, carry']; constant = [p, p', others]; output = [output, output'].
+    Of each pair, the first vector is differentiated, and the second does not depend on the directions.
     """
-    carry_dot, p_dot = ca.SX.sym("carry_dot", carry.shape[0]), ca.SX.sym("p_dot", p.shape[0])
-    results = ca.vertcat(later, output)
-    derivative = ca.jtimes(results, ca.vertcat(carry, p), ca.vertcat(carry_dot, p_dot))
-    n = later.shape[0]
-    return Scan(
-        ca.Function(
-            name,
-            [ca.vertcat(carry, carry_dot), sample, ca.vertcat(p, p_dot, others)],
-            [ca.densify(ca.vertcat(later, derivative[:n])), ca.densify(ca.vertcat(output, derivative[n:]))],
-            {"cse": True},
-        ),
-        LANES,
+    carry_dot, p_dot = ca.SX.sym("carry_dot", carry[0].shape[0]), ca.SX.sym("p_dot", constant[0].shape[0])
+    by, along = ca.vertcat(carry[0], constant[0]), ca.vertcat(carry_dot, p_dot)
+    derivative = ca.jtimes(ca.vertcat(later[0], output[0]), by, along)
+    n = later[0].shape[0]
+    results = [ca.vertcat(*later), ca.vertcat(*output), derivative[:n], derivative[n:]]
+    step = ca.Function(
+        name,
+        [ca.vertcat(*carry), sample, ca.vertcat(*constant), carry_dot, p_dot],
+        [ca.densify(result) for result in results],
+        {"cse": True},
+    )
+    return DirectionScan(step)
+
+
+@functools.cache
+def simulation_tangent(model: Model) -> DirectionScan:
+    """The free-running model with a discrepancy d of variance q and time constant tau for each channel.
+
+    carry = [x, d, variance of d]; sample = [dt, d, y, weight]; constant = [p, c, r, q, tau];
+    output = [innovation, variance, weight], of which the innovation is differentiated.
+    """
+    n_x, n_d, n_p, n_c, n_y = sizes(model)
+    x, offset, variance, row, p, others = (
+        ca.SX.sym(name, size)
+        for name, size in (
+            ("x", n_x),
+            ("offset", n_y),
+            ("variance", n_y),
+            ("row", 1 + n_d + 2 * n_y),
+            ("p", n_p),
+            ("others", n_c + 3 * n_y),
+        )
+    )
+    dt, d, y, weight = split(row, [1, n_d, n_y, n_y])
+    c, r, q, tau = split(others, [n_c, n_y, n_y, n_y])
+    later = model.transition(x, dt, d, p, c)
+    phi = ca.exp(-dt / tau)
+    predicted, spread = phi * offset, phi * phi * variance + (1 - phi * phi) * q
+    innovation, total = weight * (y - model.observation(later, d, p, c) - predicted), spread + r
+    gain = weight * spread / total
+    return _with_directions(
+        "simulation",
+        carry=(ca.vertcat(x, offset), variance),
+        sample=row,
+        constant=(p, others),
+        later=(ca.vertcat(later, predicted + gain * innovation), spread * (1 - gain)),
+        output=(innovation, ca.vertcat(total, weight)),
     )
 
 
 @functools.cache
-def simulation_tangent(model: Model) -> Scan:
-    """The free-running model: sample = [dt, d]; output = y; others = c."""
-    n_x, n_d, n_p, n_c, _ = sizes(model)
-    x, row, p, c = (ca.SX.sym(name, size) for name, size in (("x", n_x), ("row", 1 + n_d), ("p", n_p), ("c", n_c)))
-    later = model.transition(x, row[0], row[1:], p, c)
-    y = model.observation(later, row[1:], p, c)
-    return _with_tangent("simulation", x, row, p, c, later, y)
+def innovations_tangent(model: Model) -> DirectionScan:
+    """The Kalman filter.
 
-
-@functools.cache
-def innovations_tangent(model: Model) -> Scan:
-    """The Kalman filter: sample = [dt, d, y, weight]; output = [innovation, variance, accepted].
-
-    others = [c, Q, R, gate^2], which are not differentiated.
+    carry = [x, P]; sample = [dt, d, y, weight]; constant = [p, c, Q, R, gate^2];
+    output = [innovation, variance, accepted], of which the first two are differentiated.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P = packed_size(n_x)
@@ -88,61 +115,69 @@ def innovations_tangent(model: Model) -> Scan:
     before, P_before, _ = kalman.predict(model, x, unpack(P, n_x), dt, d, p, c, unpack(q, n_x))
     predicted, H = kalman.observe(model, before, d, p, c)
     after, P_after, channels, _ = kalman.correct(before, P_before, predicted, H, y, weight, r, limit)
-    later = ca.vertcat(after, pack(P_after))
-    return _with_tangent("innovations", carry, sample, p, others, later, kalman.channel_columns(channels))
+    columns, nothing = kalman.channel_columns(channels), ca.SX(0, 1)
+    return _with_directions(
+        "innovations",
+        carry=(carry, nothing),
+        sample=sample,
+        constant=(p, others),
+        later=(ca.vertcat(after, pack(P_after)), nothing),
+        output=(columns[: 2 * n_y], columns[2 * n_y :]),
+    )
 
 
 class Chunk(NamedTuple):
     """Outputs and derivatives for consecutive rows of a record."""
 
     rows: slice  # of the record
-    values: Array  # outputs (M, n_output / 2) of M rows
-    slopes: Array  # derivatives of the outputs along each of the k directions, (k, M, n_output / 2)
+    values: Array  # outputs (M, n_output) of M rows
+    slopes: Array  # derivatives of the outputs along the directions that still have an effect, (M, n_output_dot, k)
+    directions: NDArray[np.int64]  # (k,) numbers of these directions
 
 
 def run_in_chunks(
-    scan: Scan,
+    scan: DirectionScan,
     rows: Array,
     *,
     start: Array,
     start_directions: Array,
-    p: Array,
+    constant: Array,
     directions: Array,
-    others: Array,
 ) -> Iterator[Chunk]:
     """Outputs of a step and their derivatives over a record, in chunks of rows.
 
     Args:
         scan: `simulation_tangent` or `innovations_tangent` of a model.
         rows: (N, n_sample).
-        start: carry before the first row, (n,).
-        start_directions: derivative of the start along each of the k directions, (k, n).
-        p: parameters (n_p,).
-        directions: derivative of p along each direction, (k, n_p).
-        others: remaining constants of the step.
+        start: carry before the first row, (n_carry,).
+        start_directions: derivative of the start along each of k directions, (k, n_carry_dot); k may be 0.
+        constant: of the step.
+        directions: derivative of the parameters along each direction, (k, n_p).
     """
-    k = len(directions)
-    carry = np.hstack([np.tile(start, (k, 1)), start_directions])
-    constant = np.hstack([np.tile(p, (k, 1)), directions, np.tile(others, (k, 1))])
-    half = scan.n_output // 2
     only_start = np.asarray(~directions.any(axis=1))  # directions of the start alone: their effect may decay
     initial = np.abs(start_directions).max(axis=1, initial=0.0)
-    active = np.arange(k)
+    carry, carry_dot, active = start, start_directions, np.arange(len(directions))
     for begin in range(0, len(rows), CHUNK):
         chunk = slice(begin, min(begin + CHUNK, len(rows)))
-        carry, out = scan.batch(carry, rows[chunk], constant, threads=os.cpu_count() or 1)
-        slopes = out[:, :, half:]
-        if len(active) < k:
-            slopes = np.zeros((k, *out.shape[1:2], half))
-            slopes[active] = out[:, :, half:]
-        yield Chunk(chunk, out[0, :, :half], slopes)
-        remaining = np.abs(carry[:, len(start) :]).max(axis=1, initial=0.0)
+        result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=os.cpu_count() or 1)
+        yield Chunk(chunk, result.output, result.output_dot, active)
+        remaining = np.abs(result.carry_dot).max(axis=1, initial=0.0)
         kept = ~only_start[active] | (remaining > DECAYED * initial[active])
-        kept[0] = True  # one direction computes the outputs
-        carry, constant, active = carry[kept], constant[kept], active[kept]
+        carry, carry_dot, active = result.carry, result.carry_dot[kept], active[kept]
 
 
-def initial_carry(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
+def simulation_start(x0: Array, q: Array, x0_directions: Array) -> tuple[Array, Array]:
+    """Carry of `simulation_tangent` before the first row, and its derivatives.
+
+    Args:
+        x0: initial state (n,).
+        q: variances of the discrepancies (m,).
+        x0_directions: derivative of x0 along each of the k directions, (k, n).
+    """
+    return np.concatenate([x0, np.zeros_like(q), q]), np.pad(x0_directions, ((0, 0), (0, len(q))))
+
+
+def innovations_start(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
     """Carry of `innovations_tangent` before the first row, and its derivatives; the initial covariance is constant.
 
     Args:

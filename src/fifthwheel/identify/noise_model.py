@@ -1,12 +1,11 @@
-"""The residuals of a channel as white noise plus a discrepancy: their spectrum, their fit, and their whitening.
+"""The residuals of a channel as white noise plus a discrepancy: their spectrum and their fit.
 
 A free-running model does not describe a real vehicle exactly, so its residuals are autocorrelated. They are modelled as
 the sum of white sensor noise and a stationary first-order process, the discrepancy (Kennedy and O'Hagan 2001):
 
     e_k = d_k + v_k,    v_k ~ N(0, r),    d_k = phi d_k-1 + w_k,    var d = q,    phi = exp(-dt / tau).
 
-The innovations of its stationary Kalman filter, divided by their standard deviation, are white with variance 1. The
-same filter applied to the derivatives of the residuals turns generalised into ordinary least squares.
+The innovations of its Kalman filter are white (`filters.tangent`), which turns generalised into ordinary least squares.
 r, q and tau maximise the likelihood of Whittle (1953) of the residuals' periodogram.
 """
 
@@ -44,47 +43,11 @@ class NoiseModel:
         """Variance of a residual, r + q."""
         return self.white + self.discrepancy
 
-    def filter(self, dt: float) -> tuple[float, float, float]:
-        """phi, the stationary Kalman gain K, and the standard deviation of an innovation, at a sample interval in s."""
-        phi, r, q = math.exp(-dt / self.time_constant), self.white, self.discrepancy
-        b = r * (1 - phi**2) - (1 - phi**2) * q
-        P = (-b + math.sqrt(b * b + 4 * r * (1 - phi**2) * q)) / 2  # stationary variance of the prediction of d
-        return phi, P / (P + r), math.sqrt(P + r)
-
     def spectrum(self, frequency: Array, dt: float) -> Array:
         """One-sided spectral density at frequencies in Hz, SI squared per Hz."""
         phi = math.exp(-dt / self.time_constant)
         shape = (1 - phi**2) / (1 - 2 * phi * np.cos(2 * np.pi * frequency * dt) + phi**2)
         return np.asarray(2 * dt * (self.white + self.discrepancy * shape))
-
-
-class Whitener:
-    """Whitens the residuals of one channel, and their derivatives, piece by piece along a segment.
-
-    Args:
-        model: of the channel.
-        dt: sample interval, s.
-    """
-
-    def __init__(self, model: NoiseModel, dt: float) -> None:
-        phi, gain, self.deviation = model.filter(dt)
-        self.numerator, self.denominator = np.array([1.0, -phi]), np.array([1.0, -phi * (1 - gain)])
-        self.white, self.first_deviation = model.discrepancy == 0.0, math.sqrt(model.variance)
-        self._state: Array | None = None
-
-    def __call__(self, rows: Array) -> Array:
-        """Rows (..., N) of consecutive samples, whitened, with variance 1; the next call continues from here."""
-        if self.white:
-            return rows / self.deviation
-        from scipy.signal import lfilter  # slow to import
-
-        first = self._state is None
-        state = np.zeros((*rows.shape[:-1], 1)) if self._state is None else self._state
-        whitened, self._state = lfilter(self.numerator, self.denominator, rows, axis=-1, zi=state)
-        whitened /= self.deviation
-        if first:  # before the first sample nothing is known of the discrepancy: the innovation has the variance r + q
-            whitened[..., :1] *= self.deviation / self.first_deviation
-        return np.asarray(whitened)
 
 
 def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
@@ -131,12 +94,9 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
 
 def _binned_periodogram(segments: Sequence[Array], dt: float) -> tuple[Array, Array, Array]:
     """Frequency, Hz, mean density, SI squared per Hz, and number of values of each bin of the periodograms."""
-    from scipy.signal import periodogram  # slow to import
-
     if not segments:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    pairs = [periodogram(s, 1 / dt, window="boxcar", detrend=False) for s in segments]
-    frequency, density = (np.concatenate([pair[i][1:] for pair in pairs]) for i in (0, 1))
+    frequency, density = (np.concatenate(parts) for parts in zip(*(_periodogram(s, dt) for s in segments), strict=True))
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BINS + 1)
     bins = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, BINS - 1)
     count = np.bincount(bins, minlength=BINS).astype(float)
@@ -144,3 +104,11 @@ def _binned_periodogram(segments: Sequence[Array], dt: float) -> tuple[Array, Ar
     sums = (np.bincount(bins, weights=values, minlength=BINS)[used] for values in (frequency, density))
     mean_frequency, mean_density = (values / count[used] for values in sums)
     return mean_frequency, mean_density, count[used]
+
+
+def _periodogram(values: Array, dt: float) -> tuple[Array, Array]:
+    """Frequency, Hz, and one-sided density, SI squared per Hz, of a segment (N,), without the mean."""
+    density = 2 * dt / len(values) * np.abs(np.fft.rfft(values)[1:]) ** 2
+    if len(values) % 2 == 0:
+        density[-1] /= 2  # the Nyquist frequency has no negative counterpart
+    return np.asarray(np.fft.rfftfreq(len(values), dt)[1:]), np.asarray(density)

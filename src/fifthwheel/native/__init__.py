@@ -1,5 +1,6 @@
 """Compilation of a symbolic step to machine code that processes a record; independent of vehicles."""
 
+from fifthwheel.native.directions import Derivatives, DirectionScan
 from fifthwheel.native.scan import Scan, compile_in_background
 
-__all__ = ["Scan", "compile_in_background"]
+__all__ = ["Derivatives", "DirectionScan", "Scan", "compile_in_background"]

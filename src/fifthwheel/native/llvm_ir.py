@@ -6,6 +6,8 @@ dimension of each array is the lane, so that one instruction processes `lanes` v
 """
 
 import struct
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -26,17 +28,20 @@ _LIBRARY = {
 }  # functions of the C library, called for each lane; older LLVM has no intrinsic for them
 _ARGUMENTS = ("carry", "sample", "constant")
 
+Register = tuple[str, bool]
+"""Name of a register, and whether it is invariant, that is computed before the loop over the samples."""
+
 
 class Emitter:
-    """The body of `scan(samples, groups, carry, sample, constant, output)` for one CasADi step.
+    """The lines of a loop over the samples.
 
     Args:
-        step: (carry, sample, constant) -> (carry, output), dense column vectors.
-        lanes: number of vehicles in one vector.
+        name: of the step, for errors.
+        lanes: number of vehicles, or of directions, in one vector.
     """
 
-    def __init__(self, step: ca.Function, lanes: int) -> None:
-        self.step = step
+    def __init__(self, name: str, lanes: int) -> None:
+        self.name = name
         self.lanes = lanes
         self.type = "double" if lanes == 1 else f"<{lanes} x double>"
         self.mask = "i1" if lanes == 1 else f"<{lanes} x i1>"
@@ -53,21 +58,35 @@ class Emitter:
             return bits
         return "<" + ", ".join([f"double {bits}"] * self.lanes) + ">"
 
-    def emit(self, text: str, invariant: bool) -> tuple[str, bool]:
+    def emit(self, text: str, invariant: bool) -> Register:
         """Write an instruction, before the loop if it is invariant; its register and `invariant`."""
         self.count += 1
         name = f"%x{self.count}"
         (self.once if invariant else self.loop).append(f"  {name} = {text}")
         return name, invariant
 
-    def load(self, argument: int, element: int) -> tuple[str, bool]:
-        """Load an element of an argument of the step."""
-        base = _ARGUMENTS[argument]
-        invariant = base == "constant"
-        pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{base}.here, i64 {element}", invariant)
+    def load(self, array: str, element: int) -> Register:
+        """Load an element of an array; constants are invariant."""
+        invariant = array == "constant"
+        pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{array}.here, i64 {element}", invariant)
         return self.emit(f"load {self.type}, ptr {pointer}, align 8", invariant)
 
-    def select(self, condition: str, invariant: bool, value: str, other: str) -> tuple[str, bool]:
+    def broadcast(self, array: str, element: int, invariant: bool) -> Register:
+        """Load an element of an array of scalars into all lanes."""
+        pointer, _ = self.emit(f"getelementptr double, ptr %{array}.here, i64 {element}", invariant)
+        scalar, _ = self.emit(f"load double, ptr {pointer}, align 8", invariant)
+        if self.lanes == 1:
+            return scalar, invariant
+        first, _ = self.emit(f"insertelement {self.type} poison, double {scalar}, i64 0", invariant)
+        zeros = f"<{self.lanes} x i32> zeroinitializer"
+        return self.emit(f"shufflevector {self.type} {first}, {self.type} poison, {zeros}", invariant)
+
+    def store(self, value: str, array: str, element: int | str, invariant: bool = False) -> None:
+        """Store a register in an element of an array."""
+        pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{array}.here, i64 {element}", invariant)
+        (self.once if invariant else self.loop).append(f"  store {self.type} {value}, ptr {pointer}, align 8")
+
+    def select(self, condition: str, invariant: bool, value: str, other: str) -> Register:
         """`value` where the condition is true, else `other`."""
         return self.emit(f"select {self.mask} {condition}, {self.type} {value}, {self.type} {other}", invariant)
 
@@ -75,7 +94,7 @@ class Emitter:
         """Whether a value is not zero, as a mask."""
         return self.emit(f"fcmp une {self.type} {value}, {self.constant(0.0)}", invariant)[0]
 
-    def library(self, name: str, value: str, invariant: bool) -> tuple[str, bool]:
+    def library(self, name: str, value: str, invariant: bool) -> Register:
         """Call a function of the C library for each lane."""
         self.intrinsics.add(f"declare double @{name}(double)")
         if self.lanes == 1:
@@ -87,7 +106,7 @@ class Emitter:
             vector, _ = self.emit(f"insertelement {self.type} {vector}, double {result}, i32 {lane}", invariant)
         return vector, invariant
 
-    def operation(self, op: int, arguments: list[tuple[str, bool]]) -> tuple[str, bool]:
+    def operation(self, op: int, arguments: list[Register]) -> Register:
         """Write an operation on registers.
 
         Raises:
@@ -127,76 +146,58 @@ class Emitter:
             name = "and" if op == ca.OP_AND else "or"
             both, _ = self.emit(f"{name} {self.mask} {self.truth(a, invariant)}, {self.truth(b, invariant)}", invariant)
             return self.select(both, invariant, self.constant(1.0), self.constant(0.0))
-        raise NotImplementedError(
-            f"{self.step.name()}: CasADi operation {op} cannot be compiled; write the step without it"
-        )
-
-    def translate(self) -> None:
-        """Write all instructions; stores come last, so that the old carry is read before the new one is written."""
-        step = self.step
-        register: dict[int, tuple[str, bool]] = {}
-        stores: list[tuple[int, int, str]] = []
-        loaded: dict[tuple[int, int], tuple[str, bool]] = {}
-        for k in range(step.n_instructions()):
-            op = step.instruction_id(k)
-            inputs, outputs = step.instruction_input(k), step.instruction_output(k)
-            if op == ca.OP_CONST:
-                register[outputs[0]] = (self.constant(step.instruction_constant(k)), True)
-            elif op == ca.OP_INPUT:
-                source = (inputs[0], inputs[1])
-                if source not in loaded:
-                    loaded[source] = self.load(*source)
-                register[outputs[0]] = loaded[source]
-            elif op == ca.OP_OUTPUT:
-                stores.append((outputs[0], outputs[1], register[inputs[0]][0]))
-            else:
-                register[outputs[0]] = self.operation(op, [register[i] for i in inputs])
-        for argument, element, value in stores:
-            base = ("carry", "output")[argument]
-            pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{base}.here, i64 {element}", False)
-            self.loop.append(f"  store {self.type} {value}, ptr {pointer}, align 8")
+        raise NotImplementedError(f"{self.name}: CasADi operation {op} cannot be compiled; write the step without it")
 
 
-def module(step: ca.Function, lanes: int = 1) -> str:
-    """LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
+class Layout(NamedTuple):
+    """Where the elements of an array are: element e of row k of group g is at g * group + k * row + e."""
 
-    The arrays are row-major doubles: carry (groups, n_carry, lanes), sample (groups, samples, n_sample, lanes),
-    constant (groups, n_constant, lanes), output (groups, samples, n_output, lanes). The carry is updated in place.
+    name: str
+    type: str
+    """Type of an element."""
+    group: str
+    """Distance between two groups, in elements: a number or a register."""
+    row: str = "0"
+    """Distance between two rows, in elements; 0 if all rows share the elements."""
 
-    Raises:
-        NotImplementedError: an operation of the step cannot be translated.
+
+def function(
+    name: str, emitter: Emitter, layouts: Sequence[Layout], *, pitch: bool = False, strides: Sequence[str] = ()
+) -> str:
+    """LLVM assembly of `void name(i64 samples, i64 groups, [i64 pitch,] ptr array, ...)`.
+
+    Args:
+        name: of the function.
+        emitter: the lines for each group before its loop over the samples, and in the loop.
+        layouts: of the arrays.
+        pitch: whether there is the argument `pitch`.
+        strides: lines that compute registers for `layouts` from `samples` and `pitch`.
     """
-    emitter = Emitter(step, lanes)
-    emitter.translate()
-    kind = emitter.type
-    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
-    n_output = step.numel_out(1)
+    arguments = ["i64 %samples", "i64 %groups", *["i64 %pitch"] * pitch, *(f"ptr noalias %{a.name}" for a in layouts)]
+    starts, rows = [], []
+    for a in layouts:
+        first, moves = (f"%{a.name}.start", True) if a.row != "0" else (f"%{a.name}.here", False)
+        starts.append(f"  %{a.name}.group = mul i64 %g, {a.group}")
+        starts.append(f"  {first} = getelementptr {a.type}, ptr %{a.name}, i64 %{a.name}.group")
+        if moves:
+            rows.append(f"  %{a.name}.row = mul i64 %k, {a.row}")
+            rows.append(f"  %{a.name}.here = getelementptr {a.type}, ptr {first}, i64 %{a.name}.row")
     newline = "\n"
-    arrays = ", ".join(f"ptr noalias %{name}" for name in ("carry", "sample", "constant", "output"))
     return f"""
-define void @scan(i64 %samples, i64 %groups, {arrays}) {{
+define void @{name}({", ".join(arguments)}) {{
 entry:
   %no.samples = icmp sle i64 %samples, 0
   %no.groups = icmp sle i64 %groups, 0
   %nothing = or i1 %no.samples, %no.groups
+{newline.join(strides)}
   br i1 %nothing, label %done, label %group
 group:
   %g = phi i64 [0, %entry], [%g.next, %group.end]
-  %g.carry = mul i64 %g, {n_carry}
-  %g.constant = mul i64 %g, {n_constant}
-  %g.first = mul i64 %g, %samples
-  %carry.here = getelementptr {kind}, ptr %carry, i64 %g.carry
-  %constant.here = getelementptr {kind}, ptr %constant, i64 %g.constant
-{newline.join(emitter.once)}
+{newline.join([*starts, *emitter.once])}
   br label %row
 row:
   %k = phi i64 [0, %group], [%k.next, %row]
-  %row.number = add i64 %g.first, %k
-  %row.sample = mul i64 %row.number, {n_sample}
-  %row.output = mul i64 %row.number, {n_output}
-  %sample.here = getelementptr {kind}, ptr %sample, i64 %row.sample
-  %output.here = getelementptr {kind}, ptr %output, i64 %row.output
-{newline.join(emitter.loop)}
+{newline.join([*rows, *emitter.loop])}
   %k.next = add i64 %k, 1
   %more.rows = icmp slt i64 %k.next, %samples
   br i1 %more.rows, label %row, label %group.end
@@ -207,5 +208,52 @@ group.end:
 done:
   ret void
 }}
-{newline.join(sorted(emitter.intrinsics))}
 """
+
+
+def module(step: ca.Function, lanes: int = 1) -> str:
+    """LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
+
+    The arrays are row-major doubles: carry (groups, n_carry, lanes), sample (groups, samples, n_sample, lanes),
+    constant (groups, n_constant, lanes), output (groups, samples, n_output, lanes). The carry is updated in place.
+
+    Args:
+        step: (carry, sample, constant) -> (carry, output), dense column vectors.
+        lanes: number of vehicles in one vector.
+
+    Raises:
+        NotImplementedError: an operation of the step cannot be translated.
+    """
+    emitter = Emitter(step.name(), lanes)
+    register: dict[int, Register] = {}
+    stores: list[tuple[int, int, str]] = []
+    loaded: dict[tuple[int, int], Register] = {}
+    for k in range(step.n_instructions()):
+        op = step.instruction_id(k)
+        inputs, outputs = step.instruction_input(k), step.instruction_output(k)
+        if op == ca.OP_CONST:
+            register[outputs[0]] = (emitter.constant(step.instruction_constant(k)), True)
+        elif op == ca.OP_INPUT:
+            source = (inputs[0], inputs[1])
+            if source not in loaded:
+                loaded[source] = emitter.load(_ARGUMENTS[source[0]], source[1])
+            register[outputs[0]] = loaded[source]
+        elif op == ca.OP_OUTPUT:
+            stores.append((outputs[0], outputs[1], register[inputs[0]][0]))
+        else:
+            register[outputs[0]] = emitter.operation(op, [register[i] for i in inputs])
+    for argument, element, value in stores:  # last, so that the old carry is read before the new one is written
+        emitter.store(value, ("carry", "output")[argument], element)
+    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
+    n_output = step.numel_out(1)
+    layouts = [
+        Layout("carry", emitter.type, str(n_carry)),
+        Layout("sample", emitter.type, "%samples.sample", str(n_sample)),
+        Layout("constant", emitter.type, str(n_constant)),
+        Layout("output", emitter.type, "%samples.output", str(n_output)),
+    ]
+    strides = [
+        f"  %samples.sample = mul i64 %samples, {n_sample}",
+        f"  %samples.output = mul i64 %samples, {n_output}",
+    ]
+    return function("scan", emitter, layouts, strides=strides) + "\n".join(sorted(emitter.intrinsics)) + "\n"

@@ -109,7 +109,7 @@ class Scan:
         if len(edges) <= 2:
             process(0, groups)
         else:
-            list(_workers().map(process, edges[:-1], edges[1:]))
+            list(workers().map(process, edges[:-1], edges[1:]))
         return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
 
     @property
@@ -125,7 +125,7 @@ class Scan:
     def _compile(self, lanes: int) -> Any:
         with self._lock:
             if lanes not in self._compiled:
-                code, engine = machine_code(self.step, lanes)
+                code, engine = machine_code(llvm_ir.module(self.step, lanes))
                 self._engines.append((code, engine))
                 prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
                 self._compiled[lanes] = prototype(engine.get_function_address("scan"))
@@ -150,12 +150,13 @@ class Scan:
 
 
 @functools.cache
-def _workers() -> ThreadPoolExecutor:
+def workers() -> ThreadPoolExecutor:
+    """The threads of all scans."""
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="scan")
 
 
 if hasattr(os, "register_at_fork"):  # a forked process does not have the threads of its parent
-    os.register_at_fork(after_in_child=_workers.cache_clear)
+    os.register_at_fork(after_in_child=workers.cache_clear)
 
 
 _background = ThreadPoolExecutor(1, thread_name_prefix="compile")
@@ -186,10 +187,9 @@ def _machine() -> Any:
     )
 
 
-def machine_code(step: ca.Function, lanes: int) -> tuple[bytes, Any]:
-    """Object code of a step, from the cache or the compiler, and the engine that executes it."""
+def machine_code(source: str) -> tuple[bytes, Any]:
+    """Object code of LLVM assembly, from the cache or the compiler, and the engine that executes it."""
     *_, platform = _platform()
-    source = llvm_ir.module(step, lanes)
     key = cache.DIGEST(platform + b"\0" + source.encode()).digest()
     code = cache.read(key)
     if code is None:

@@ -125,11 +125,11 @@ def test_one_block_is_all_blocks(truck: Vehicle, records: list[Record], monkeypa
     blocks = list(p.blocks(z, 1, 0))
     assert len(blocks) > 3
     variance_slopes = [b.variance_jacobian for b in blocks if b.variance_jacobian is not None]
+    arrays = ("time", "error", "variance", "jacobian")
     block = replace(
         blocks[0],
-        **{name: np.concatenate([getattr(b, name) for b in blocks]) for name in ("time", "error", "variance")},
-        jacobian=np.concatenate([b.jacobian for b in blocks], axis=1),
-        variance_jacobian=np.concatenate(variance_slopes, axis=1),
+        **{name: np.concatenate([getattr(b, name) for b in blocks]) for name in arrays},
+        variance_jacobian=np.concatenate(variance_slopes),
     )
     gradient, gram = (sum(parts) for parts in zip(*[gradient_and_information(b, 4.0) for b in blocks], strict=True))
     merged_gradient, merged_gram = gradient_and_information(block, 4.0)

@@ -21,7 +21,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from fifthwheel._types import Array
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.design.predict import InformationPredictor
+from fifthwheel.identify.design.predict import InformationPredictor, with_every_sample
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
@@ -169,10 +169,12 @@ def _derivatives(
 ) -> tuple[tuple[str, ...], Array]:
     """Names (k,) of the unknowns, and the derivatives (k, N, m) of the channels over the noise's standard deviation."""
     record = steer_record(predictor.vehicle, speed, steer, rate, "impulse response")
-    log = LogData(name=record.name, segments=[record])
+    log = LogData(name=record.name, segments=[with_every_sample(record, predictor.channels)])
     problem = Problem(predictor.model, predictor.vehicle, [log], unknowns, predictor.settings)
-    # not `blocks`: without measured values they whiten nothing
-    blocks = list(problem.residuals(np.zeros(len(problem.names)), 0, 0, directions="all"))
+    jacobian, first = np.zeros((len(problem.names), len(record), len(noise))), 0
     channels = [predictor.channels.index(name) for name in noise]
-    jacobian = np.concatenate([block.jacobian[..., channels] for block in blocks], axis=1)
-    return tuple(problem.names[i] for i in blocks[0].indices), jacobian / np.sqrt(list(noise.values()))
+    for block in problem.blocks(np.zeros(len(problem.names)), 0, 0):
+        rows = slice(first, first + len(block.time))
+        jacobian[block.indices, rows] = np.moveaxis(block.jacobian[:, channels], -1, 0)
+        first = rows.stop
+    return problem.names, jacobian / np.sqrt(list(noise.values()))

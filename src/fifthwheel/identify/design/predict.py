@@ -161,21 +161,25 @@ class InformationPredictor:
         Raises:
             VehicleError: the truck is unstable in this run.
         """
-        log = LogData(name=log.name, segments=log.segments, noise=dict(log.noise))
         presence = [self._presence(segment, logged) for segment in log.segments]
+        log = LogData(
+            name=log.name,
+            segments=[with_every_sample(segment, self.channels) for segment in log.segments],
+            noise=dict(log.noise),
+        )
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.model, self.vehicle, [log], self.unknowns, self.settings)
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
         information = {name: np.zeros((len(z), len(z))) for name in self.channels}
         for j, samples in enumerate(presence):
             first = 0
-            for block in problem.residuals(z, 0, j, directions="all"):  # also of channels that are not logged
+            for block in problem.blocks(z, 0, j):
                 in_block, first = samples[first : first + len(block.time)], first + len(block.time)
                 places = np.ix_(block.indices, block.indices)
                 for c, name in enumerate(self.channels):
                     used = in_block[:, c] if present[c] else in_block.any(axis=1)
-                    scaled = block.jacobian[:, used, c] / np.sqrt(block.variance[used, c])
-                    information[name][places] += scaled @ scaled.T
+                    scaled = block.jacobian[used, c] / np.sqrt(block.variance[used, c])[:, None]
+                    information[name][places] += scaled.T @ scaled
         if not all(np.isfinite(matrix).all() for matrix in information.values()):
             raise VehicleError(
                 f"{self.vehicle.name}: unstable in {log.name}; check masses, axle positions and cornering stiffnesses"
@@ -274,3 +278,9 @@ def _stable_start(
         z += 0.5
         start = vehicle.replace({u.name: u.centre * float(np.exp(z * u.scale)) for u in axles})
     return ({u.name: z for u in axles} if z else {}), start
+
+
+def with_every_sample(record: Record, channels: Sequence[str]) -> Record:
+    """The record with a value for each sample of the channels, because only measured samples have derivatives."""
+    zeros = np.zeros(len(record))
+    return record.with_signals({name: np.nan_to_num(record.signals.get(name, zeros)) for name in channels})

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
@@ -25,7 +26,7 @@ from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
-from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.problem import Directions, Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
@@ -34,6 +35,8 @@ from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
+TITLE = "fit with estimated noise"
+"""Of the progress."""
 WHITE_TOLERANCE = 1.0
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
 ROUND_TOLERANCES = (0.3, 0.02)
@@ -41,6 +44,8 @@ ROUND_TOLERANCES = (0.3, 0.02)
 has the last one only."""
 EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
+EARLY_SAMPLES = 12_000
+"""Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""
 
@@ -139,7 +144,8 @@ class _Estimator:
         for segments in problem.layout.initial_states:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
-        information = problem.expand(excited_by_inputs, directions="all").hessian - np.eye(len(z))
+        directions: Directions = "learned" if noise_only else "all"
+        information = problem.expand(excited_by_inputs, directions=directions).hessian - np.eye(len(z))
         considered = [name for name in problem.considered if name not in self.estimated]
         omitted = considered if noise_only else []
         information = without(information, [*problem.suspects, *map(problem.names.index, omitted)])
@@ -160,36 +166,59 @@ class _Estimator:
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum:
         """The maximum of the posterior.
 
-        With adapted noise in several phases: the first takes residuals as white and updates the noise at every step;
-        each of the others fits the noise model to the residuals of the phase before, and keeps it.
+        With adapted noise in several fits: the first takes residuals as white and updates the noise at every step, and
+        gains and delays of gyros keep their prior means, because far from the solution they would absorb the errors of
+        the parameters; each of the others fits the noise model to the residuals of the fit before, and keeps it.
         """
-        bounds, z = problem.bounds, self._initial(problem)
-        white = functools.partial(problem.update_noise, autocorrelated=False)
-        phases: list[tuple[str, Callable[[Array], None], float]] = [("fit", _keep_noise, ROUND_TOLERANCES[-1])]
-        if self.settings.adapt_noise:
-            phases = [("fit", white, WHITE_TOLERANCE)]
-            tolerances = ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
-            phases += [("fit with estimated noise", _keep_noise, tolerance) for tolerance in tolerances]
-        for number, (title, accept, tolerance) in enumerate(phases):
-            lower, upper = bounds
-            if number:
-                problem.update_noise(z, autocorrelated=True)
-            elif len(phases) > 1:  # far from the solution the errors of gyros would absorb those of the parameters
-                late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
-                lower, upper = (np.where(late, 0.0, bound) for bound in bounds)
-            minimum = minimise(
-                problem.expand,
-                problem.cost,
-                accept,
-                z,
-                lower=lower,
-                upper=upper,
-                iterations=self.settings.iterations if number == len(phases) - 1 else EARLY_ITERATIONS,
-                tolerance=tolerance,
-                progress=functools.partial(progress, title),
-            )
-            z = minimum.z
-            progress(title, self.settings.iterations, self.settings.iterations)
+        z, tolerances = self._initial(problem), ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
+        if not self.settings.adapt_noise:
+            return self._fit(problem, z, "fit", progress)
+        early = problem.shortened(EARLY_SAMPLES)
+        white = functools.partial(early.update_noise, autocorrelated=False)
+        late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
+        z = self._fit(early, z, "fit", progress, tolerance=WHITE_TOLERANCE, accept=white, fixed=late).z
+        for tolerance in tolerances[:-1]:
+            early.update_noise(z, autocorrelated=True)
+            z = self._fit(early, z, TITLE, progress, tolerance=tolerance).z
+        if early is not problem:  # the parts begin later than the segments
+            for indices in itertools.chain(*problem.layout.initial_states):
+                z[indices] = 0.0
+        problem.update_noise(z, autocorrelated=True)
+        return self._fit(problem, z, TITLE, progress)
+
+    def _fit(
+        self,
+        problem: Problem,
+        z: Array,
+        title: str,
+        progress: Progress,
+        *,
+        tolerance: float = ROUND_TOLERANCES[-1],
+        accept: Callable[[Array], None] = lambda _: None,
+        fixed: NDArray[np.bool_] | None = None,
+    ) -> Minimum:
+        """The minimum of the cost from z.
+
+        Args:
+            title: of the progress.
+            tolerance: of `minimise`; one above that of the last fit limits the number of steps.
+            accept: called with every accepted point.
+            fixed: which unknowns keep their prior mean (k,).
+        """
+        lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
+        iterations = self.settings.iterations
+        minimum = minimise(
+            problem.expand,
+            problem.cost,
+            accept,
+            z,
+            lower=lower,
+            upper=upper,
+            iterations=EARLY_ITERATIONS if tolerance > ROUND_TOLERANCES[-1] else iterations,
+            tolerance=tolerance,
+            progress=functools.partial(progress, title),
+        )
+        progress(title, iterations, iterations)
         return minimum
 
 
@@ -197,7 +226,3 @@ def _is_early(name: str) -> bool:
     """Whether a sensor error is estimated from the first fit on: offsets, and gain and delay of the steering."""
     steer = SignalName.of(name).quantity == "steer"
     return is_sensor_error(name, "offset") or (steer and not is_sensor_error(name, "play"))
-
-
-def _keep_noise(_: Array) -> None:
-    """The noise stays as it is when a step is accepted."""

@@ -138,7 +138,9 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
     """What was used of log i; with the bank of its first segment if it is estimated."""
     problem, minimum, settings = solution.problem, solution.minimum, solution.settings
     log, bank = problem.logs[i], None
-    blocks = [b for j in range(len(log.segments)) for b in problem.residuals(minimum.z, i, j)]
+    blocks = [
+        b for j in range(len(log.segments)) for b in problem.blocks(minimum.z, i, j, directions="none", whitened=False)
+    ]
     sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
     accepted = (sizes <= settings.gate).astype(float)
     if problem.model.bank and problem.output_error:

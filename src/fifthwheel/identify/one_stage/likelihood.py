@@ -15,14 +15,13 @@ derivatives e_z and v_z of residual and variance with respect to the unknowns (c
 The terms in brackets apply where the variance depends on the unknowns.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.identify.noise_model import NoiseModel, Whitener
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +31,8 @@ class ResidualBlock:
     time: Array  # (N,) s
     error: Array  # (N, m), NaN where missing or rejected
     variance: Array  # (N, m) of each error
-    jacobian: Array  # (k, N, m) of the errors
-    variance_jacobian: Array | None  # (k, N, m), None if the variance does not depend on the unknowns
+    jacobian: Array  # (N, m, k) of the errors
+    variance_jacobian: Array | None  # (N, m, k), None if the variance does not depend on the unknowns
     indices: NDArray[np.int64]  # (k,) of these unknowns among all
 
     def split(self, size: int) -> "Iterator[ResidualBlock]":
@@ -45,29 +44,9 @@ class ResidualBlock:
                 time=self.time[rows],
                 error=self.error[rows],
                 variance=self.variance[rows],
-                jacobian=self.jacobian[:, rows],
-                variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[:, rows],
+                jacobian=self.jacobian[rows],
+                variance_jacobian=None if self.variance_jacobian is None else self.variance_jacobian[rows],
             )
-
-
-def whitened(blocks: Iterable[ResidualBlock], models: Sequence[NoiseModel], dt: float) -> Iterator[ResidualBlock]:
-    """Consecutive blocks of residuals of one segment, whitened, with variance 1.
-
-    Args:
-        blocks: with constant variances.
-        models: of the m channels.
-        dt: sample interval, s. Missing samples are left out as if there were no gap.
-    """
-    errors, slopes = ([Whitener(model, dt) for model in models] for _ in range(2))
-    for block in blocks:
-        error, jacobian = np.full_like(block.error, np.nan), np.zeros_like(block.jacobian)
-        for c in range(len(models)):
-            is_present = np.isfinite(block.error[:, c])
-            present = slice(None) if is_present.all() else is_present
-            error[present, c] = errors[c](block.error[present, c])
-            if len(jacobian):
-                jacobian[:, present, c] = slopes[c](block.jacobian[:, present, c])
-        yield replace(block, error=error, jacobian=jacobian, variance=np.ones_like(error))
 
 
 def loss(block: ResidualBlock, limit: float) -> float:
@@ -84,22 +63,22 @@ def gradient_and_information(block: ResidualBlock, limit: float) -> tuple[Array,
     """Gradient of the loss (k,), and Fisher information (k, k)."""
     error, present, weight = _weights(block, limit)
     k, root = len(block.indices), np.sqrt(weight)
-    rows = (block.jacobian * root).reshape(k, -1)
-    gradient, gram = rows @ (root * error).ravel(), rows @ rows.T
+    rows = (block.jacobian * root[..., None]).reshape(-1, k)
+    gradient, gram = (root * error).ravel() @ rows, rows.T @ rows
     if block.variance_jacobian is not None:
-        relative = (block.variance_jacobian * (present / block.variance)).reshape(k, -1)
-        gradient += relative @ (present - weight * error**2).ravel() / 2
-        gram += relative @ relative.T / 2
+        relative = (block.variance_jacobian * (present / block.variance)[..., None]).reshape(-1, k)
+        gradient += (present - weight * error**2).ravel() @ relative / 2
+        gram += relative.T @ relative / 2
     return gradient, gram
 
 
 def scores(block: ResidualBlock, limit: float) -> Array:
     """Gradient of the loss of each sample (N, k)."""
     error, present, weight = _weights(block, limit)
-    gradients = np.einsum("nm,knm->nk", weight * error, block.jacobian)
+    gradients = np.einsum("nm,nmk->nk", weight * error, block.jacobian)
     if block.variance_jacobian is not None:
         factor = (present - weight * error**2) / (2 * block.variance)
-        gradients += np.einsum("nm,knm->nk", factor, block.variance_jacobian)
+        gradients += np.einsum("nm,nmk->nk", factor, block.variance_jacobian)
     return np.asarray(gradients)
 
 

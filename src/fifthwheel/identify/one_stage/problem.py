@@ -22,8 +22,9 @@ Derivatives. e and s are differentiated exactly along every unknown (`filters.ta
 to the gradient of J, and to the Hessian I + H with H the Fisher information of the logs (Gauss-Newton).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -47,6 +48,7 @@ from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.names import SignalName, is_sensor_error
+from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -54,6 +56,9 @@ Directions = Literal["none", "learned", "all"]
 """Unknowns along which residuals are differentiated: none, all that are estimated, or the considered ones too."""
 
 Indices = NDArray[np.int64]
+
+SHORTEST_PART = 20.0
+"""Of a segment in a shortened problem, s."""
 
 FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
@@ -77,8 +82,7 @@ class _SegmentRun:
     x0: Array  # (n,)
     x0_directions: Array  # (k, n) derivative of x0
     P0: Array  # (n, n) covariance of x0 for the Kalman filter
-    variance: Array  # (m,) noise variance of each channel
-    indices: Indices  # of the unknowns that the directions belong to; empty if the only direction is zero
+    indices: Indices  # (k,) of the unknowns that the directions belong to
 
 
 class Problem:
@@ -111,8 +115,18 @@ class Problem:
             )
             for log in logs
         )
-        self._last: dict[tuple[int, int], tuple[bytes, list[ResidualBlock]]] = {}  # at the last z, of each segment
         self._rows: dict[tuple[float, ...], StepRows] = {}  # of each segment, for the last delays
+
+    def shortened(self, samples: int) -> "Problem":
+        """The problem for about so many samples of the logs: of each segment, the part with most steering.
+
+        A part lasts at least `SHORTEST_PART`. The problem itself if the logs are not longer.
+        """
+        fraction = samples / sum(len(segment) for log in self.logs for segment in log.segments)
+        if fraction >= 1:
+            return self
+        logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
+        return Problem(self.model, self.vehicle, logs, self.unknowns, self.settings)
 
     @property
     def output_error(self) -> bool:
@@ -229,24 +243,16 @@ class Problem:
                     hessian[np.ix_(block.indices, block.indices)] += block_information
         return Quadratic(cost, gradient, hessian)
 
-    def blocks(self, z: Array, i: int, j: int, *, directions: Directions = "all") -> Iterator[ResidualBlock]:
-        """Residuals of segment j of log i at z, block by block; those of the free-running model are whitened."""
-        blocks = self.residuals(z, i, j, directions=directions)
-        if not self.output_error:
-            return iter(blocks)
-        dt, log = self.sample_interval(i), self.logs[i]
-        return likelihood.whitened(blocks, [log.noise_model(name) for name in self.model.outputs], dt)
+    def blocks(
+        self, z: Array, i: int, j: int, *, directions: Directions = "all", whitened: bool = True
+    ) -> Iterator[ResidualBlock]:
+        """Residuals of segment j of log i at z, block by block.
 
-    def residuals(self, z: Array, i: int, j: int, *, directions: Directions = "none") -> Iterable[ResidualBlock]:
-        """Residuals of segment j of log i at z, block by block, as they are."""
-        if directions != "none":
-            return self._residuals(z, i, j, directions)
-        key = z.tobytes()
-        if self._last.get((i, j), (b"", []))[0] != key:
-            self._last[i, j] = key, list(self._residuals(z, i, j, directions))
-        return self._last[i, j][1]
-
-    def _residuals(self, z: Array, i: int, j: int, directions: Directions) -> Iterator[ResidualBlock]:
+        Args:
+            directions: the unknowns along which residuals are differentiated.
+            whitened: whether the discrepancy of each channel is predicted from the residuals before and subtracted;
+                only in the output-error form.
+        """
         values = self.model_values(z, i)
         rows = self._step_rows(i, j, values)
         # the delays have been applied to the rows, so the model has none
@@ -256,7 +262,7 @@ class Problem:
         if self.output_error:
             x0 = x0 + factor @ z[initial]
         if directions == "none":
-            p_directions, x0_directions = np.zeros((1, len(p))), np.zeros((1, len(x0)))
+            p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
             indices = np.zeros(0, dtype=np.int64)
         else:
             selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or not u.considered]
@@ -276,10 +282,9 @@ class Problem:
             x0=x0,
             x0_directions=x0_directions,
             P0=factor @ factor.T,
-            variance=self.variance(i),
             indices=indices,
         )
-        return self._output_errors(run) if self.output_error else self._innovations(run)
+        return self._output_errors(run, i, whitened) if self.output_error else self._innovations(run, i)
 
     def unstable(self, z: Array) -> bool:
         """Whether the vehicle is unstable at the lowest or highest speed of the logs."""
@@ -300,12 +305,11 @@ class Problem:
                 prediction-error form enlarges their variance by an autocorrelation factor.
         """
         self.logs = tuple(self._with_residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
-        self._last = {}  # they contain the former variances
 
     def _with_residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
-        segments = [list(self.residuals(z, i, j)) for j in range(len(log.segments))]
+        segments = [list(self.blocks(z, i, j, directions="none", whitened=False)) for j in range(len(log.segments))]
         for c, name in enumerate(self.model.outputs):
             sizes = []
             for blocks in segments:
@@ -372,58 +376,49 @@ class Problem:
             self._rows[key] = step_rows(self.model, self.vehicle, self.logs[i].segments[j], errors=values)
         return self._rows[key]
 
-    def _output_errors(self, run: _SegmentRun) -> Iterator[ResidualBlock]:
+    def _output_errors(self, run: _SegmentRun, i: int, whitened: bool) -> Iterator[ResidualBlock]:
         """The log less the free-running model."""
-        m, k, rows = len(self.model.outputs), len(run.indices), run.rows
-        inputs = 1 + 2 * len(self.model.inputs)  # columns of time step and inputs
-        chunks = tangent.run_in_chunks(
-            tangent.simulation_tangent(self.model),
-            rows.rows[:, :inputs],
-            start=run.x0,
-            start_directions=run.x0_directions,
-            p=run.p,
-            directions=run.p_directions,
-            others=np.zeros(0),
-        )
-        for chunk in chunks:
-            in_chunk, in_rows = _samples(rows, chunk.rows)
-            row = rows.rows[in_rows]
-            measured = np.where(row[:, inputs + m :] > 0, row[:, inputs : inputs + m], np.nan)
-            yield ResidualBlock(
-                time=rows.time[in_rows],
-                error=measured - chunk.values[in_chunk],
-                variance=np.broadcast_to(run.variance, measured.shape),
-                jacobian=-chunk.slopes[:k, in_chunk],
-                variance_jacobian=None,
-                indices=run.indices,
-            )
+        models = [self.logs[i].noise_model(name) for name in self.model.outputs]
+        r, q, tau = (np.array(values) for values in zip(*map(astuple, models), strict=True))
+        if not whitened:
+            r, q = self.variance(i), np.zeros_like(q)
+        start, start_directions = tangent.simulation_start(run.x0, q, run.x0_directions)
+        constant = np.concatenate([run.p, r, q, tau])
+        scan = tangent.simulation_tangent(self.model)
+        return self._residual_blocks(scan, run, start, start_directions, constant)
 
-    def _innovations(self, run: _SegmentRun) -> Iterator[ResidualBlock]:
+    def _innovations(self, run: _SegmentRun, i: int) -> Iterator[ResidualBlock]:
         """The innovations of the Kalman filter and their variances."""
-        m, k, rows = len(self.model.outputs), len(run.indices), run.rows
         table = variances.PROCESS_VARIANCE | {"bank": self.settings.bank_walk**2}
         process = variances.process_covariance(self.model.states, table, max(self.settings.process_noise, 1e-9))
-        noise = Noise(process=process, measurement=run.variance, gate=self.settings.gate)
-        start, start_directions = tangent.initial_carry(run.x0, run.P0, run.x0_directions)
+        noise = Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
+        start, start_directions = tangent.innovations_start(run.x0, run.P0, run.x0_directions)
+        constant = np.concatenate([run.p, noise.vector()])
+        return self._residual_blocks(tangent.innovations_tangent(self.model), run, start, start_directions, constant)
+
+    def _residual_blocks(
+        self, scan: DirectionScan, run: _SegmentRun, start: Array, start_directions: Array, constant: Array
+    ) -> Iterator[ResidualBlock]:
+        """The outputs [residual, variance, used] of a scan at the samples of a segment."""
+        m, rows = len(self.model.outputs), run.rows
         chunks = tangent.run_in_chunks(
-            tangent.innovations_tangent(self.model),
+            scan,
             rows.rows,
             start=start,
             start_directions=start_directions,
-            p=run.p,
+            constant=constant,
             directions=run.p_directions,
-            others=noise.vector(),
         )
         for chunk in chunks:
             in_chunk, in_rows = _samples(rows, chunk.rows)
-            values, slopes = chunk.values[in_chunk], chunk.slopes[:k, in_chunk]
+            values, slopes = chunk.values[in_chunk], chunk.slopes[in_chunk]
             yield ResidualBlock(
                 time=rows.time[in_rows],
                 error=np.where(values[:, 2 * m :] > 0, values[:, :m], np.nan),
                 variance=values[:, m : 2 * m],
-                jacobian=slopes[..., :m],
-                variance_jacobian=slopes[..., m : 2 * m],
-                indices=run.indices,
+                jacobian=slopes[:, :m],
+                variance_jacobian=slopes[:, m:] if slopes.shape[1] > m else None,
+                indices=run.indices[chunk.directions],
             )
 
 
@@ -434,3 +429,16 @@ def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Ind
     first, last = np.searchsorted(rows.sample_indices, (chunk.start, chunk.stop))
     indices = rows.sample_indices[first:last]
     return indices - chunk.start, indices
+
+
+def _part(segment: Record, fraction: float) -> Record:
+    """The part of a segment with the largest variance of speed times steer angle, which the yaw rate follows."""
+    length = max(math.ceil(fraction * len(segment)), math.ceil(SHORTEST_PART * segment.rate))
+    steers = [name for name in segment.signals if SignalName.of(name).quantity == "steer"]
+    if length >= len(segment) or not steers:
+        return segment
+    steered = segment.input("speed") * segment.input(steers[0])
+    sums = [np.cumsum(np.concatenate([[0.0], values])) for values in (steered, steered**2)]
+    mean, square = ((total[length:] - total[:-length]) / length for total in sums)
+    first = int(np.argmax(square - mean**2))
+    return segment.cut(segment.time[first], segment.time[first + length - 1])

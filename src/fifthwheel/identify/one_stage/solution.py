@@ -19,6 +19,8 @@ from fifthwheel.identify.verdict import Verdict
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
+SUMS_PER_LAG = 16
+"""Scores are kept as sums over this fraction of the correlation time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,10 @@ def linearise(solution: Solution) -> Linearisation:
     length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
     elapsed, time, values, sigmas = 0.0, [], [], []
     for i, j in problem.segments():
-        segment, scores = problem.logs[i].segments[j], []
+        segment = problem.logs[i].segments[j]
+        lags = max(int(settings.correlation_time * segment.rate), 1)
+        size = max(lags // SUMS_PER_LAG, 1)
+        scores, samples = np.zeros((-(-len(segment.time) // size), k)), 0
         for block in problem.blocks(z, i, j):
             for piece in block.split(length):
                 piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
@@ -66,10 +71,11 @@ def linearise(solution: Solution) -> Linearisation:
                 values.append((z - free * (P @ (free * (z + gradient))))[rows])
                 sigmas.append(np.sqrt(np.diag(P))[rows])
                 time.append(elapsed + piece.time[-1] - segment.time[0])
-            scores.append(likelihood.scores(block, settings.outlier))
+            numbers = np.arange(samples, samples + len(block.time)) // size
+            np.add.at(scores, np.ix_(numbers, block.indices), likelihood.scores(block, settings.outlier))
+            samples += len(block.time)
         elapsed = time[-1]
-        lags = max(int(settings.correlation_time * segment.rate), 1)
-        score_covariance[np.ix_(block.indices, block.indices)] += long_run_covariance(np.concatenate(scores), lags)
+        score_covariance += long_run_covariance(scores, lags // size)
     scale = parameters.scaling([u for u in problem.unknowns if u.name in solution.estimated])
     p = scale.to_p(np.array(values))
     history = ParameterHistory(

@@ -1,0 +1,254 @@
+"""LLVM assembly of a symbolic step with directional derivatives: the nominal step once, the derivatives in lanes.
+
+A step (carry, sample, constant, carry', constant') -> (carry, output, carry', output') is divided into two loops over
+the samples. `nominal` computes what does not depend on a direction, and stores the values that derivatives need.
+`directions` computes the rest, with one direction in each lane.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import casadi as ca
+
+from fifthwheel.native.llvm_ir import Emitter, Layout, Register, function
+
+_ARRAYS = ("carry", "sample", "constant", "carry", "constant")
+_RESULTS = ("carry", "output")
+_FIRST_DIRECTION = 3
+"""Arguments from this one on differ between directions."""
+
+_SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG)
+
+
+class DirectionModule(NamedTuple):
+    """The assembly of both loops, and the numbers of values that pass from the first to the second."""
+
+    source: str
+    shared: int
+    """For each sample."""
+    fixed: int
+    """For all samples together."""
+
+
+class _Instruction(NamedTuple):
+    """An instruction of a step in static single assignment form: operands are numbers of instructions."""
+
+    op: int
+    operands: tuple[int, ...]
+    place: tuple[int, int]
+    """Argument or result, and its element, of an input or output."""
+    constant: float
+    varies: bool
+    """Whether it differs between directions."""
+    invariant: bool
+    """Whether it is the same for all samples."""
+
+
+def _instructions(step: ca.Function) -> list[_Instruction]:
+    """All instructions of a step."""
+    instructions: list[_Instruction] = []
+    written: dict[int, int] = {}  # number of the last instruction that wrote a place of CasADi's work vector
+    for k in range(step.n_instructions()):
+        op, inputs, outputs = step.instruction_id(k), step.instruction_input(k), step.instruction_output(k)
+        operands: tuple[int, ...] = ()
+        place, constant, varies, invariant = (0, 0), 0.0, False, True
+        if op == ca.OP_CONST:
+            constant = step.instruction_constant(k)
+        elif op == ca.OP_INPUT:
+            place = (inputs[0], inputs[1])
+            varies, invariant = place[0] >= _FIRST_DIRECTION, _ARRAYS[place[0]] == "constant"
+        else:
+            operands = tuple(written[i] for i in inputs)
+            place = (outputs[0], outputs[1]) if op == ca.OP_OUTPUT else place
+            varies = any(instructions[i].varies for i in operands)
+            invariant = all(instructions[i].invariant for i in operands)
+        instructions.append(_Instruction(op, operands, place, constant, varies, invariant))
+        if op != ca.OP_OUTPUT:
+            written[outputs[0]] = k
+    return instructions
+
+
+class _Divider:
+    """Writes each instruction of a step into one of the two loops.
+
+    A derivative is a sum of products. In `directions` each sum is written as a chain, sum + a * b + c * d + ..., which
+    the compiler turns into fused multiply-adds; a division by a value that does not vary becomes a product.
+    """
+
+    def __init__(self, step: ca.Function, lanes: int) -> None:
+        self.step, self.instructions = step, _instructions(step)
+        self.nominal, self.directions = Emitter(step.name(), 1), Emitter(step.name(), lanes)
+        self.registers: dict[int, Register] = {}  # of instructions, each in its own loop
+        self.passed: dict[str, Register] = {}  # registers of `directions` by the registers of `nominal`
+        self.reciprocals: dict[str, Register] = {}
+        self.shared: list[str] = []
+        self.fixed: list[str] = []
+        self.absorbed = self._absorbed()
+
+    def _absorbed(self) -> set[int]:
+        """Numbers of the instructions that only serve as a term of one sum."""
+        consumers: dict[int, list[int]] = {}
+        for k, instruction in enumerate(self.instructions):
+            for i in instruction.operands:
+                consumers.setdefault(i, []).append(k)
+        absorbed = set()
+        for i, numbers in consumers.items():
+            instruction, consumer = self.instructions[i], self.instructions[numbers[0]]
+            if (
+                len(numbers) == 1
+                and instruction.varies
+                and instruction.op in (*_SUMS, ca.OP_MUL)
+                and consumer.op in _SUMS
+                and instruction.invariant == consumer.invariant
+            ):
+                absorbed.add(i)
+        return absorbed
+
+    def vector(self, number: int) -> Register:
+        """The value of an instruction in `directions`; one that does not vary is passed on, the same for all lanes."""
+        instruction = self.instructions[number]
+        if instruction.op == ca.OP_CONST:
+            return self.directions.constant(instruction.constant), True
+        return self.registers[number] if instruction.varies else self._pass(self.registers[number])
+
+    def _pass(self, register: Register) -> Register:
+        """A register of `nominal`, in `directions`."""
+        name, invariant = register
+        if name not in self.passed:
+            places, array = (self.fixed, "fixed") if invariant else (self.shared, "shared")
+            self.passed[name] = self.directions.broadcast(array, len(places), invariant)
+            places.append(name)
+        return self.passed[name]
+
+    def divide(self) -> None:
+        """Write all instructions."""
+        stores = []
+        loaded: dict[tuple[int, int], Register] = {}
+        for k, instruction in enumerate(self.instructions):
+            op, emitter = instruction.op, self.directions if instruction.varies else self.nominal
+            if op == ca.OP_CONST:
+                self.registers[k] = (self.nominal.constant(instruction.constant), True)
+            elif op == ca.OP_INPUT:
+                if instruction.place not in loaded:
+                    argument, element = instruction.place
+                    loaded[instruction.place] = emitter.load(_ARRAYS[argument], element)
+                self.registers[k] = loaded[instruction.place]
+            elif op == ca.OP_OUTPUT:
+                stores.append(instruction)
+            elif not instruction.varies:
+                self.registers[k] = self.nominal.operation(op, [self.registers[i] for i in instruction.operands])
+            elif k not in self.absorbed:
+                self.registers[k] = self._derivative(k)
+        self._store(stores)
+
+    def _derivative(self, number: int) -> Register:
+        """Write an instruction that varies."""
+        op, operands = self.instructions[number].op, self.instructions[number].operands
+        if op in _SUMS:
+            return self._sum(number)
+        if op == ca.OP_DIV and not self.instructions[operands[1]].varies:
+            factors = [self.vector(operands[0]), self._reciprocal(operands[1])]
+            return self.directions.operation(ca.OP_MUL, factors)
+        return self.directions.operation(op, [self.vector(i) for i in operands])
+
+    def _reciprocal(self, number: int) -> Register:
+        """One over a value that does not vary, in `directions`."""
+        name = self.registers[number][0]
+        if name not in self.reciprocals:
+            self.reciprocals[name] = self.nominal.operation(ca.OP_INV, [self.registers[number]])
+        return self._pass(self.reciprocals[name])
+
+    def _sum(self, number: int) -> Register:
+        """Write a sum of all its terms, positive single terms first."""
+        terms: list[tuple[bool, tuple[int, ...]]] = []  # sign, and factors
+        waiting = [(False, number)]
+        while waiting:
+            negative, k = waiting.pop()
+            op, operands = self.instructions[k].op, self.instructions[k].operands
+            if k != number and (k not in self.absorbed or op == ca.OP_MUL):
+                terms.append((negative, operands if k in self.absorbed else (k,)))
+            elif op == ca.OP_NEG:
+                waiting.append((not negative, operands[0]))
+            else:
+                waiting += [(negative != (op == ca.OP_SUB), operands[1]), (negative, operands[0])]
+        terms.sort(key=lambda term: (term[0], len(term[1])))
+        total: Register | None = None
+        for negative, factors in terms:
+            term = self.vector(factors[0])
+            if len(factors) == 2:
+                term = self.directions.operation(ca.OP_MUL, [term, self.vector(factors[1])])
+            if total is None:
+                total = self.directions.operation(ca.OP_NEG, [term]) if negative else term
+            else:
+                total = self.directions.operation(ca.OP_SUB if negative else ca.OP_ADD, [total, term])
+        assert total is not None
+        return total
+
+    def _store(self, outputs: Sequence[_Instruction]) -> None:
+        """Store results and what passes to `directions`; last, so that carries are read before they are written."""
+        for instruction in outputs:
+            (result, element), (number,) = instruction.place, instruction.operands
+            if result < 2:
+                self.nominal.store(self.registers[number][0], _RESULTS[result], element)
+                continue
+            value, _ = self.vector(number)
+            if result == 2:
+                self.directions.store(value, "carry", element)
+            else:
+                offset, _ = self.directions.emit(f"mul i64 %pitch, {element}", True)
+                self.directions.store(value, "output", offset)
+        for names, array in ((self.shared, "shared"), (self.fixed, "fixed")):
+            for element, name in enumerate(names):
+                self.nominal.store(name, array, element, invariant=array == "fixed")
+
+
+def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
+    """LLVM assembly of the two loops of a step; all arrays are row-major doubles.
+
+        void nominal(i64 samples, i64 1, ptr carry, ptr sample, ptr constant, ptr output, ptr shared, ptr fixed)
+        void directions(i64 samples, i64 groups, i64 pitch, ptr carry', ptr constant', ptr output', ptr shared,
+                        ptr fixed)
+
+    carry (n,), sample (samples, n), constant (n,), output (samples, n), shared (samples, n), fixed (n,);
+    carry' (groups, n, lanes), constant' (groups, n, lanes), output' (samples, n, pitch, lanes), of which `groups` are
+    written. Both carries are updated in place.
+
+    Args:
+        step: (carry, sample, constant, carry', constant') -> (carry, output, carry', output'), dense column vectors.
+        lanes: number of directions in one vector.
+
+    Raises:
+        NotImplementedError: an operation of the step cannot be translated.
+    """
+    divider = _Divider(step, lanes)
+    divider.divide()
+    nominal, directions = divider.nominal, divider.directions
+    n_carry, n_sample, n_constant, n_carry_dot, n_constant_dot = (step.numel_in(i) for i in range(5))
+    shared, fixed = len(divider.shared), len(divider.fixed)
+    source = function(
+        "nominal",
+        nominal,
+        [
+            Layout("carry", nominal.type, str(n_carry)),
+            Layout("sample", nominal.type, "0", str(n_sample)),
+            Layout("constant", nominal.type, str(n_constant)),
+            Layout("output", nominal.type, "0", str(step.numel_out(1))),
+            Layout("shared", nominal.type, "0", str(shared)),
+            Layout("fixed", nominal.type, "0"),
+        ],
+    )
+    source += function(
+        "directions",
+        directions,
+        [
+            Layout("carry", directions.type, str(n_carry_dot)),
+            Layout("constant", directions.type, str(n_constant_dot)),
+            Layout("output", directions.type, "1", "%pitch.row"),
+            Layout("shared", nominal.type, "0", str(shared)),
+            Layout("fixed", nominal.type, "0"),
+        ],
+        pitch=True,
+        strides=[f"  %pitch.row = mul i64 %pitch, {step.numel_out(3)}"],
+    )
+    intrinsics = sorted(nominal.intrinsics | directions.intrinsics)
+    return DirectionModule("\n".join([source, *intrinsics, ""]), shared, fixed)
