@@ -75,7 +75,12 @@ class Dataset:
 
 
 def prepare_dataset(
-    records: Sequence[Record], vehicle: Vehicle, settings: CommonSettings, validate: Sequence[Record] = ()
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: CommonSettings,
+    validate: Sequence[Record] = (),
+    *,
+    findings: bool = True,
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
@@ -84,6 +89,7 @@ def prepare_dataset(
         vehicle: as known before.
         settings: of the identification.
         validate: logs that are only predicted.
+        findings: whether the signals are checked for plausibility, with notes on what was found.
 
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.
@@ -98,7 +104,10 @@ def prepare_dataset(
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
     notes: list[str] = []
     for record in everything:
-        notes += _check(record, vehicle, steered, settings)
+        _require_steering(record, steered)
+        notes += [f"{record.name}: {note}" for note in record.notes]
+        if findings:
+            notes += _findings(record, vehicle, settings)
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
         notes.append(
             f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "
@@ -152,24 +161,19 @@ def _require_distinct_names(records: Sequence[Record], everything: Sequence[Reco
         raise SignalError(f"logs: {', '.join(repeated)} given more than once; give every log once, with its own name")
 
 
-def _check(record: Record, vehicle: Vehicle, steered: Vehicle, settings: CommonSettings) -> list[str]:
-    """Notes on one record.
-
-    Args:
-        vehicle: as given.
-        steered: with the axles locked that are not in the logs.
-
-    Raises:
-        SignalError: a steer angle is missing, or, if the settings demand the check, a signal is implausible.
-    """
-    for name in steered.steer_signals():
+def _require_steering(record: Record, vehicle: Vehicle) -> None:
+    """A SignalError if the record does not have a steer angle of the vehicle."""
+    for name in vehicle.steer_signals():
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}, but in another log; map it in all logs or in none")
+
+
+def _findings(record: Record, vehicle: Vehicle, settings: CommonSettings) -> list[str]:
+    """Notes on implausible signals; a SignalError if one is an error and the settings demand the check."""
     findings = check_record(record, vehicle)
     if settings.check:
         raise_errors(findings)
-    messages = [*[finding.message for finding in findings if finding.severity != "error"], *record.notes]
-    return [f"{record.name}: {message}" for message in messages]
+    return [f"{record.name}: {finding.message}" for finding in findings if finding.severity != "error"]
 
 
 def _log_data(record: Record, settings: CommonSettings) -> LogData:

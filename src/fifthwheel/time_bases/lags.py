@@ -116,13 +116,7 @@ def lag_curve(measured: Array, predicted: Array) -> LagCurve | None:
     if rows.size < _MIN_SAMPLES:
         return None
     m = measured[rows] - measured[rows].mean()
-    correlation = np.zeros(2 * steps + 1)
-    for k in range(-steps, steps + 1):
-        p = predicted[rows - k]
-        p = p - p.mean()
-        covariance, variances = float(p @ m), float(p @ p) * float(m @ m)
-        if variances > 0:
-            correlation[k + steps] = covariance / np.sqrt(variances)
+    correlation = _correlation(m, np.nan_to_num(predicted - np.nanmean(predicted)), rows, steps)
     near = round(_INVERTED_LAG * RATE)
     inverted = -float(correlation[steps - near : steps + near + 1].min())
     return LagCurve(
@@ -132,3 +126,19 @@ def lag_curve(measured: Array, predicted: Array) -> LagCurve | None:
         inverted=max(inverted, 0.0) ** 2,
         explained=np.maximum(correlation, 0.0) ** 2,
     )
+
+
+def _correlation(m: Array, p: Array, rows: NDArray[np.int64], steps: int) -> Array:
+    """Correlation (2 steps + 1,) of m (n,), which is measured at `rows`, with p (N,) at row - k, k = -steps ... steps.
+
+    The sums over the rows for all k at once are products of Fourier transforms.
+    """
+    size = 1 << (p.size + steps).bit_length()
+    at_rows = np.zeros((2, p.size))
+    at_rows[0, rows], at_rows[1, rows] = m, 1.0
+    transforms = np.fft.rfft(np.stack([*at_rows, p, p**2]), size)
+    products = transforms[[0, 1, 1]] * transforms[[2, 2, 3]].conj()
+    covariance, total, squares = np.fft.irfft(products, size)[:, np.arange(-steps, steps + 1)]
+    variances = (squares - total**2 / rows.size) * (m @ m)
+    usable = variances > 1e-12 * squares.max() * (m @ m)
+    return np.where(usable, covariance / np.sqrt(np.where(usable, variances, 1.0)), 0.0)

@@ -96,6 +96,6 @@ def _assess_remedies(identification: Identification, records: Sequence[Record]) 
     if not isinstance(identification.settings, OneStage) or (converged and precise):
         return None
     try:
-        return assess_information(records, identification.vehicle, identification.settings, settings)
+        return assess_information(records, identification.vehicle, identification.settings, settings, checked=True)
     except FifthwheelError:
         return None

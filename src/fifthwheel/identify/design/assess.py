@@ -111,6 +111,8 @@ def assess_information(
     vehicle: Vehicle,
     settings: OneStage | None = None,
     assessment: AssessmentSettings | None = None,
+    *,
+    checked: bool = False,
 ) -> InformationAssessment:
     """Assess the information that logs contain on a truck, before any fit.
 
@@ -125,16 +127,17 @@ def assess_information(
         vehicle: what is known of the truck.
         settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
         assessment: which remedies are reported.
+        checked: the signals of the logs have been checked for plausibility; there are no findings.
 
     Raises:
         SignalError: a fit cannot use one of the logs; the message lists all findings.
         VehicleError: a parameter cannot be estimated or fixed; or the truck is unstable at the speeds of the logs.
     """
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
-    findings = [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
+    findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:
-        dataset = prepare_dataset(records, vehicle, replace(settings, check=False))
+        dataset = prepare_dataset(records, vehicle, settings, findings=False)
     except SignalError as error:
         raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
@@ -148,7 +151,6 @@ def assess_information(
     posterior = predictor.posterior(runs)
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
     names = tuple(record.name for record in records)
-    in_findings = {f"{log}: {finding.message}" for log, finding in findings}
     return InformationAssessment(
         vehicle=vehicle.name,
         logs=names,
@@ -159,7 +161,7 @@ def assess_information(
         ),
         noise={log.name: {name: log.noise[name] for name in predictor.channels if name in log.noise} for log in logs},
         cautions=(_unstable_caution(predictor),) if predictor.start else (),
-        notes=tuple(dict.fromkeys(note for note in dataset.notes if note not in in_findings)),
+        notes=dataset.notes,
         version=fifthwheel.__version__,
     )
 
