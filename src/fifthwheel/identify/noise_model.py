@@ -5,13 +5,13 @@ the sum of white sensor noise and a stationary first-order process, the discrepa
 
     e_k = d_k + v_k,    v_k ~ N(0, r),    d_k = phi d_k-1 + w_k,    var d = q,    phi = exp(-dt / tau).
 
-The innovations of its stationary Kalman filter, divided by their standard deviation, are white with variance 1. The
-same filter applied to the derivatives of the residuals turns generalised into ordinary least squares.
+The innovations of its Kalman filter, divided by their standard deviation, are white with variance 1. The same filter
+applied to the derivatives of the residuals turns generalised into ordinary least squares.
 r, q and tau maximise the likelihood of Whittle (1953) of the residuals' periodogram.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,8 @@ BINS = 60
 """Number of frequency bins of the periodogram, equally spaced in ln(frequency)."""
 EVIDENCE = 6.0
 """A discrepancy is taken up if it raises the log-likelihood by more than this."""
+STATIONARY = 1e-6
+"""The filter is stationary when the variance of its innovation is within this fraction of the stationary one."""
 FEWEST_SAMPLES = 64
 """A segment with fewer residuals does not contribute to the fit of the noise model."""
 
@@ -51,6 +53,17 @@ class NoiseModel:
         P = (-b + math.sqrt(b * b + 4 * r * (1 - phi**2) * q)) / 2  # stationary variance of the prediction of d
         return phi, P / (P + r), math.sqrt(P + r)
 
+    def first_gains(self, dt: float) -> Iterator[tuple[float, float]]:
+        """Gain and standard deviation of the innovation at the first samples of a segment, until both are stationary.
+
+        The variance P of the prediction of d starts at q.
+        """
+        phi, _, stationary = self.filter(dt)
+        r, P = self.white, self.discrepancy
+        while P + r > stationary**2 * (1 + STATIONARY):
+            yield P / (P + r), math.sqrt(P + r)
+            P = phi**2 * P * r / (P + r) + (1 - phi**2) * self.discrepancy
+
     def spectrum(self, frequency: Array, dt: float) -> Array:
         """One-sided spectral density at frequencies in Hz, SI squared per Hz."""
         phi = math.exp(-dt / self.time_constant)
@@ -61,30 +74,40 @@ class NoiseModel:
 class Whitener:
     """Whitens the residuals of one channel, and their derivatives, piece by piece along a segment.
 
+    Before the first sample nothing is known of the discrepancy but its variance q. The gain of the Kalman filter falls
+    from there to the stationary one within the first samples; from then on it is a recursive filter.
+
     Args:
         model: of the channel.
         dt: sample interval, s.
     """
 
     def __init__(self, model: NoiseModel, dt: float) -> None:
-        phi, gain, self.deviation = model.filter(dt)
-        self.numerator, self.denominator = np.array([1.0, -phi]), np.array([1.0, -phi * (1 - gain)])
-        self.white, self.first_deviation = model.discrepancy == 0.0, math.sqrt(model.variance)
-        self._state: Array | None = None
+        self.phi, self.gain, self.deviation = model.filter(dt)
+        self._first = list(model.first_gains(dt))
+        self._prediction: Array | None = None  # of the discrepancy at the next sample
 
     def __call__(self, rows: Array) -> Array:
         """Rows (..., N) of consecutive samples, whitened, with variance 1; the next call continues from here."""
-        if self.white:
+        if self.gain == 0.0:
             return rows / self.deviation
         from scipy.signal import lfilter  # slow to import
 
-        first = self._state is None
-        state = np.zeros((*rows.shape[:-1], 1)) if self._state is None else self._state
-        whitened, self._state = lfilter(self.numerator, self.denominator, rows, axis=-1, zi=state)
-        whitened /= self.deviation
-        if first:  # before the first sample nothing is known of the discrepancy: the innovation has the variance r + q
-            whitened[..., :1] *= self.deviation / self.first_deviation
-        return np.asarray(whitened)
+        prediction = np.zeros(rows.shape[:-1]) if self._prediction is None else self._prediction
+        n = min(len(self._first), rows.shape[-1])
+        first, self._first = self._first[:n], self._first[n:]
+        whitened = np.empty(rows.shape)
+        for k, (gain, deviation) in enumerate(first):
+            innovation = rows[..., k] - prediction
+            prediction = self.phi * (prediction + gain * innovation)
+            whitened[..., k] = innovation / deviation
+        if n < rows.shape[-1]:
+            numerator, denominator = [1.0, -self.phi], [1.0, -self.phi * (1 - self.gain)]
+            innovations, state = lfilter(numerator, denominator, rows[..., n:], zi=-prediction[..., None])
+            whitened[..., n:] = innovations / self.deviation
+            prediction = -state[..., 0]
+        self._prediction = prediction
+        return whitened
 
 
 def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
