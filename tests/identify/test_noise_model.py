@@ -55,7 +55,7 @@ def test_whitened_noise_is_white_from_the_first_sample_on(model: NoiseModel) -> 
     count, n = 4000, 150
     whitened = Whitener(model, DT)(draws(model, count, n, seed=2))
     sample_covariance = whitened.T @ whitened / count
-    # an element has a standard deviation of 1 / sqrt(count), on the diagonal sqrt(2 / count); 11000 of them are compared
+    # an element has a standard deviation of 1 / sqrt(count), on the diagonal sqrt(2 / count); there are 11000
     assert np.abs(sample_covariance - np.eye(n)).max() < 5 * np.sqrt(2 / count)
     for lag in (1, 5, 30):
         correlation = np.trace(sample_covariance, offset=lag) / (n - lag)
@@ -81,6 +81,43 @@ def test_spectrum_is_that_of_the_covariance(model: NoiseModel) -> None:
         assert model.spectrum(np.array([frequency]), DT) == pytest.approx(expected, rel=1e-6)
     frequency = (np.arange(200_000) + 0.5) / 200_000 * 0.5 / DT
     assert model.spectrum(frequency, DT).mean() * 0.5 / DT == pytest.approx(model.variance, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        NoiseModel(white=1.0, discrepancy=1.0, time_constant=0.5),
+        NoiseModel(white=4e-5, discrepancy=1e-4, time_constant=0.1),
+        NoiseModel(white=1.0, discrepancy=0.2, time_constant=2.0),
+    ],
+    ids=str,
+)
+def test_the_fit_recovers_simulated_noise(model: NoiseModel) -> None:
+    """The errors of 30 fits have mean 0 and the standard deviation of Whittle's information, and not much more."""
+    count, n, theta = 30, 6000, np.log([model.white, model.discrepancy, model.time_constant])
+    frequency = np.arange(1, n // 2) / (n * DT)
+
+    def log_spectrum(theta: Array) -> Array:
+        r, q, tau = np.exp(theta)
+        return np.log(NoiseModel(white=r, discrepancy=q, time_constant=tau).spectrum(frequency, DT))
+
+    slopes = np.array([(log_spectrum(theta + h) - log_spectrum(theta - h)) / 2e-4 for h in 1e-4 * np.eye(3)])
+    sigma = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
+    errors = []
+    for noise in draws(model, count, n, seed=4):
+        fit = fit_noise_model(np.split(noise, [n // 2 - 70, n // 2 + 70]), DT)
+        errors.append((np.log([fit.white, fit.discrepancy, fit.time_constant]) - theta) / sigma)
+    mean, spread = np.mean(errors, axis=0), np.std(errors, axis=0)
+    assert (np.abs(mean) < 4 / np.sqrt(count)).all(), mean
+    assert (spread < 1.5).all(), spread  # 30 draws: a standard deviation of 13 %
+
+
+def test_the_fit_does_not_depend_on_the_unit() -> None:
+    for noise in draws(NoiseModel(white=1.0, discrepancy=1.0, time_constant=0.5), 5, 3000, seed=6):
+        fit, scaled = fit_noise_model([noise], DT), fit_noise_model([1e-3 * noise], DT)
+        assert scaled.white == pytest.approx(1e-6 * fit.white, rel=0.02)
+        assert scaled.discrepancy == pytest.approx(1e-6 * fit.discrepancy, rel=0.02)
+        assert scaled.time_constant == pytest.approx(fit.time_constant, rel=0.02)
 
 
 def test_white_noise_has_no_discrepancy() -> None:
