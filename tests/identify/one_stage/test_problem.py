@@ -68,6 +68,17 @@ def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:
     assert costs[1] < min(costs[0], costs[2]) - 1
 
 
+def test_cost_does_not_depend_on_former_points(truck: Vehicle) -> None:
+    """Rows are kept until the errors of the steering change; the contact of the play depends on its gain too."""
+    record = simulate(truck, count=1, seed=1).cut(0.5, 5.0)
+    z = np.zeros(len(problem(truck, [record], OneStage()).names))
+    for kind, change in (("play", 1.5), ("gain", 1.0), ("delay", 0.2), ("offset@0", 0.3)):
+        p, fresh = (problem(truck, [record], OneStage()) for _ in range(2))
+        p.cost(z)
+        z[p.names.index(f"steer.tractor.front.{kind}")] = change
+        assert p.cost(z) == fresh.cost(z), kind
+
+
 def test_names_of_logs_and_segments(truck: Vehicle, records: list[Record]) -> None:
     p = problem(truck, records, OneStage())
     assert len(set(p.names)) == len(p.names)
