@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.doubts import Doubt, DoubtKind
+from fifthwheel.identify import Identification, OneStage, identify, parameters
+from fifthwheel.identify.doubts import STRONG_SCORE, Doubt, DoubtKind
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -49,6 +49,31 @@ def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyr
     assert set(doubt.parameters) == {e.name for e in result.parameters}  # the statistic is that of a strong doubt
 
 
+def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle) -> None:
+    record = simulate(truck, count=2, seed=1)
+    result = identify([late(record, 0.05, TRAILER)], truck)
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    assert doubt.statistic < STRONG_SCORE
+    right = identify([record], truck)
+    moved = {e.name: abs(right[e.name].value - e.value) / e.sigma for e in result.parameters}
+    assert 1 <= len(doubt.parameters) < len(moved)
+    for name, change in moved.items():  # the implied change is about three quarters of the delay
+        if change < 0.4:
+            assert name not in doubt.parameters
+        if change > 0.8:
+            assert name in doubt.parameters
+
+
+def test_a_suspect_is_part_of_no_sigma(truck: Vehicle, clean: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = OneStage(consider={"semitrailer.roll_stiffness": 0.1})
+    result = identify([clean], truck, settings)
+    monkeypatch.setattr(parameters, "suspects", list)
+    without = identify([clean], truck, settings)
+    for e in result.parameters:
+        assert e.sigma == pytest.approx(without[e.name].sigma, rel=1e-9)
+        assert result.variance_budget[e.name].keys() == {"semitrailer.roll_stiffness"}
+
+
 def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Record) -> None:
     names = (TRAILER, "roll_rate.semitrailer")
     record = replace(late(clean, 0.05, *names), time_bases=dict.fromkeys(names, "trailer logger"))
@@ -82,6 +107,21 @@ def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
     assert [doubt.statistic for doubt in result.doubts] == [
         abs(doubt.causes[0].prior_sigmas) for doubt in result.doubts
     ]
+
+
+def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicle, clean: Record) -> None:
+    """Those that differ by more than half a sigma if the gain of the steering is 1."""
+    steer = "steer.tractor.front"
+    scaled = clean.with_signals({steer: clean.signals[steer] / 1.1})
+    result = identify([scaled], truck, OneStage(consider={}, steer_gain_prior=0.018))
+    usual = identify([scaled], truck, OneStage(consider={}, steer_gain_prior=1e-5))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.causes[0].name) == (DoubtKind.SENSOR, f"{steer}.gain")
+    moved = {e.name: abs(usual[e.name].value - e.value) / e.sigma for e in result.parameters}
+    assert not [name for name, change in moved.items() if 0.45 < change < 0.7]
+    assert set(doubt.parameters) == {name for name, change in moved.items() if change > 0.5}
+    assert 2 <= len(doubt.parameters) < len(moved)
+    assert {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL} == set(doubt.parameters)
 
 
 def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
