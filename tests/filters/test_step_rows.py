@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.step_rows import StepRows, step_rows
+from fifthwheel.filters.step_rows import SMALLEST_PLAY, StepRows, corrected_inputs, play_contact, step_rows
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from tests.observe.conftest import STEER, YAWS, put, rows
@@ -64,3 +66,64 @@ def test_gap_in_an_input(record: Record) -> None:
     for name in (STEER, "speed"):
         with pytest.raises(SignalError, match=rf"^{name}: "):
             rows_of(put(record, name, 3, 4, np.nan))
+
+
+steer_angles = st.lists(st.floats(-0.05, 0.05), min_size=2, max_size=40).map(np.array)
+plays = st.integers(4, 40).map(lambda n: n * 0.0005)
+
+
+def backlash(steer: np.ndarray, play: float) -> np.ndarray:
+    """Angle of the wheels behind a play, by its definition: they move only as far as a contact pushes them."""
+    wheels = [steer[0]]
+    for angle in steer[1:]:
+        wheels.append(min(max(wheels[-1], angle - play / 2), angle + play / 2))
+    return np.array(wheels)
+
+
+@given(steer_angles, plays)
+def test_play_is_a_backlash(steer: np.ndarray, play: float) -> None:
+    contact = play_contact(steer, play)
+    assert contact[0] == 0.0
+    assert np.abs(contact).max() <= 0.5
+    np.testing.assert_allclose(steer - play * contact, backlash(steer, play), atol=1e-12)
+
+
+@given(steer_angles, plays)
+def test_play_does_not_depend_on_the_sampling_rate(steer: np.ndarray, play: float) -> None:
+    """Samples between the extremes of the steer angle change nothing."""
+    finer = np.interp(np.arange(5 * len(steer) - 4) / 5, np.arange(len(steer)), steer)
+    np.testing.assert_allclose(play_contact(finer, play)[::5], play_contact(steer, play), atol=1e-9)
+
+
+@given(plays, st.floats(0.02, 0.05))
+def test_contact_changes_sides_after_a_reversal(play: float, angle: float) -> None:
+    """The wheels stand still until the steering has turned back by the whole play."""
+    steer = np.array([0.0, angle, angle - play / 2, angle - play, angle - 1.5 * play])
+    np.testing.assert_allclose(play_contact(steer, play), [0.0, 0.5, 0.0, -0.5, -0.5], atol=1e-9)
+
+
+def test_the_contact_of_a_small_play_does_not_follow_the_noise() -> None:
+    noisy = 0.0001 * np.random.default_rng(1).normal(size=1000)
+    np.testing.assert_array_equal(play_contact(noisy, 0.0), play_contact(noisy, SMALLEST_PLAY))
+    assert np.abs(play_contact(noisy, 1e-5)).max() < 0.5
+    # small changes of an estimated play do not change the contact, so that a search does not stop there
+    np.testing.assert_array_equal(play_contact(20 * noisy, 0.0051), play_contact(20 * noisy, 0.0049))
+
+
+def test_delay_and_play_of_an_input(record: Record) -> None:
+    """The wheels follow gain times the angle of the sensor, behind a play, and the log is late."""
+    steer, play, gain, delay = record.signals[STEER], 0.005, 1.25, 0.07
+    errors = {f"{STEER}.{kind}": value for kind, value in (("delay", delay), ("play", play), ("gain", gain))}
+    actual = corrected_inputs(record, MODEL.inputs, errors)
+    wheels = np.interp(record.time + delay, record.time, backlash(gain * steer, play))
+    np.testing.assert_allclose(gain * actual[STEER], wheels, atol=0.02 * play)
+    np.testing.assert_array_equal(actual["speed"], record.signals["speed"])
+    extended = dynamics.model(TRUCK, YAWS, roll=False, extended=True)
+    inputs = corrected_inputs(record, extended.inputs, errors)
+    assert set(inputs) == set(extended.inputs)
+    contact, rate = (inputs[name(STEER)] for name in (dynamics.contact_input, dynamics.rate_input))
+    np.testing.assert_allclose(inputs[STEER] - play / gain * contact, actual[STEER], atol=1e-12)
+    inside = slice(1, -20)  # the input is constant beyond the end of the log
+    np.testing.assert_allclose(
+        rate[inside], np.gradient(actual[STEER], record.time)[inside], atol=0.1 * np.abs(rate).max()
+    )

@@ -5,14 +5,20 @@ import pytest
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage, TwoStage
 from fifthwheel.identify.parameters import (
+    ROAD_FRICTION,
+    SOFTENING,
+    Unknown,
     estimated_parameters,
     expand_names,
     lacks_roll_rate,
     longest_matching_key,
     one_stage_unknowns,
     sensor_error_unknowns,
+    softening,
     stage_1_names,
     stage_2_names,
+    suspects,
+    time_base_delays,
     two_stage_unknowns,
 )
 from fifthwheel.vehicle import Vehicle
@@ -111,3 +117,85 @@ def test_sensor_errors(truck: Vehicle) -> None:
 def test_two_stages_fix_only_what_they_estimate(truck: Vehicle) -> None:
     with pytest.raises(VehicleError, match=r"tractor\.mass: cannot be fixed"):
         two_stage_unknowns(truck, stage_1_names(truck), TwoStage(fixed=("tractor.mass",)))
+
+
+def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
+    return {u.name: u for u in one_stage_unknowns(truck, outputs, settings)}
+
+
+def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
+    """Fiala (1954): F = C a - (C a)^2 / (3 mu Fz) + (C a)^3 / (27 mu^2 Fz^2); equal to second order in a."""
+    slopes, loads = softening(truck), truck.axle_loads()
+    for unit in truck.units:
+        for group in unit.axle_groups:
+            path, slip = unit.group_path(group), 1e-3
+            linear, grip = group.cornering_stiffness * slip, ROAD_FRICTION * loads[path]
+            fiala = linear - linear**2 / (3 * grip) + linear**3 / (27 * grip**2)
+            softened = linear / (1 + slopes[path] * slip)
+            assert linear - softened == pytest.approx(linear - fiala, rel=0.02)
+
+
+def test_softening_without_static_loads(truck: Vehicle) -> None:
+    """Two groups on one unit behind a coupling leave the loads open."""
+    group = truck.units[1].axle_groups[0]
+    axles = [group.model_copy(update={"name": f"part{i}", "axles": (axle,)}) for i, axle in enumerate(group.axles)]
+    trailer = truck.units[1].model_copy(update={"axle_groups": tuple(axles)})
+    undetermined = truck.model_copy(update={"units": (truck.units[0], trailer)})
+    assert set(softening(undetermined).values()) == {SOFTENING}
+
+
+def test_considered_groups_are_scaled(truck: Vehicle) -> None:
+    """`consider` gives factors of the vehicle file and of the softening, and the latency of a gyro in s."""
+    full = by_name(truck, OneStage())
+    half = by_name(truck, OneStage(consider={"vehicle_file": 0.5, "softening": 0.5, "gyro_delay": 0.005}))
+    considered = {name: u for name, u in full.items() if u.considered and (u.moves or u.centre == 0)}
+    assert {f"{rate}.delay" for rate in RATES} | {"mass_scale", "tractor.front.softening"} <= set(considered)
+    for name, u in considered.items():
+        for path, slope in u.slopes.items():
+            assert half[name].slopes[path] * half[name].scale == pytest.approx(slope * u.scale / 2), name
+    assert not [u for u in by_name(truck, OneStage(consider={})).values() if u.considered]
+
+
+def test_an_exact_sensor_has_no_latency(truck: Vehicle) -> None:
+    assert not [name for name in by_name(truck, OneStage(nuisances=False)) if name.endswith((".delay", ".play"))]
+
+
+def test_a_change_of_the_vehicle_file_leaves_other_unknowns_alone(truck: Vehicle) -> None:
+    """Estimated, uncertain and fixed parameters are not part of a change; one without any other is left out."""
+    moved = by_name(truck, OneStage())["mass_scale"].slopes
+    assert {"tractor.mass", "semitrailer.mass", "tractor.sprung.mass"} <= set(moved)
+    assert "semitrailer.yaw_inertia" not in moved  # estimated
+    assert "tractor.yaw_inertia" not in moved  # considered by itself
+    fixed = by_name(truck, OneStage(fixed=("tractor.mass", "tractor.cog")))
+    assert "tractor.mass" not in fixed["mass_scale"].slopes
+    assert "tractor.cog" not in fixed
+
+
+def test_play_is_not_negative(truck: Vehicle) -> None:
+    play = by_name(truck, OneStage())["steer.tractor.front.play"]
+    assert (play.lower, play.centre) == (0.0, 0.0)
+    assert play.upper > 0
+    assert not play.considered
+
+
+def test_delays_of_time_bases(truck: Vehicle) -> None:
+    """One for each time base but that of the steering; channels without a name are on the main one."""
+    bases = {"yaw_rate.semitrailer": "trailer", "roll_rate.semitrailer": "trailer", "yaw_rate.tractor": "imu"}
+    delays = {u.name: dict(u.slopes) for u in time_base_delays(bases, "", RATES, OneStage())}
+    assert delays == {
+        "time_base.trailer.delay": {"yaw_rate.semitrailer.delay": 1.0, "roll_rate.semitrailer.delay": 1.0},
+        "time_base.imu.delay": {"yaw_rate.tractor.delay": 1.0},
+    }
+    by_imu = time_base_delays({"yaw_rate.tractor": "imu", "steer.tractor.front": "imu"}, "imu", RATES, OneStage())
+    (main,) = by_imu
+    assert main.name == "time_base.main.delay"
+    assert set(main.slopes) == {"yaw_rate.semitrailer.delay", "roll_rate.semitrailer.delay"}
+    assert time_base_delays(bases, "", RATES, OneStage(nuisances=False)) == []
+    (prior,) = {u.prior_sigma for u in time_base_delays(bases, "", RATES, OneStage(time_base_delay_prior=0.02))}
+    assert prior == 0.02
+
+
+def test_suspects_are_considered_in_score_tests_only() -> None:
+    (scale,) = suspects()
+    assert (scale.considered, scale.suspect, scale.centre) == (True, True, 0.0)
+    assert dict(scale.slopes) == {"time_base.scale": 1.0}

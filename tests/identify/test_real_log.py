@@ -54,6 +54,9 @@ def test_one_stage_on_both_logs(bend: Record, ramp: Record) -> None:
     assert np.all(np.array(explained(result, "ramp")) >= [83.1, 94.1, 96.3])
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert verdicts.pop("semitrailer.payload.height") is Verdict.NOT_IDENTIFIABLE
+    assert verdicts.pop("semitrailer.yaw_inertia") in (Verdict.CONVERGED, Verdict.NOT_IDENTIFIABLE)
+    inertia = result["semitrailer.yaw_inertia"]  # the logs contain about as much information on it as the prior
+    assert 0.55 < inertia.sigma / inertia.prior <= 1.0
     assert set(verdicts.values()) == {Verdict.CONVERGED}
     assert {e.name for e in result.sensors} >= {f"steer.tractor.front.{kind}" for kind in ("offset", "gain", "delay")}
     front = result["tractor.front.cornering_stiffness"]
@@ -61,7 +64,7 @@ def test_one_stage_on_both_logs(bend: Record, ramp: Record) -> None:
     both = [e for e in result.parameters if other[e.name].verdict is e.verdict is Verdict.CONVERGED]
     assert len(both) >= 3
     for e in both:  # both forms agree within sigma
-        assert abs(other[e.name].value - e.value) < 1.5 * e.sigma, e.name
+        assert abs(other[e.name].value - e.value) < 1.5 * np.hypot(e.sigma, other[e.name].sigma), e.name
     assert 0.05 < front.sigma / front.value < 0.3
 
 

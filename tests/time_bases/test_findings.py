@@ -64,7 +64,7 @@ def test_identify_says_the_same():
     assert f"simulated: {finding.message}" in prepare_dataset([LATE], TRUCK, OneStage()).notes
 
 
-@pytest.mark.parametrize("rate", [0.05, -0.02])
+@pytest.mark.parametrize("rate", [0.07, 0.05, -0.02])
 def test_the_rate_of_a_clock(rate):
     (finding,) = found(resampled(BASE, BASE.time / (1 + rate), YAW2, ROLL2), TRUCK)
     assert finding.fault is Fault.CLOCK_RATE

@@ -116,3 +116,13 @@ def test_a_log_that_cannot_be_predicted_has_no_offsets():
     without_speed = replace(record, signals={n: v for n, v in record.signals.items() if n != "speed"})
     for unusable in (straight, without_speed, record.cut(0, 3), record.with_signals({STEER: record.time * np.nan})):
         assert measure_time_offsets(unusable, TRUCK) == ()
+
+
+@pytest.mark.parametrize(
+    ("offset", "sigma", "significant"), [(0.5, 0.2, False), (-0.5, 0.1, True), (0.15, 0.01, False), (0.25, 0.05, True)]
+)
+def test_a_significant_offset_exceeds_three_sigma_and_the_smallest_one(offset, sigma, significant):
+    channel = TimeOffset(
+        name=YAW2, signals=(YAW2,), offset=offset, sigma=sigma, explained_at_0=0.5, explained=0.9, smallest=0.2
+    )
+    assert channel.significant is significant

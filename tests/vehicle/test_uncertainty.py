@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle, catalogue, changes
 from fifthwheel.vehicle.files import loads
-from tests.vehicle.test_vehicle import b_double
+from tests.vehicle.test_vehicle import b_double, group
+from tests.vehicle.test_vehicle import unit as make_unit
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
 PATHS = tuple(ARTICLE.parameters())
@@ -77,6 +78,10 @@ def test_lengths_by_hand() -> None:
         )
     middle = slopes(b_double())["middle.coupling"]  # axles 6 and 8 m behind the kingpin
     assert middle == pytest.approx({"rear_wheel.leading_position": 0.07}, rel=1e-12)
+    two_groups = make_unit("middle", cog=-4, axle_groups=(group("front", -2), group("rear", -6, -8)))
+    chain = b_double()
+    chain = Vehicle(name="chain", units=(chain.units[0], two_groups, chain.units[2]), couplings=chain.couplings)
+    assert slopes(chain)["middle.coupling"] == middle  # the wheelbase ends at the last group
 
 
 def test_a_single_unit_has_no_coupling() -> None:

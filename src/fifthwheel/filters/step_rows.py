@@ -68,7 +68,8 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     Args:
         record: of N samples.
         names: of the inputs.
-        errors: of the sensors; "<name>.delay" is the delay of an input, s, "<name>.play" the play of a steering, rad.
+        errors: of the sensors; "<name>.delay" is the delay of an input, s, "<name>.play" the play of a steering, rad at
+            the wheels, "<name>.gain" the angle of the wheels by that of the sensor.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
@@ -80,13 +81,14 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
         inputs[name], contact_name = record.input(name), dynamics.contact_input(name)
         if contact_name not in names and not delay and not play:
             continue
+        play /= gain  # of the measured angle
         contact, contact_rate = _shifted(record.time, play_contact(inputs[name], play), delay)
         inputs[name], rate = _shifted(record.time, inputs[name], delay)
         if contact_name in names:
             inputs[contact_name] = contact
-            inputs[dynamics.rate_input(name)] = rate - play / gain * contact_rate
+            inputs[dynamics.rate_input(name)] = rate - play * contact_rate
         else:
-            inputs[name] = inputs[name] - play / gain * contact
+            inputs[name] = inputs[name] - play * contact
     return inputs
 
 

@@ -83,8 +83,10 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
         np.log([high, max(total - high, 1e-3 * total), np.clip(tau, shortest, longest)])
         for tau in (0.05, 0.2, 1.0, 4.0)
     ]
-    options = {"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400}
-    best = minimize(cost, min(starts, key=cost), method="Nelder-Mead", options=options)
+    start = min(starts, key=cost)
+    simplex = np.vstack([start, start + np.log(2) * np.eye(3)])  # the default one depends on the unit of the residuals
+    options = {"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400, "initial_simplex": simplex}
+    best = minimize(cost, start, method="Nelder-Mead", options=options)
     fitted = model(np.asarray(best.x))
     white = np.log([total, 1e-12 * total, 1.0])
     if cost(white) <= best.fun + EVIDENCE:

@@ -124,7 +124,7 @@ def lag_curve(measured: Array, predicted: Array) -> LagCurve | None:
         predicted=predicted,
         rows=rows,
         inverted=max(inverted, 0.0) ** 2,
-        explained=np.maximum(correlation, 0.0) ** 2,
+        explained=np.clip(correlation, 0.0, 1.0) ** 2,  # rounding may give more than 1
     )
 
 

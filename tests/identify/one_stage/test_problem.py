@@ -1,5 +1,6 @@
 """The cost of the one-stage problem, and its derivatives against differences."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,20 +12,20 @@ from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.parameters import one_stage_unknowns
+from fifthwheel.identify.parameters import Unknown, one_stage_unknowns, suspects, time_base_delays
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
 
-def problem(truck: Vehicle, records: list[Record], settings: OneStage) -> Problem:
+def problem(truck: Vehicle, records: list[Record], settings: OneStage, further: Sequence[Unknown] = ()) -> Problem:
     truck = truck.with_logged_steering(records[0].signals, "the records")
     outputs = tuple(name for name in records[0].signals if "rate" in name)
     free = tuple(dynamics.all_parameters(truck, outputs, extended=True))
     model = dynamics.model(truck, outputs, roll=True, bank=settings.nuisances, free=free, extended=True)
     logs = [LogData(name=r.name, segments=segments_above(r, 5.0)) for r in records]
-    return Problem(model, truck, logs, one_stage_unknowns(truck, outputs, settings), settings)
+    return Problem(model, truck, logs, [*one_stage_unknowns(truck, outputs, settings), *further], settings)
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +58,31 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     assert np.linalg.eigvalsh(quadratic.hessian).min() > 0.99
 
 
+def test_derivatives_by_model_errors(truck: Vehicle) -> None:
+    """Of the residuals by every softening, play, delay, misalignment and the time base, against central differences."""
+    record = simulate(truck, count=1, seed=1).cut(0.5, 5.0)
+    outputs = tuple(name for name in record.signals if "rate" in name)
+    trailer = {name: "trailer" for name in outputs if "semitrailer" in name}
+    further = [*suspects(), *time_base_delays(trailer, "", outputs, OneStage())]
+    p = problem(truck, [record], OneStage(initial_payload_height=1.0), further)
+    kinds = ("softening", "play", "delay", "misalignment", "time_base")
+    chosen = [name for name in p.names if name.rpartition(".")[2] in kinds]
+    assert (
+        len(chosen) == 3 + 1 + (1 + 4 + 1) + 4 + 1
+    )  # axle groups, steering, its delay, gyros and trailer, gyros, time
+    z = 0.1 * np.random.default_rng(4).normal(size=len(p.names))
+    z[[p.names.index(name) for name in chosen]] = np.linspace(0.4, 0.9, len(chosen))
+    (block,) = p.blocks(z, 0, 0, whitened=False)
+    inside = slice(0, -30)  # a shifted input is constant beyond the end
+    for name in chosen:
+        i, step = p.names.index(name), 1e-3
+        shift = np.eye(len(z))[i] * step
+        higher, lower = (next(p.blocks(z + s * shift, 0, 0, directions="none")).error for s in (1, -1))
+        expected = ((higher - lower) / (2 * step))[inside]
+        actual = block.jacobian[..., block.indices.tolist().index(i)][inside]
+        assert np.abs(actual - expected).max() < 1e-4 * np.abs(expected).max(), name
+
+
 def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:
     p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage(initial_payload_height=None))
     i = p.names.index("steer.tractor.front.delay")
@@ -66,6 +92,17 @@ def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:
         z[i] = delay / 0.1
         costs.append(p.cost(z))
     assert costs[1] < min(costs[0], costs[2]) - 1
+
+
+def test_cost_does_not_depend_on_former_points(truck: Vehicle) -> None:
+    """Rows are kept until the errors of the steering change; the contact of the play depends on its gain too."""
+    record = simulate(truck, count=1, seed=1).cut(0.5, 5.0)
+    z = np.zeros(len(problem(truck, [record], OneStage()).names))
+    for kind, change in (("play", 1.5), ("gain", 1.0), ("delay", 0.2), ("offset@0", 0.3)):
+        p, fresh = (problem(truck, [record], OneStage()) for _ in range(2))
+        p.cost(z)
+        z[p.names.index(f"steer.tractor.front.{kind}")] = change
+        assert p.cost(z) == fresh.cost(z), kind
 
 
 def test_names_of_logs_and_segments(truck: Vehicle, records: list[Record]) -> None:

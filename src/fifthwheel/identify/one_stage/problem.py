@@ -340,9 +340,9 @@ class Problem:
 
     @cached_property
     def _input_errors(self) -> tuple[str, ...]:
-        """Names of the estimated delays and plays, which change the inputs."""
-        plays = [u.name for u in self.unknowns if is_sensor_error(u.name, "play")]
-        return (*self._delays, *plays)
+        """Names of the estimated delays, plays and gains of the steering, which change the inputs."""
+        steer = [u.name for u in self.unknowns if SignalName.of(u.name).quantity == "steer"]
+        return (*self._delays, *[name for name in steer if not is_sensor_error(name, "offset")])
 
     @cached_property
     def _speed_range(self) -> tuple[float, float]:
@@ -369,7 +369,7 @@ class Problem:
         return np.asarray(np.linalg.cholesky(P0))
 
     def _step_rows(self, i: int, j: int, values: Mapping[str, float]) -> StepRows:
-        """Rows of a segment at the present delays and plays; kept until these change."""
+        """Rows of a segment at the present errors of the steering; kept until these change."""
         key = (i, j, *[values[name] for name in self._input_errors])
         if key not in self._rows:
             self._rows = {k: rows for k, rows in self._rows.items() if k[:2] != (i, j)}

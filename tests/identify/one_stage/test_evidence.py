@@ -1,0 +1,147 @@
+"""Doubts on logs of the linear truck with a known fault, and none without one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.identify import Identification, OneStage, identify, parameters
+from fifthwheel.identify.doubts import STRONG_SCORE, Doubt, DoubtKind
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
+
+YAW, TRAILER = "yaw_rate.tractor", "yaw_rate.semitrailer"
+FRONT = "tractor.front.cornering_stiffness"
+
+
+@pytest.fixture(scope="module")
+def clean(truck: Vehicle) -> Record:
+    return simulate(truck, count=3, seed=1)
+
+
+def late(record: Record, delay: float, *names: str) -> Record:
+    return record.with_signals({n: np.interp(record.time - delay, record.time, record.signals[n]) for n in names})
+
+
+def doubts(result: Identification, kind: DoubtKind) -> list[Doubt]:
+    return [doubt for doubt in result.doubts if doubt.kind is kind]
+
+
+def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
+    result = identify([clean], truck)
+    assert result.doubts == ()
+    assert {e.verdict for e in result.parameters} == {Verdict.CONVERGED}
+
+
+@pytest.mark.parametrize("gyro", [YAW, TRAILER])
+def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
+    """50 ms are five standard deviations of the latency that is considered; the cause and its size are found."""
+    result = identify([late(clean, 0.05, gyro)], truck)
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    cause = doubt.causes[0]
+    assert cause.name == f"{gyro}.delay"
+    information = (doubt.statistic / 5) ** 2  # the prior reduces the implied change
+    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.05 * information / (1 + information), rel=0.1)}
+    assert cause.prior_sigmas == pytest.approx(cause.changes[f"{gyro}.delay"] / 0.01)
+    assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
+    assert set(doubt.parameters) == {e.name for e in result.parameters}  # the statistic is that of a strong doubt
+
+
+def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle) -> None:
+    record = simulate(truck, count=2, seed=1)
+    result = identify([late(record, 0.05, TRAILER)], truck)
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    assert doubt.statistic < STRONG_SCORE
+    right = identify([record], truck)
+    moved = {e.name: abs(right[e.name].value - e.value) / e.sigma for e in result.parameters}
+    assert 1 <= len(doubt.parameters) < len(moved)
+    for name, change in moved.items():  # the implied change is about three quarters of the delay
+        if change < 0.4:
+            assert name not in doubt.parameters
+        if change > 0.8:
+            assert name in doubt.parameters
+
+
+def test_a_suspect_is_part_of_no_sigma(truck: Vehicle, clean: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = OneStage(consider={"semitrailer.roll_stiffness": 0.1})
+    result = identify([clean], truck, settings)
+    monkeypatch.setattr(parameters, "suspects", list)
+    without = identify([clean], truck, settings)
+    for e in result.parameters:
+        assert e.sigma == pytest.approx(without[e.name].sigma, rel=1e-9)
+        assert result.variance_budget[e.name].keys() == {"semitrailer.roll_stiffness"}
+
+
+def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Record) -> None:
+    names = (TRAILER, "roll_rate.semitrailer")
+    record = replace(late(clean, 0.05, *names), time_bases=dict.fromkeys(names, "trailer logger"))
+    result = identify([record], truck)
+    assert result.doubts == ()
+    (delay,) = [e for e in result.sensors if e.name == "time_base.trailer logger.delay"]
+    assert abs(delay.value - 0.05) < 3.5 * delay.sigma
+    assert delay.sigma < 0.02
+
+
+def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
+    """Timestamps that count 0.96 s in a second."""
+    record = simulate(truck, manoeuvre="random", seed=1)
+    result = identify([replace(record, time=0.96 * record.time)], truck, OneStage(check=False))
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    (change,) = [cause.changes["time_base.scale"] for cause in doubt.causes if cause.name == "time_base"]
+    assert 0.006 < change < 0.06  # one linear step towards 1 / 0.96 - 1
+
+
+def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
+    """A bias of ten standard deviations. The two yaw rates do not show which of them is biased, so both share it."""
+    biased = clean.with_signals({YAW: clean.signals[YAW] + 0.04})
+    result = identify([biased], truck, OneStage(consider={}))
+    assert {doubt.kind for doubt in result.doubts} == {DoubtKind.SENSOR}
+    causes = {doubt.causes[0].name: doubt.causes[0] for doubt in result.doubts}
+    assert causes.keys() == {f"{YAW}.offset@0", f"{TRAILER}.offset@0"}
+    for name, sign in ((YAW, 1), (TRAILER, -1)):
+        cause = causes[f"{name}.offset@0"]
+        assert cause.prior_sigmas == pytest.approx(sign * 5, abs=0.5)
+        assert cause.changes == {f"{name}.offset": pytest.approx(cause.prior_sigmas * 0.004)}
+    assert [doubt.statistic for doubt in result.doubts] == [
+        abs(doubt.causes[0].prior_sigmas) for doubt in result.doubts
+    ]
+
+
+def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicle, clean: Record) -> None:
+    """Those that differ by more than half a sigma if the gain of the steering is 1."""
+    steer = "steer.tractor.front"
+    scaled = clean.with_signals({steer: clean.signals[steer] / 1.1})
+    result = identify([scaled], truck, OneStage(consider={}, steer_gain_prior=0.018))
+    usual = identify([scaled], truck, OneStage(consider={}, steer_gain_prior=1e-5))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.causes[0].name) == (DoubtKind.SENSOR, f"{steer}.gain")
+    moved = {e.name: abs(usual[e.name].value - e.value) / e.sigma for e in result.parameters}
+    assert not [name for name, change in moved.items() if 0.45 < change < 0.7]
+    assert set(doubt.parameters) == {name for name, change in moved.items() if change > 0.5}
+    assert 2 <= len(doubt.parameters) < len(moved)
+    assert {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL} == set(doubt.parameters)
+
+
+def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
+    """A stiffness of 30 % of the true value in the vehicle file is doubtful, and no other one."""
+    wrong = truck.replace({FRONT: 0.3 * truck.parameters()[FRONT]})
+    result = identify([clean], wrong, OneStage(consider={}))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.parameters) == (DoubtKind.ESTIMATE, (FRONT,))
+    assert doubt.causes[0].prior_sigmas == pytest.approx(np.log(1 / 0.3) / 0.3, rel=0.1)
+    verdicts = {e.name: e.verdict for e in result.parameters}
+    assert verdicts.pop(FRONT) is Verdict.DOUBTFUL
+    assert set(verdicts.values()) == {Verdict.CONVERGED}
+
+
+def test_a_log_beyond_the_linear_range(truck: Vehicle, clean: Record) -> None:
+    fast = {n: 1.6 * values for n, values in clean.signals.items() if n != "speed"}
+    hard = replace(clean.with_signals(fast), name="hard")
+    result = identify([clean, hard], truck, OneStage(consider={}))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.log, doubt.causes) == (DoubtKind.RANGE, "hard", ())
+    mean = np.convolve(hard.signals["speed"] * hard.signals[YAW], np.ones(50) / 50, mode="valid")
+    assert doubt.statistic == pytest.approx(np.abs(mean).max(), rel=0.01)
+    assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
