@@ -269,8 +269,11 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
 
 
 def _is_uninformative(identification: Identification, signal: str) -> bool:
-    """Whether a channel may contain noise alone: the roll rate of a unit whose payload height is not estimated."""
+    """Whether a channel may contain noise alone: the roll rate of a unit whose payload height is not estimated, or a
+    lateral acceleration, because of vibration."""
     name, estimated = SignalName.of(signal), {e.name for e in identification.parameters}
+    if name.quantity == ACCELEROMETER:
+        return True
     return name.quantity == "roll_rate" and f"{name.unit}.payload.height" not in estimated
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.diagnose.cautions import identification_cautions
 from fifthwheel.identify import Identification, OneStage, TwoStage, identify
 from fifthwheel.identify.design import assess_information
 from fifthwheel.record import Record
@@ -121,3 +122,19 @@ def test_states_use_the_estimated_errors(result: Identification, log: Record) ->
     settings = result.observer_settings("simulated")
     assert settings.sensor_errors[f"{NAME}.position"] == pytest.approx(TRUE_ERRORS["position"], abs=0.2)
     assert f"{NAME}.position" in result.uncertainty("simulated").names
+
+
+def test_vibration_is_noise(log: Record, guess: Vehicle) -> None:
+    """A channel with little besides vibration contributes little, and does not make the estimates untrustworthy."""
+    vibration = 1.2 * np.random.default_rng(6).normal(size=len(log))
+    result = identify([log.with_signals({NAME: log.signals[NAME] + vibration})], guess, EXACT)
+    assert next(fit.explained for fit in result.fits if fit.signal == NAME) < 0.5
+    assert {e.verdict for e in result.parameters} == {"converged"}
+    assert not [caution for caution in identification_cautions(result) if NAME in caution.signals]
+
+
+def test_an_unrelated_channel_is_not_trusted(log: Record, guess: Vehicle) -> None:
+    wrong = log.with_signals({NAME: 2.0 * np.sin(1.3 * log.time)})
+    result = identify([wrong], guess, replace(EXACT, check=False))
+    assert {e.verdict for e in result.parameters} == {"not_converged"}
+    assert any(note.startswith(f"{NAME}: the model explains") for note in result.notes)
