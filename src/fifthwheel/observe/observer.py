@@ -42,8 +42,9 @@ class Observer:
     Args:
         vehicle: with its numbers, as identified.
         signals: names of the available signals: the speed, a steer angle, and at least one yaw rate, roll rate, roll
-            angle, articulation angle or lateral acceleration. With a roll rate, a roll angle or a lateral acceleration,
-            which contains gravity by the roll angle, the yaw-roll model is used, otherwise the yaw model.
+            angle or articulation angle; lateral accelerations are used in addition. With a roll rate, a roll angle or a
+            lateral acceleration, which contains gravity by the roll angle, the yaw-roll model is used, otherwise the
+            yaw model.
         settings: of the observer.
 
     Raises:
@@ -61,7 +62,7 @@ class Observer:
         units = [unit.name for unit in vehicle.units]
         usable = [f"{quantity}.{u}" for quantity in MEASURED for u in units]
         self.outputs = tuple(n for n in usable if n in available and n != f"articulation.{units[0]}")
-        if not self.outputs:
+        if all(SignalName.of(name).quantity == ACCELEROMETER for name in self.outputs):  # its offset alone would decide
             raise SignalError(f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate")
         self.inputs = ("speed", *self.vehicle.steer_signals())
         self.roll = any(SignalName.of(name).quantity in (*NEEDS_ROLL, ACCELEROMETER) for name in self.outputs)
