@@ -13,6 +13,9 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 SENSOR_ERROR_KINDS = ("offset", "gain", "delay", "misalignment", "play")
+ACCELEROMETER = "lateral_acceleration"
+PLACE_KINDS = ("position", "height")
+"""Errors of an accelerometer only: where it is, absolute."""
 STEER_ERROR_KINDS = ("offset", "gain", "delay")
 
 
@@ -79,14 +82,15 @@ class SensorErrorName(NamedTuple):
 
     signal: str
     kind: str
-    """One of `SENSOR_ERROR_KINDS`."""
+    """One of `SENSOR_ERROR_KINDS`; of an accelerometer also one of `PLACE_KINDS`."""
 
     @classmethod
     @lru_cache(maxsize=4096)
     def of(cls, name: str) -> Self | None:
         """Parse a name without its log; None where it does not name a sensor error."""
         signal, _, kind = name.rpartition(".")
-        return cls(signal, kind) if kind in SENSOR_ERROR_KINDS else None
+        is_place = kind in PLACE_KINDS and SignalName.of(signal).quantity == ACCELEROMETER
+        return cls(signal, kind) if kind in SENSOR_ERROR_KINDS or is_place else None
 
 
 def is_sensor_error(name: str, kind: str | None = None) -> bool:

@@ -51,6 +51,10 @@ def test_an_estimate_far_from_the_vehicle_file(result):
         (f"{STEER}.delay", 0.06, 0.01, CautionKind.DELAY, "s"),
         ("yaw_rate.tractor.gain", 1.2, 0.01, CautionKind.GAIN, "1"),
         ("yaw_rate.tractor.offset", 0.02, 0.001, CautionKind.OFFSET, "rad/s"),
+        ("lateral_acceleration.tractor.offset", 1.2, 0.1, CautionKind.OFFSET, "m/s^2"),
+        ("lateral_acceleration.tractor.delay", 0.12, 0.01, CautionKind.DELAY, "s"),
+        ("lateral_acceleration.tractor.position", 1.0, 0.1, CautionKind.POSITION, "m"),
+        ("lateral_acceleration.tractor.height", 2.0, 0.1, CautionKind.HEIGHT, "m"),
     ],
 )
 def test_unusual_sensor_errors(result, name, value, sigma, kind, unit):
@@ -65,7 +69,13 @@ def test_unusual_sensor_errors(result, name, value, sigma, kind, unit):
 
 @pytest.mark.parametrize(
     ("name", "value", "sigma"),
-    [(f"{STEER}.gain", 1.08, 0.01), (f"{STEER}.gain", 1.25, 0.2), (f"{STEER}.delay", 0.015, 0.001)],
+    [
+        (f"{STEER}.gain", 1.08, 0.01),
+        (f"{STEER}.gain", 1.25, 0.2),
+        (f"{STEER}.delay", 0.015, 0.001),
+        ("lateral_acceleration.tractor.delay", 0.05, 0.001),
+        ("lateral_acceleration.tractor.position", -1.6, 0.1),
+    ],
 )
 def test_usual_sensor_errors(result, name, value, sigma):
     identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit="1", log=None))

@@ -16,6 +16,7 @@ from fifthwheel.plant import truck as module
 from fifthwheel.plant.truck import Simulation
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.unit import Accelerometer
 
 pytest.importorskip("mujoco")
 KMH_88 = 88 / 3.6
@@ -360,3 +361,21 @@ def test_without_mujoco(monkeypatch: pytest.MonkeyPatch):
         Plant(TRUCK, Properties(lash={"trailer": 0.01}))
     with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[plant\]'"):
         Plant(TRUCK).drive(straight(duration=1.0))
+
+
+def test_an_accelerometer_is_where_the_vehicle_file_says() -> None:
+    """A rigid body: a_y + x r' - z p', and two small products of rates."""
+    units = list(TRUCK.units)
+    tractor = units[0]
+    x, z = -2.0, 0.8  # from the default place
+    place = Accelerometer(position=tractor.cog + x, height=tractor.roll_axis_height + z)
+    units[0] = tractor.model_copy(update={"accelerometer": place})
+    course = sine(0.02, duration=4.0)
+    here, there = (Plant(truck).drive(course) for truck in (TRUCK, TRUCK.model_copy(update={"units": tuple(units)})))
+    p, q, r = (here.truth[f"{rate}.tractor"] for rate in ("roll_rate", "pitch_rate", "yaw_rate"))
+    expected = here.truth["lateral_acceleration.tractor"] + q * (x * p + z * r)
+    expected += x * np.gradient(r, here.time) - z * np.gradient(p, here.time)
+    error = there.truth["lateral_acceleration.tractor"] - expected
+    moved = there.truth["lateral_acceleration.tractor"] - here.truth["lateral_acceleration.tractor"]
+    assert np.std(error[1:-1]) < 0.02 * np.std(moved)
+    np.testing.assert_array_equal(there.truth["yaw_rate.tractor"], r)

@@ -12,6 +12,7 @@ from fifthwheel.dynamics.model import topology
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import Vehicle, catalogue, dump, load, save
 from fifthwheel.vehicle.files import loads, read_quantity
+from fifthwheel.vehicle.uncertainty import changes
 
 TEXT = catalogue.text("cheng_cebon_2011")
 PATHS = tuple(catalogue.get("cheng_cebon_2011").parameters())
@@ -119,6 +120,25 @@ def test_stated_sigmas_by_path() -> None:
         "fifth_wheel.leading_position": 0.05,
     }
     assert loads(text).parameters() == loads(TEXT).parameters()
+
+
+def test_place_of_an_accelerometer() -> None:
+    """Its own table, with stated sigmas; it does not change the motion, so no other number depends on it."""
+    place = '[unit.accelerometer]\nposition = "-1.2 +- 0.1 m"\nheight = 0.9\n'
+    vehicle = loads(TEXT.replace("[[unit.axle_group]]", place + "[[unit.axle_group]]", 1))
+    assert vehicle.parameters()["tractor.accelerometer.position"] == -1.2
+    assert vehicle.parameters()["tractor.accelerometer.height"] == 0.9
+    assert vehicle.stated == {"tractor.accelerometer.position": 0.1}
+    assert loads(dump(vehicle)) == vehicle
+    assert changes(vehicle) == changes(loads(TEXT))
+    tractor, trailer = vehicle.units
+    assert tractor.accelerometer_place == tractor.accelerometer
+    assert (trailer.accelerometer_place.position, trailer.accelerometer_place.height) == (
+        trailer.cog,
+        trailer.roll_axis_height,
+    )
+    with pytest.raises(VehicleError, match="reserved"):
+        loads(TEXT.replace('name = "drive"', 'name = "accelerometer"'))
 
 
 def test_vehicles_with_different_stated_sigmas_differ_but_share_a_model() -> None:

@@ -77,8 +77,8 @@ SensorOption = Annotated[
         "--sensor",
         help="NAME=SIGMA: prior sigma of a sensor error, such as steer_delay=5ms if all signals have a common time "
         "base. NAME is steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
-        "time_base_delay, articulation_offset or bank. "
-        "May be repeated.",
+        "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
+        "accelerometer_position, accelerometer_height or bank. May be repeated.",
     ),
 ]
 AnyLoadOption = Annotated[

@@ -13,9 +13,18 @@ from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
-from fifthwheel.identify import CommonSettings, Estimate, Identification, SensorError, Verdict
+from fifthwheel.identify import Estimate, Identification, OneStage, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
-from fifthwheel.names import ParameterPath, SensorErrorName, SignalName, is_sensor_error, split_log
+from fifthwheel.identify.parameters import accelerometer_prior
+from fifthwheel.names import (
+    ACCELEROMETER,
+    PLACE_KINDS,
+    ParameterPath,
+    SensorErrorName,
+    SignalName,
+    is_sensor_error,
+    split_log,
+)
 from fifthwheel.observe import States
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -29,6 +38,8 @@ class CautionKind(StrEnum):
     UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
     DELAY = "delay"  # a significant or unusual delay of a sensor
     GAIN = "gain"  # an unusual gain of a sensor
+    POSITION = "position"  # an unusual position of an accelerometer
+    HEIGHT = "height"  # an unusual height of an accelerometer
     MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
     PLAY = "play"  # an unusual play of the steering
     OFFSET = "offset"  # an unusual offset of a sensor
@@ -82,10 +93,13 @@ def has_wide_sigma(estimate: Estimate) -> bool:
     return estimate.sigma > thresholds.WIDE_SIGMA * abs(estimate.value)
 
 
-def sensor_error_prior(settings: CommonSettings, name: str) -> tuple[float, float]:
+def sensor_error_prior(identification: Identification, name: str) -> tuple[float, float]:
     """Prior mean and standard deviation of a sensor error, SI."""
+    settings = identification.settings
     signal, kind = SensorErrorName.of(name) or (name, "")
     quantity = SignalName.of(signal).quantity
+    if quantity == ACCELEROMETER and isinstance(settings, OneStage):
+        return accelerometer_prior(identification.initial_vehicle, signal, kind, settings)
     if kind == "gain":
         rate_gain: float = getattr(settings, "rate_gain_prior", thresholds.UNUSUAL_GAIN)
         return 1.0, settings.steer_gain_prior if quantity == "steer" else rate_gain
@@ -100,9 +114,9 @@ def sensor_error_prior(settings: CommonSettings, name: str) -> tuple[float, floa
     return 0.0, settings.articulation_offset_prior if quantity == "articulation" else settings.rate_offset_prior
 
 
-def is_unusual(settings: CommonSettings, error: SensorError) -> bool:
+def is_unusual(identification: Identification, error: SensorError) -> bool:
     """Whether a sensor error is far from its prior mean, or a steer gain far from 1."""
-    mean, sigma = sensor_error_prior(settings, error.name)
+    mean, sigma = sensor_error_prior(identification, error.name)
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
     if kind == "gain" and SignalName.of(signal).quantity == "steer":
         return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
@@ -183,14 +197,21 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
-        delayed = kind == "delay" and abs(error.value) > significant
+        filtered = SignalName.of(signal).quantity == ACCELEROMETER  # always late
+        delayed = kind == "delay" and not filtered and abs(error.value) > significant
         doubts = [d for d in identification.doubts if any(split_log(c.name)[0] == error.name for c in d.causes)]
         doubts = [d for d in doubts if d.kind is DoubtKind.SENSOR]
-        if not delayed and not doubts and not is_unusual(identification.settings, error):
+        if not delayed and not doubts and not is_unusual(identification, error):
             continue
         steer_gain = kind == "gain" and SignalName.of(signal).quantity == "steer"
         value = with_sigma(error.value, error.sigma, error.unit)
-        if kind == "delay":
+        if kind == "delay" and filtered:
+            text, cure = f"the estimated delay is {value}.", "Check its timestamps, or set its delay in the signal map."
+        elif kind in PLACE_KINDS:
+            mean = sensor_error_prior(identification, error.name)[0]
+            text = f"the estimated {kind} is {value}; {with_sigma(mean, None, error.unit)} is expected."
+            cure = f"Check the {kind} of the accelerometer in the vehicle file, and which point the signal belongs to."
+        elif kind == "delay":
             text = f"the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too."
             cure = (
                 "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
@@ -248,8 +269,11 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
 
 
 def _is_uninformative(identification: Identification, signal: str) -> bool:
-    """Whether a channel may contain noise alone: the roll rate of a unit whose payload height is not estimated."""
+    """Whether a channel may contain noise alone: the roll rate of a unit whose payload height is not estimated, or a
+    lateral acceleration, because of vibration."""
     name, estimated = SignalName.of(signal), {e.name for e in identification.parameters}
+    if name.quantity == ACCELEROMETER:
+        return True
     return name.quantity == "roll_rate" and f"{name.unit}.payload.height" not in estimated
 
 

@@ -81,7 +81,7 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
 
         <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
-        <sensor>.delay           s, latency of a gyro or an articulation sensor, to first order
+        <sensor>.delay           s, latency of a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
@@ -221,6 +221,7 @@ def _build(
         speed=speed,
         steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
         roll=roll,
+        changing=(ca.vertcat(x, measured_after), ca.vertcat(rate, d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m))),
     )
     y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
     return ChainModel(

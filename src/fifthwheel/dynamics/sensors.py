@@ -13,7 +13,7 @@ import casadi as ca
 from fifthwheel.dynamics.chain import BANK, Motion
 from fifthwheel.dynamics.unit_equations import mass_matrix, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.names import SignalName
+from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 
@@ -28,6 +28,7 @@ class SensorInputs(NamedTuple):
     speed: ca.SX  # m/s
     steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
     roll: bool  # whether the model has roll
+    changing: tuple[ca.SX, ca.SX]  # symbols that change with time, and their derivatives
 
 
 def _lateral_velocity(inputs: SensorInputs, i: int, name: str) -> ca.SX:
@@ -91,7 +92,7 @@ QUANTITIES: dict[str, Quantity] = {
     "articulation": Quantity("rad", False, _articulation),
     "sideslip": Quantity("rad", True, _sideslip),
     "lateral_velocity": Quantity("m/s", True, _lateral_velocity),
-    "lateral_acceleration": Quantity("m/s^2", True, _lateral_acceleration),
+    ACCELEROMETER: Quantity("m/s^2", True, _lateral_acceleration),
     "coupling_force": Quantity("N", False, _coupling_force),
 }
 """Quantities of a unit, by the first word of a signal's name."""
@@ -120,7 +121,8 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """Parameters of a sensor with their defaults: gain 1, offset 0, position under the CoG on the roll axis.
 
-    A gyro also has a misalignment, rad: that fraction of the other rate of its unit is part of its output.
+    An accelerometer is where the vehicle file says, if it does. A gyro also has a misalignment, rad: that fraction of
+    the other rate of its unit is part of its output.
 
     Raises:
         SignalError: as in `unit_index`.
@@ -132,13 +134,17 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     if SignalName.of(name).quantity in RATES:
         parameters[f"{name}.misalignment"] = 0.0
     if QUANTITIES[SignalName.of(name).quantity].has_position:
-        parameters |= {f"{name}.position": unit.cog, f"{name}.height": unit.roll_axis_height}
+        position, height = unit.cog, unit.roll_axis_height
+        if SignalName.of(name).quantity == ACCELEROMETER:
+            position, height = unit.accelerometer_place.position, unit.accelerometer_place.height
+        parameters |= {f"{name}.position": position, f"{name}.height": height}
     return parameters
 
 
 def extension_parameters(name: str) -> dict[str, float]:
-    """Further parameters of a sensor in an extended model: the delay of a gyro or of an articulation sensor, s."""
-    return {f"{name}.delay": 0.0} if SignalName.of(name).quantity in (*RATES, "articulation") else {}
+    """Further parameters of a sensor in an extended model: the delay of a gyro, accelerometer or articulation sensor,
+    s."""
+    return {f"{name}.delay": 0.0} if SignalName.of(name).quantity in (*RATES, "articulation", ACCELEROMETER) else {}
 
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
@@ -148,7 +154,7 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
     value, p = quantity.expression(inputs, i, name), inputs.p
     if f"{name}.delay" in p:
-        value -= p[f"{name}.delay"] * _derivative(inputs, i, SignalName.of(name).quantity)
+        value -= p[f"{name}.delay"] * _derivative(inputs, i, SignalName.of(name).quantity, value)
     if f"{name}.misalignment" in p:
         yaw = SignalName.of(name).quantity == "yaw_rate"
         other = inputs.motion.roll_rate[i] if yaw else inputs.motion.r[i]
@@ -156,8 +162,10 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     return value * p[f"{name}.gain"] + p[f"{name}.offset"]
 
 
-def _derivative(inputs: SensorInputs, i: int, quantity: str) -> ca.SX:
-    """Derivative of a rate or of the articulation angle with respect to time."""
+def _derivative(inputs: SensorInputs, i: int, quantity: str, value: ca.SX) -> ca.SX:
+    """Derivative of the value of a quantity of unit i with respect to time, at constant speed."""
+    if quantity == ACCELEROMETER:
+        return ca.jtimes(value, *inputs.changing)
     if quantity == "articulation":
         return inputs.motion.r[i] - inputs.motion.r[i - 1]
     return inputs.acceleration[i][1 if quantity == "yaw_rate" else 2]

@@ -2,7 +2,7 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify import parameters
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.names import ACCELEROMETER
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.time_bases import check_record
@@ -63,6 +64,8 @@ class Dataset:
     """Measured yaw rates and articulation angles."""
     roll: tuple[str, ...]
     """Measured roll rates."""
+    lateral: tuple[str, ...]
+    """Measured lateral accelerations, which two stages do not use."""
     notes: tuple[str, ...]
     """For the user."""
 
@@ -127,6 +130,7 @@ def prepare_dataset(
         vehicle=steered,
         yaw=yaw,
         roll=roll,
+        lateral=lateral_accelerations({name for record in records for name in record.signals}, steered),
         notes=tuple(notes),
     )
 
@@ -145,6 +149,12 @@ def usable_channels(records: Sequence[Record], vehicle: Vehicle) -> tuple[tuple[
         if f"yaw_rate.{u}" not in present and f"articulation.{u}" not in present:
             raise SignalError(f"yaw_rate.{u}: in none of the logs; map the yaw rate gyro of the {u} to it")
     return present, tuple(f"roll_rate.{u}" for u in units if f"roll_rate.{u}" in logged)
+
+
+def lateral_accelerations(logged: Container[str], vehicle: Vehicle) -> tuple[str, ...]:
+    """The measured lateral accelerations, front to rear."""
+    names = [f"{ACCELEROMETER}.{unit.name}" for unit in vehicle.units]
+    return tuple(name for name in names if name in logged)
 
 
 def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:

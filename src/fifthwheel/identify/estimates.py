@@ -11,9 +11,10 @@ from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
+from fifthwheel.names import ParameterPath, SensorErrorName
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 
 DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}
@@ -165,11 +166,10 @@ def sensor_error_unit(name: str) -> str:
     error = SensorErrorName.of(name)
     if error is None:
         raise SignalError(f"{name}: expected the name of a sensor error, such as yaw_rate.tractor.offset")
-    if error.kind in ("misalignment", "play"):
-        return "rad"
-    if error.kind != "offset":
-        return "s" if error.kind == "delay" else "1"
-    return "rad/s" if SignalName.of(error.signal).quantity.endswith("rate") else "rad"
+    units = {"misalignment": "rad", "play": "rad", "delay": "s", "gain": "1", "position": "m", "height": "m"}
+    if error.kind in units:
+        return units[error.kind]
+    return si_unit(error.signal) or "1"
 
 
 def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: Array) -> LogSummary:

@@ -26,17 +26,18 @@ from fifthwheel.identify.dataset import Dataset, LogData, speed_range
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.names import SignalName, is_sensor_error
+from fifthwheel.names import ACCELEROMETER, SignalName, is_sensor_error
 from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.vehicle import Vehicle
 
 OUTLIER = 6.0
 """A residual beyond this multiple of the typical residual does not count in the fit of theta."""
 LEAST_EXPLAINED = 0.5
 """A clear signal of which less than this fraction is explained makes the estimates untrustworthy."""
-CLEAR_SIGNAL, CLEAR_ROLL_RATE = 4.0, 20.0
-"""A signal is clear if its variance exceeds that of its noise by this factor. The factor is larger for a roll rate,
-because the road rolls a vehicle that drives straight."""
+CLEAR_SIGNAL, CLEAR_ROLL = 4.0, 20.0
+"""A signal is clear if its variance exceeds that of its noise by this factor. The factor is larger for a roll rate and
+a lateral acceleration, because the road rolls a vehicle that drives straight."""
 SPEED_MARGIN = 0.1
 """A predicted log may leave the speeds of the identification by this fraction without a note."""
 
@@ -90,9 +91,12 @@ def evaluate_fits(
 
 def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> bool:
     """Whether the model explains too little of a clear signal."""
-    ratio = float(np.nanvar(fit.measured)) / variances.sensor_variance(vehicle, fit.signal, settings.noise)
-    if SignalName.of(fit.signal).quantity.startswith("roll"):
-        return ratio > CLEAR_ROLL_RATE and not fit.explained > LEAST_EXPLAINED
+    noise, quantity = variances.sensor_variance(vehicle, fit.signal, settings.noise), SignalName.of(fit.signal).quantity
+    if quantity == ACCELEROMETER:  # vibration is part of its noise, and different on every truck
+        noise = max(noise, estimate_noise_variance(fit.time, fit.measured) or 0.0)
+    ratio = float(np.nanvar(fit.measured)) / noise
+    if quantity in ("roll", "roll_rate", ACCELEROMETER):
+        return ratio > CLEAR_ROLL and not fit.explained > LEAST_EXPLAINED
     return ratio > CLEAR_SIGNAL and not fit.explained > LEAST_EXPLAINED * (1 - 1 / ratio)
 
 

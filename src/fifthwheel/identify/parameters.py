@@ -11,7 +11,7 @@ from fifthwheel import dynamics
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
-from fifthwheel.names import ParameterPath, SignalName, ends_with
+from fifthwheel.names import ACCELEROMETER, PLACE_KINDS, ParameterPath, SignalName, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import changes
 
@@ -214,6 +214,7 @@ def one_stage_unknowns(
         unknowns += [_sensor_error(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
         plays = [_sensor_error(f"{name}.play", settings.steer_play_prior) for name in vehicle.steer_signals()]
         unknowns += [replace(play, lower=0.0) for play in plays]
+    unknowns += _accelerometer_errors(vehicle, outputs, settings, extended=extended) if settings.nuisances else []
     return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
 
 
@@ -231,7 +232,7 @@ def time_base_delays(
     if not settings.nuisances:
         return []
     moves: dict[str, dict[str, float]] = {}
-    for name in outputs:  # gyros and articulation sensors
+    for name in outputs:
         base = time_bases.get(name, "")
         if base != main:
             moves.setdefault(f"{TIME_BASE}.{base or 'main'}", {})[f"{name}.delay"] = 1.0
@@ -248,6 +249,37 @@ def suspects() -> list[Unknown]:
 
 def _gyros(outputs: Sequence[str]) -> list[str]:
     return [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
+
+
+def accelerometer_prior(vehicle: Vehicle, name: str, kind: str, settings: OneStage) -> tuple[float, float]:
+    """Prior mean and standard deviation of an error of the lateral accelerometer with this name, SI.
+
+    What the vehicle file states of its place replaces the standard deviation of the settings.
+    """
+    if kind in PLACE_KINDS:
+        unit = vehicle.unit(SignalName.of(name).unit)
+        prior = getattr(settings, f"accelerometer_{kind}_prior")
+        sigma = vehicle.stated.get(f"{unit.name}.accelerometer.{kind}", prior)
+        return getattr(unit.accelerometer_place, kind), sigma
+    return (1.0 if kind == "gain" else 0.0), getattr(settings, f"acceleration_{kind}_prior")
+
+
+def _accelerometer_errors(
+    vehicle: Vehicle, outputs: Sequence[str], settings: OneStage, *, extended: bool
+) -> list[Unknown]:
+    """Offset, gain, position, height and, in an extended model, delay of every lateral accelerometer.
+
+    They are estimated, not considered: the channel itself contains information on them, and no other channel depends on
+    them. An exact place is no unknown.
+    """
+    kinds = ("offset", "gain", *(("delay",) if extended else ()), *PLACE_KINDS)
+    unknowns = []
+    for name in (name for name in outputs if SignalName.of(name).quantity == ACCELEROMETER):
+        for kind in kinds:
+            mean, sigma = accelerometer_prior(vehicle, name, kind, settings)
+            if sigma:
+                unknowns.append(_sensor_error(f"{name}.{kind}", sigma, centre=mean, per_log=kind == "offset"))
+    return unknowns
 
 
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
@@ -348,7 +380,10 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
 
 
 def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: CommonSettings) -> list[Unknown]:
-    """Offset, gain and delay of every steer angle, and the offset of every output; none if the settings say so."""
+    """Offset, gain and delay of every steer angle, and the offset of every gyro and articulation sensor.
+
+    None if the settings say so.
+    """
     if not settings.nuisances:
         return []
     unknowns = []
@@ -363,7 +398,7 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
         "roll_rate": settings.rate_offset_prior,
         "articulation": settings.articulation_offset_prior,
     }
-    for name in outputs:
+    for name in (name for name in outputs if SignalName.of(name).quantity in priors):
         unknowns.append(_sensor_error(f"{name}.offset", priors[SignalName.of(name).quantity], per_log=True))
     return unknowns
 

@@ -174,6 +174,19 @@ class OneStage(CommonSettings):
     it. The model is linear in this delay: correct a delay of more than 0.1 s in the signal map."""
     misalignment_prior: float = math.radians(3)
     """Prior standard deviation of the misalignment of a gyro, rad; all logs share it."""
+    acceleration_offset_prior: float = 0.3
+    """Prior standard deviation of the offset of a lateral accelerometer, m/s^2; each log has its own. It contains
+    gravity by the tilt of the mounting: 1 degree gives 0.17 m/s^2."""
+    acceleration_gain_prior: float = 0.03
+    """Prior standard deviation of the gain of a lateral accelerometer; all logs share it."""
+    acceleration_delay_prior: float = 0.03
+    """Prior standard deviation of the delay of a lateral accelerometer, s; all logs share it. It contains that of the
+    low-pass filter of the sensor."""
+    accelerometer_position_prior: float = 0.5
+    """Prior standard deviation of the position of a lateral accelerometer along its unit, m, where the vehicle file
+    states none."""
+    accelerometer_height_prior: float = 0.3
+    """The same for its height, m."""
     bank_prior: float = 0.03
     """Prior standard deviation of the road's bank, rad; each segment has its own. In the prediction-error form: of the
     bank at the start of a segment."""

@@ -17,7 +17,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
 from fifthwheel.errors import SignalError
-from fifthwheel.names import SignalName
+from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import offline
 from fifthwheel.observe.observer_model import ObserverModel, signals_with_position
@@ -29,7 +29,7 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
-MEASURED = ("yaw_rate", "articulation", "roll_rate", "roll")
+MEASURED = ("yaw_rate", "articulation", "roll_rate", "roll", ACCELEROMETER)
 """Quantities that an observer uses as measurements."""
 
 
@@ -42,8 +42,9 @@ class Observer:
     Args:
         vehicle: with its numbers, as identified.
         signals: names of the available signals: the speed, a steer angle, and at least one yaw rate, roll rate, roll
-            angle or articulation angle. With a roll rate or a roll angle the yaw-roll model is used, otherwise the yaw
-            model.
+            angle or articulation angle; lateral accelerations are used in addition. With a roll rate, a roll angle or a
+            lateral acceleration, which contains gravity by the roll angle, the yaw-roll model is used, otherwise the
+            yaw model.
         settings: of the observer.
 
     Raises:
@@ -61,10 +62,10 @@ class Observer:
         units = [unit.name for unit in vehicle.units]
         usable = [f"{quantity}.{u}" for quantity in MEASURED for u in units]
         self.outputs = tuple(n for n in usable if n in available and n != f"articulation.{units[0]}")
-        if not self.outputs:
+        if all(SignalName.of(name).quantity == ACCELEROMETER for name in self.outputs):  # its offset alone would decide
             raise SignalError(f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate")
         self.inputs = ("speed", *self.vehicle.steer_signals())
-        self.roll = any(SignalName.of(name).quantity in NEEDS_ROLL for name in self.outputs)
+        self.roll = any(SignalName.of(name).quantity in (*NEEDS_ROLL, ACCELEROMETER) for name in self.outputs)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.bank is not None)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):

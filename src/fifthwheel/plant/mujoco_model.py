@@ -47,7 +47,8 @@ def model_xml(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
             rear = _add_halves(element, body, properties.frame_torsion, unit.roll_axis_height)
         else:
             _add_inertia(element, body.mass, (body.cog[0], 0.0, body.cog[1]), body.inertia)
-        Xml.SubElement(element, "site", name=body.name, pos=f"{unit.cog!r} 0 {unit.roll_axis_height!r}")
+        place = unit.accelerometer_place
+        Xml.SubElement(element, "site", name=body.name, pos=f"{place.position!r} 0 {place.height!r}")
         _add_frame_sensors(sensors, body.name)
         Xml.SubElement(sensors, "accelerometer", site=body.name)
         for k, axle in enumerate(body.axles):

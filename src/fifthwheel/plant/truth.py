@@ -65,9 +65,9 @@ def true_signals(
     """Every signal of a run, (N,) each, by name.
 
     Yaw and roll rates are those of gyros fixed to the sprung body. Sideslip is that of the point of the body on the
-    roll axis below the CoG of the whole unit, in the horizontal plane. Accelerations are those of an accelerometer at
-    that point. Lateral force and slip angle of an axle combine both wheels; load transfer is the right load minus the
-    left one, divided by their sum.
+    roll axis below the CoG of the whole unit, in the horizontal plane. Accelerations are those of an accelerometer on
+    the body, where the vehicle file has it, by default at that point; they contain gravity. Lateral force and slip
+    angle of an axle combine both wheels; load transfer is the right load minus the left one, divided by their sum.
 
     Raises:
         SignalError: the truck rolls over, jackknifes or stops.

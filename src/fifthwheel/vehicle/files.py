@@ -31,7 +31,7 @@ from fifthwheel.errors import UnitError, VehicleError, suggestion
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
 from fifthwheel.vehicle.paths import SI_UNITS, unit_of
-from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
+from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Coupling, Vehicle
 
 Table = dict[str, Any]
@@ -119,7 +119,7 @@ def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
     """Fields of a unit; `label` names it in messages if it has no name."""
     path = _name(table, label)
     fields = _fields(table, path, Unit, stated)
-    for key, kind in (("sprung", SprungMass), ("payload", Payload)):
+    for key, kind in (("sprung", SprungMass), ("payload", Payload), ("accelerometer", Accelerometer)):
         if key in fields:
             fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind, stated)
     groups = _tables(fields, "axle_groups", path)

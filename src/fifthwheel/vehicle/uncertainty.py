@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 
@@ -82,7 +83,8 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
     The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
     `<unit>.axle_positions` and `<unit>.coupling`; and the path of every other parameter with a stated standard
     deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and
-    relaxation lengths have a change of their own only if their standard deviation is stated.
+    relaxation lengths have a change of their own only if their standard deviation is stated. The place of an
+    accelerometer has none: it does not change the motion.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -95,7 +97,8 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
         default = DEFAULT_SIGMAS["cog.laden" if unit.payload else "cog.unladen"].sigma
         slopes[cog] = {cog: stated.get(cog, default)}
         slopes |= _positions(vehicle, i)
-    slopes |= {path: {path: sigma} for path, sigma in stated.items() if path not in slopes}
+    others = [path for path in stated if path not in slopes and ParameterPath.of(path).component != "accelerometer"]
+    slopes |= {path: {path: stated[path]} for path in others}
     nonzero = {name: {path: s for path, s in by_path.items() if s} for name, by_path in slopes.items()}
     return tuple(Change(name=name, slopes=by_path) for name, by_path in nonzero.items() if by_path)
 

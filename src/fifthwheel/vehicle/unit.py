@@ -96,6 +96,13 @@ class Payload(Component):
     shape: Literal["uniform", "point"] = Field(default="uniform", description="Distribution of the mass.")
 
 
+class Accelerometer(Component):
+    """Where the lateral accelerometer of a unit is fixed to the sprung body."""
+
+    position: Number = Field(description="x on the unit, m.")
+    height: NonNegative = Field(description="Above the ground, m.")
+
+
 class Unit(Component):
     """A tractor, a truck, a dolly or a trailer. Mass, CoG and yaw inertia are those of the laden unit."""
 
@@ -106,6 +113,9 @@ class Unit(Component):
     roll_axis_height: NonNegative = Field(description="Of the roll axis above the ground, h_r, m.")
     sprung: SprungMass
     payload: Payload | None = None
+    accelerometer: Accelerometer | None = Field(
+        default=None, description="Place of lateral_acceleration.<unit>; under the CoG on the roll axis by default."
+    )
     axle_groups: tuple[AxleGroup, ...] = Field(min_length=1, description="From front to rear.")
 
     @model_validator(mode="after")
@@ -113,9 +123,9 @@ class Unit(Component):
         require_unique("axle_groups", [group.name for group in self.axle_groups])
         require_unique("axles", [axle.name for axle in self.axles])
         for name in [group.name for group in self.axle_groups] + [axle.name for axle in self.axles]:
-            if name in ("sprung", "payload"):
+            if name in ("sprung", "payload", "accelerometer"):
                 raise VehicleError(
-                    f"{name}: expected another name for an axle or axle group; this name is reserved for the body"
+                    f"{name}: expected another name for an axle or axle group; this name is reserved for a table"
                 )
         if self.laden_sprung_mass >= self.mass:
             keys = "sprung.mass" if self.payload is None else "sprung.mass + payload.mass"
@@ -134,6 +144,11 @@ class Unit(Component):
     def laden_sprung_mass(self) -> float:
         """Mass of sprung body and payload, kg."""
         return self.sprung.mass + (self.payload.mass if self.payload else 0.0)
+
+    @property
+    def accelerometer_place(self) -> Accelerometer:
+        """The place of the lateral accelerometer: as given, or under the CoG on the roll axis."""
+        return self.accelerometer or Accelerometer(position=self.cog, height=self.roll_axis_height)
 
     def group_path(self, group: AxleGroup) -> str:
         """Beginning of the paths of a group's parameters: 'tractor.drive', or 'semitrailer' if it is the only group."""

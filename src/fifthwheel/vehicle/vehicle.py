@@ -115,6 +115,8 @@ class Vehicle(Component):
             add(f"{unit.name}.sprung", SprungMass, (*of_unit, "sprung"))
             if unit.payload is not None:
                 add(f"{unit.name}.payload", type(unit.payload), (*of_unit, "payload"))
+            if unit.accelerometer is not None:
+                add(f"{unit.name}.accelerometer", type(unit.accelerometer), (*of_unit, "accelerometer"))
             for j, group in enumerate(unit.axle_groups):
                 add(unit.group_path(group), AxleGroup, (*of_unit, "axle_groups", j))
                 for k, axle in enumerate(group.axles):

@@ -22,6 +22,11 @@ SENSOR_PRIORS: Mapping[str, str] = MappingProxyType(
         "misalignment": "rad",
         "time_base_delay": "s",
         "articulation_offset": "rad",
+        "acceleration_offset": "m/s^2",
+        "acceleration_gain": "1",
+        "acceleration_delay": "s",
+        "accelerometer_position": "m",
+        "accelerometer_height": "m",
         "bank": "rad",
     }
 )

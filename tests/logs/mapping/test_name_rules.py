@@ -265,6 +265,8 @@ def test_a_channel_is_mapped_to_its_signal(column, unit, signal):
         ("gyroX", None, "roll_rate", None),
         ("Wankrate", "°/s", "roll_rate", None),
         ("VDC2.steering_wheel_angle@0B", "rad", "steer", None),
+        ("VDC2.lateral_acceleration@0B", "m/s^2", "lateral_acceleration", None),
+        ("EBS21.lateral_acceleration@C8", "m/s^2", "lateral_acceleration", True),
         ("delta_front", "deg", "steer", None),
         ("Lenkwinkelgeschwindigkeit", "°/s", "steer_rate", None),
         ("hitch", None, "articulation", None),

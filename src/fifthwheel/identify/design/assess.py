@@ -142,7 +142,9 @@ def assess_information(
         raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
     speed = max(float(np.median(speeds)), assessment.min_speed)
-    predictor = InformationPredictor.of(dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed])
+    predictor = InformationPredictor.of(
+        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.lateral
+    )
     logs = [replace(log, noise={**log.noise, **_noise_variances(predictor, log)}) for log in dataset.logs]
     runs = [predictor.run_information(log) for log in logs]
     noise = {name: variance for log in logs for name, variance in log.noise.items()}

@@ -158,7 +158,7 @@ def design_experiment(
             f"{truck.name}: unstable at {3.6 * min(planning.speeds):.0f} km/h with the values of its file; check the "
             "file, or choose a lower speed"
         )
-    predictor = InformationPredictor.of(truck, settings, speeds)
+    predictor = InformationPredictor.of(truck, settings, speeds, channels)
     noise = {name: variances.sensor_variance(truck, name, settings.noise) for name in channels}
     candidates = list(search_candidates(predictor, speeds, targets, noise, planning, progress))
     best, *others = [_proposed_run(candidate, planning.rate) for candidate in _best_of_each_kind(candidates, planning)]
@@ -198,7 +198,7 @@ def _best_of_each_kind(candidates: Sequence[CandidateRun], planning: DesignSetti
 
 def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ...]:
     """The given channels or the default ones, in the order of `possible_channels`; a fit must be able to use them."""
-    possible = possible_channels(vehicle)
+    possible = possible_channels(vehicle, channels)
     if not channels:
         return tuple(name for name in possible if SignalName.of(name).quantity != "articulation")
     for name in channels:

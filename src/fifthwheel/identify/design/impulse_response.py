@@ -6,9 +6,9 @@ one with a pulse of steering. Each unknown acts either only with steering, as a 
 without, as the offset of a sensor does.
 
 Superposition does not hold for the softening of tyres, which is quadratic in the slip angle, nor for the play of the
-steering, which depends on the course of the steer angle. A delay of the steering acts through the slope of a spline,
-which a single pulse does not give. The derivatives with respect to these few unknowns are computed along the complete
-run (`along_run`).
+steering, which depends on the course of the steer angle. A delay of the steering or of an accelerometer acts through
+the slope of a spline, which a single pulse does not give. The derivatives with respect to these few unknowns are
+computed along the complete run (`along_run`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +26,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
+from fifthwheel.names import ACCELEROMETER
 
 PULSE_SIZE = 1e-5
 """Steer angle of the pulse, rad.
@@ -38,7 +39,7 @@ NOT_LINEAR = (".softening", ".play")
 
 def along_run(name: str) -> bool:
     """Whether the derivatives with respect to an unknown are computed along the complete run."""
-    return name.endswith(NOT_LINEAR) or (name.startswith("steer.") and name.endswith(".delay"))
+    return name.endswith(NOT_LINEAR) or (name.startswith(("steer.", ACCELEROMETER)) and name.endswith(".delay"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ have are computed once for each run; the effect of another channel, a fixed para
 small matrices. All weights of Huber's loss are 1. The model is assumed to be exact.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import parameters
-from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.dataset import LogData, lateral_accelerations
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
@@ -86,11 +86,12 @@ class PredictedPosterior:
         return [result.names[j] for j in places]
 
 
-def possible_channels(vehicle: Vehicle) -> tuple[str, ...]:
-    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates."""
+def possible_channels(vehicle: Vehicle, logged: Container[str] = ()) -> tuple[str, ...]:
+    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, and those lateral
+    accelerations that are logged."""
     units = [unit.name for unit in vehicle.units]
     yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
-    return (*yaw, *[f"roll_rate.{u}" for u in units])
+    return (*yaw, *[f"roll_rate.{u}" for u in units], *lateral_accelerations(logged, vehicle))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,13 +114,16 @@ class InformationPredictor:
     """The vehicle at `start`, stable at all speeds."""
 
     @classmethod
-    def of(cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float]) -> "InformationPredictor":
+    def of(
+        cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float], logged: Container[str] = ()
+    ) -> "InformationPredictor":
         """Set up the problem.
 
         Args:
             vehicle: what is known of the truck, with the steered axles that the logs have.
             settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
             speeds: speeds of all runs, or the lowest and the highest, m/s.
+            logged: signals that are or would be logged; see `possible_channels`.
 
         Raises:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
@@ -131,7 +135,7 @@ class InformationPredictor:
             raise VehicleError(
                 "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--fix)"
             )
-        channels = possible_channels(vehicle)
+        channels = possible_channels(vehicle, logged)
         unknowns = parameters.one_stage_unknowns(vehicle, channels, settings)
         free = tuple(dynamics.all_parameters(vehicle, channels, extended=True))
         start, start_vehicle = _stable_start(vehicle, unknowns, speeds)

@@ -60,7 +60,7 @@ def identify_one_stage(
 ) -> Identification:
     """Identify a vehicle in one stage; arguments and errors as in `identify`."""
     dataset = prepare_dataset(records, vehicle, settings, validate)
-    outputs = (*dataset.yaw, *dataset.roll)
+    outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
     free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True))
     estimated = parameters.estimated_parameters(dataset.vehicle, settings)
     if not estimated and not settings.nuisances:

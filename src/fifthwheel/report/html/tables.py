@@ -129,13 +129,13 @@ def sensor_errors(identification: Identification) -> str:
     rows = []
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
-        unusual = is_unusual(identification.settings, error)
+        unusual = is_unusual(identification, error)
         cells = [
             code(signal),
             kind,
             escape(error.log) if error.log is not None else "all logs",
             escape(with_sigma(error.value, error.sigma, error.unit)),
-            escape(with_sigma(*sensor_error_prior(identification.settings, error.name), error.unit)),
+            escape(with_sigma(*sensor_error_prior(identification, error.name), error.unit)),
             "! unusual" if unusual else "",
         ]
         rows.append(("warn" if unusual else "", cells))

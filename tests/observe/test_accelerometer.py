@@ -1,0 +1,49 @@
+"""An observer with a lateral accelerometer."""
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+from tests.observe.conftest import STEER, YAWS, batched, pushed
+
+NAME, SIDESLIP = "lateral_acceleration.tractor", "sideslip.tractor"
+
+
+@pytest.fixture(scope="module")
+def banked(truck: Vehicle, lane_changes: Record) -> Record:
+    """Lane changes of the linear truck on a road with a bank of 0.03 rad."""
+    outputs = (*YAWS, NAME, SIDESLIP)
+    model = dynamics.model(truck, outputs, roll=True, bank=True)
+    start = np.zeros(len(model.states))
+    start[model.states.index(BANK)] = 0.03
+    inputs = {name: lane_changes.signals.get(name, np.zeros(len(lane_changes))) for name in model.inputs}
+    _, y = linear_response(model, dynamics.all_parameters(truck, outputs), lane_changes.time, inputs, start)
+    noise = np.random.default_rng(1).normal(size=y.shape) * [0.004, 0.004, 0.1, 0.0]
+    values = dict(zip(outputs, (y + noise).T, strict=True))
+    signals = {name: inputs[name] for name in ("speed", STEER)} | {name: values[name] for name in (*YAWS, NAME)}
+    return Record(time=lane_changes.time, signals=signals, reference={SIDESLIP: values[SIDESLIP]})
+
+
+def test_it_bounds_the_sideslip_on_an_unknown_bank(truck: Vehicle, banked: Record) -> None:
+    """An accelerometer measures the side forces of the tyres, whatever the bank; the observer assumes a level road."""
+    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2})
+    for signals in ((*YAWS, NAME), YAWS):
+        states = Observer(truck, ("speed", STEER, *signals), settings).batch(banked)
+        error = states.values[SIDESLIP] - banked.reference[SIDESLIP]
+        rms.append(float(np.sqrt(np.mean(error[200:] ** 2))))
+    assert rms[0] < 0.6 * rms[1]
+
+
+def test_it_needs_roll_and_pushes_as_in_a_batch(truck: Vehicle, banked: Record) -> None:
+    observer = Observer(truck, banked.signals)
+    assert observer.outputs == (*YAWS, NAME)
+    assert "roll.tractor" in observer.reported
+    assert "roll.tractor" not in Observer(truck, ("speed", STEER, *YAWS)).reported
+    one_by_one, together = pushed(observer, banked), batched(observer, banked)
+    for name, values in one_by_one.items():
+        np.testing.assert_array_equal(values, together[name], err_msg=name)
