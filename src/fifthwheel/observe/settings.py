@@ -1,6 +1,7 @@
 """Settings of an observer."""
 
 import math
+import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -67,8 +68,17 @@ class ObserverSettings:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
         if self.bank is not None and not 0 < self.bank < 1:
             raise SignalError(f"bank: expected between 0 and 1 rad, got {self.bank}; convert degrees to rad")
+        for values, meaning in ((self.sensor_errors, "a sensor error"), (self.positions, "a position")):
+            for name, value in values.items():
+                if not _is_finite(value):
+                    raise SignalError(f"{name}: expected {meaning} in SI, got {value}; give a finite number")
         for name, variance in self.noise.items():
-            if not 0 < variance < math.inf:
+            if not _is_finite(variance) or variance <= 0:
                 raise SignalError(
                     f"{name}: expected a finite variance above 0, got {variance}; give the noise variance in SI"
                 )
+
+
+def _is_finite(value: object) -> bool:
+    """Whether a value, maybe from a file, is a finite number."""
+    return isinstance(value, numbers.Real) and math.isfinite(value)
