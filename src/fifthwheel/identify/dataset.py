@@ -16,6 +16,7 @@ from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
+from fifthwheel.record.signal_names import is_input
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 
@@ -50,7 +51,7 @@ class Dataset:
     """What `prepare_dataset` makes of logs and vehicle."""
 
     records: tuple[Record, ...]
-    """The given records, one for each of `logs`."""
+    """The given records without their empty channels, one for each of `logs`."""
     logs: tuple[LogData, ...]
     """To identify the vehicle on."""
     validation: tuple[LogData, ...]
@@ -79,6 +80,8 @@ def prepare_dataset(
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
+    A measured channel without any sample counts as absent.
+
     Args:
         records: logs to identify the vehicle on.
         vehicle: as known before.
@@ -88,6 +91,7 @@ def prepare_dataset(
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.
     """
+    records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
     if not settings.relaxation:
@@ -111,7 +115,7 @@ def prepare_dataset(
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)
     return Dataset(
-        records=tuple(records),
+        records=records,
         logs=logs,
         validation=validation,
         initial_vehicle=vehicle,
@@ -170,6 +174,16 @@ def _check(record: Record, vehicle: Vehicle, steered: Vehicle, settings: CommonS
         raise_errors(findings)
     messages = [*[finding.message for finding in findings if finding.severity != "error"], *record.notes]
     return [f"{record.name}: {message}" for message in messages]
+
+
+def _without_empty_channels(record: Record) -> Record:
+    """The record without the measured channels that have no sample, with a note on each; inputs are checked later."""
+    empty = [n for n, values in record.signals.items() if not is_input(n) and not np.isfinite(values).any()]
+    if not empty:
+        return record
+    signals = {name: values for name, values in record.signals.items() if name not in empty}
+    notes = [f"{name}: no samples; it counts as absent. Map another column." for name in empty]
+    return replace(record, signals=signals, notes=(*record.notes, *notes))
 
 
 def _log_data(record: Record, settings: CommonSettings) -> LogData:
