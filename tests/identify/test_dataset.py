@@ -128,10 +128,9 @@ def test_a_steered_trailer(truck: Vehicle) -> None:
 @pytest.mark.parametrize(
     "settings", [OneStage(), OneStage(form="prediction_error"), TwoStage()], ids=["oe", "pe", "two"]
 )
-@pytest.mark.parametrize("check", [True, False])
-def test_a_channel_without_samples_counts_as_absent(truck: Vehicle, settings: OneStage | TwoStage, check: bool) -> None:
+def test_a_channel_without_samples_counts_as_absent(truck: Vehicle, settings: OneStage | TwoStage) -> None:
     """It made the payload height converged, which its roll rate alone determines."""
-    name, record, settings = "roll_rate.semitrailer", simulate(truck, count=1), replace(settings, check=check)
+    name, record, settings = "roll_rate.semitrailer", simulate(truck, count=1), replace(settings, check=False)
     empty = record.with_signals({name: np.full(len(record), np.nan)})
     absent = replace(record, signals={n: values for n, values in record.signals.items() if n != name})
     result, expected = (identify([r], truck, settings) for r in (empty, absent))

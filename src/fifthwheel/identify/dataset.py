@@ -80,7 +80,7 @@ def prepare_dataset(
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
-    A measured channel without any sample counts as absent.
+    A measured channel without any sample, which the check refuses, counts as absent.
 
     Args:
         records: logs to identify the vehicle on.
@@ -91,7 +91,6 @@ def prepare_dataset(
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.
     """
-    records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
     if not settings.relaxation:
@@ -112,6 +111,7 @@ def prepare_dataset(
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
+    records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)
     return Dataset(
@@ -172,7 +172,8 @@ def _check(record: Record, vehicle: Vehicle, steered: Vehicle, settings: CommonS
     findings = check_record(record, vehicle)
     if settings.check:
         raise_errors(findings)
-    messages = [*[finding.message for finding in findings if finding.severity != "error"], *record.notes]
+    notes = _without_empty_channels(record).notes
+    messages = [*[finding.message for finding in findings if finding.severity != "error"], *notes]
     return [f"{record.name}: {message}" for message in messages]
 
 
