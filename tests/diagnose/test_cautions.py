@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.diagnose.cautions import CautionKind, identification_cautions, state_cautions
+from fifthwheel.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import white_noise_sigma
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.identify import SensorError
@@ -91,6 +91,38 @@ def test_an_unrelated_channel_is_an_error_unless_the_run_is_straight(result):
     straight = [replace(f, log="straight", explained=0.0, rms=white_noise_sigma(f.measured)) for f in (first, *rest)]
     both = replace(result.identification, fits=(first, *rest, *straight))
     assert not [c for c in identification_cautions(both) if c.log == "straight"]
+
+
+def noise_alone(fit, sigma=0.02, motion=0.1):
+    """A fit of a channel whose noise is so many times its motion, with its residual at the level of the noise."""
+    predicted = motion * sigma * fit.predicted / np.std(fit.predicted)
+    measured = predicted + np.random.default_rng(0).normal(size=len(predicted)) * sigma
+    rms = float(np.std(measured - predicted))
+    explained = 1 - rms**2 / float(np.var(measured))
+    return replace(fit, measured=measured, predicted=predicted, rms=rms, explained=explained)
+
+
+def test_a_residual_of_sensor_noise_alone_is_no_caution(result):
+    """A noisy roll rate gyro in everyday driving: the model cannot explain more, whatever is estimated from it."""
+    for k, fit in enumerate(result.identification.fits):
+        if not fit.identified_on:
+            continue
+        fits = list(result.identification.fits)
+        fits[k] = noise_alone(fit)
+        assert abs(fits[k].explained) < 0.05
+        cautions = list(fit_cautions(replace(result.identification, fits=tuple(fits))))
+        assert not [c for c in cautions if c.signals == (fit.signal,) and c.log == fit.log], fit.signal
+
+
+def test_noise_without_the_predicted_motion_is_unrelated(result):
+    """The residual is not larger than the noise of the channel, but the motion should be visible in it."""
+    first, *rest = result.identification.fits
+    wrong = noise_alone(first, motion=0.5)
+    measured = wrong.measured - wrong.predicted
+    rms = float(np.std(measured - wrong.predicted))
+    wrong = replace(wrong, measured=measured, rms=rms, explained=1 - rms**2 / float(np.var(measured)))
+    caution = only(fit_cautions(replace(result.identification, fits=(wrong, *rest))), CautionKind.UNRELATED_CHANNEL)
+    assert caution.signals == (first.signal,)
 
 
 def test_a_poor_prediction(result):

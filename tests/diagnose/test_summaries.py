@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.diagnose.fit_quality import FitQuality, predicted_logs, white_noise_sigma
+from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality, predicted_logs, white_noise_sigma
 from fifthwheel.diagnose.run_summary import summarise_records, summarise_runs
 from fifthwheel.diagnose.state_summary import summarise_states
 from tests.report.conftest import NASTY
@@ -38,10 +38,22 @@ def test_white_noise_sigma():
 
 
 def test_a_fit_is_good_if_noise_limits_it():
-    assert FitQuality(explained=0.2, rms=1.2, noise=1.0).good
-    assert FitQuality(explained=0.95, rms=5.0, noise=1.0).good
-    assert not FitQuality(explained=0.8, rms=1.3, noise=1.0).good
-    assert not FitQuality(explained=0.8, rms=1.3, noise=np.nan).noise_limited
+    assert FitQuality(explained=0.2, rms=1.2, noise=1.0, motion=1.0).good
+    assert FitQuality(explained=0.95, rms=5.0, noise=1.0, motion=1.0).good
+    assert not FitQuality(explained=0.8, rms=1.3, noise=1.0, motion=1.0).good
+    assert not FitQuality(explained=0.8, rms=1.3, noise=np.nan, motion=1.0).noise_limited
+
+
+def test_the_stated_noise_of_a_filtered_sensor(result):
+    """Its samples are autocorrelated: second differences show only a part of the noise."""
+    fit = result.identification.fits[0]
+    n = len(fit.measured)
+    noise = np.convolve(np.random.default_rng(0).normal(size=n + 9), np.ones(10) / 10**0.5, "valid") * 0.01
+    fit = replace(fit, measured=fit.predicted + noise, explained=0.5, rms=float(np.std(noise)))
+    assert not fit_quality(fit, {}).good
+    assert fit_quality(fit, {fit.signal: 0.01**2}).good
+    assert not fit_quality(fit, {fit.signal: 0.005**2}).good
+    assert fit_quality(replace(fit, measured=fit.measured[:5]), {fit.signal: 0.01**2}).noise == pytest.approx(0.01)
 
 
 def test_predicted_logs(result):

@@ -123,3 +123,30 @@ def test_a_steered_trailer(truck: Vehicle) -> None:
     for call in (lambda: identify([log], truck, validate=[other]), lambda: identify([log, other], truck)):
         with pytest.raises(SignalError, match=r"steer\.semitrailer\.rear: not in other, but in another log"):
             call()
+
+
+@pytest.mark.parametrize(
+    "settings", [OneStage(), OneStage(form="prediction_error"), TwoStage()], ids=["oe", "pe", "two"]
+)
+def test_a_channel_without_samples_counts_as_absent(truck: Vehicle, settings: OneStage | TwoStage) -> None:
+    """It made the payload height converged, which its roll rate alone determines."""
+    name, record, settings = "roll_rate.semitrailer", simulate(truck, count=1), replace(settings, check=False)
+    empty = record.with_signals({name: np.full(len(record), np.nan)})
+    absent = replace(record, signals={n: values for n, values in record.signals.items() if n != name})
+    result, expected = (identify([r], truck, settings) for r in (empty, absent))
+    assert result["semitrailer.payload.height"].verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED)
+    assert result.parameters == expected.parameters
+    assert result.sensors == expected.sensors
+    (log,) = result.logs
+    assert name not in log.noise
+    assert [note for note in result.notes if note not in expected.notes] == [
+        f"simulated: {name}: no samples; it counts as absent. Map another column."
+    ]
+    assert empty.notes == ()
+
+
+@pytest.mark.parametrize("name", ["speed", FRONT])
+def test_an_input_without_samples_is_refused(truck: Vehicle, name: str) -> None:
+    record = simulate(truck, count=1)
+    with pytest.raises(SignalError, match=f"^{name}: 0 samples in"):
+        prepare_dataset([record.with_signals({name: np.full(len(record), np.nan)})], truck, OneStage())

@@ -96,6 +96,8 @@ def test_lateral_velocity_against_the_ins(bend: Record) -> None:
     observer = Observer(result.vehicle, bend.signals, result.observer_settings("bend"))
     states = observer.batch(bend)
     assert (states.status == Status.OK).all()
+    inverted = bend.with_signals({"steer.tractor.front": -bend.signals["steer.tractor.front"]})
+    assert (observer.batch(inverted).status == Status.INCONSISTENT).mean() > 0.9
     speed, yaw_rate = bend.signals["speed"], states.values["yaw_rate.tractor"]
     lateral = states.values["sideslip.tractor"] * speed
     # the position and offset of the INS are unknown and fitted: two numbers for 250 samples

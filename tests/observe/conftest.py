@@ -60,7 +60,7 @@ def batched(observer: Observer, record: Record) -> dict[str, np.ndarray]:
     """The same columns from `Observer.batch`."""
     states = observer.batch(record)
     sigma = {f"{name}.sigma": values for name, values in states.sigma.items()}
-    return {"time": states.time, "status": states.status, **states.values, **sigma}
+    return {"time": states.time, "status": states.status, "nis": states.nis, **states.values, **sigma}
 
 
 def assert_same(actual: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:

@@ -154,7 +154,7 @@ def test_smoothing_does_not_change_the_stream():
 
 
 def test_segment_of_one_sample():
-    speed = np.where(np.arange(len(LANE_CHANGES)) == 700, LANE_CHANGES.signals["speed"], 1.0)
+    speed = np.where(np.arange(len(LANE_CHANGES)) == 700, 5.1, 4.99)
     record = LANE_CHANGES.with_signals({"speed": speed})
     filtered, actual = observer().batch(record), observer().smooth(record)
     assert (actual.status == Status.OK).sum() == 1

@@ -14,9 +14,10 @@ def test_parquet_file(truck, lane_changes, tmp_path):
     write_states([actual], tmp_path / "states.parquet")
     table = parquet.read_table(tmp_path / "states.parquet")
     names = [*actual.values, *[f"{name}.sigma" for name in actual.values]]
-    assert set(table.column_names) == {"time", "status", "log", *names}
+    assert set(table.column_names) == {"time", "status", "nis", "log", *names}
     np.testing.assert_array_equal(table["time"].to_numpy(), record.time)
     np.testing.assert_array_equal(table["status"].to_numpy(), actual.status)
+    np.testing.assert_array_equal(table["nis"].to_numpy(), actual.nis)
     assert set(table["log"].to_pylist()) == {"simulated"}
     for name in actual.values:
         np.testing.assert_array_equal(table[name].to_numpy(), actual.values[name])

@@ -1,6 +1,8 @@
 """The runs as functions of data: what they return, what they write, and that they print nothing."""
 
 import json
+import math
+import re
 
 import numpy as np
 import pytest
@@ -137,3 +139,26 @@ def test_a_vehicle_by_name_or_file(tmp_path):
     assert read_vehicle("cheng_cebon_2011") == read_vehicle(str(tmp_path / "truck.toml")) == TRUCK
     with pytest.raises(VehicleError, match=r"lorry: no such file, and not in the catalogue, which has .*cheng"):
         read_vehicle("lorry")
+
+
+@pytest.mark.parametrize("value", [math.nan, None, math.inf, "0.1"], ids=str)
+@pytest.mark.parametrize("place", ["sensor error", "sensor error of a log", "noise"])
+def test_a_stored_value_that_is_not_a_number_is_refused(tmp_path, value, place):
+    """It made all states NaN with the status OK."""
+    name = "yaw_rate.tractor" if place == "noise" else "yaw_rate.tractor.offset"
+    error = {
+        "name": "yaw_rate.tractor.offset",
+        "value": 0.0,
+        "log": "run" if place == "sensor error of a log" else None,
+    }
+    contents = {"sensors": [error], "logs": [{"name": "run", "noise": {"yaw_rate.tractor": 1e-5}}]}
+    path = tmp_path / "identification.json"
+    path.write_text(json.dumps(contents))
+    assert load_identification(path).logs == {"run"}
+    if place == "noise":
+        contents["logs"][0]["noise"][name] = value
+    else:
+        error["value"] = value
+    path.write_text(json.dumps(contents))
+    with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: {name}: expected "):
+        load_identification(path)

@@ -54,6 +54,10 @@ def states(
 ) -> None:
     """Estimate sideslip, roll and articulation of a known vehicle: states.parquet and report.html.
 
+    The columns of states.parquet are time, every state and its sigma (SI), status, nis and log. nis is the health of
+    the filter; 1 is expected. Status: 0 ok, 1 coasting, 2 too slow, 3 input missing, 4 inconsistent: the measurements
+    contradict the vehicle, the speed or the steer angle.
+
     With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
     for the identification, its sensor errors are estimated from the log itself.
     """

@@ -246,12 +246,10 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
     """Channels that the identified truck predicts poorly, and channels with many rejected samples."""
     excited = {fit.log for fit in identification.fits if fit.explained > thresholds.EXCITED_CHANNEL}
     for fit in identification.fits:
-        quality, unit = fit_quality(fit), si_unit(fit.signal)
+        quality, unit = fit_quality(fit, identification.settings.noise), si_unit(fit.signal)
         place = f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}"
         severity: Severity = "warning"
-        if quality.good and _is_uninformative(identification, fit.signal):
-            continue
-        if fit.log in excited and fit.explained < thresholds.UNRELATED_CHANNEL:
+        if fit.log in excited and quality.unrelated:
             kind, severity = CautionKind.UNRELATED_CHANNEL, "error"
             text = "speed and steer angle explain almost none of this channel."
             cure = "Check that the column is mapped to the right signal. Do not use results that depend on it."
@@ -266,15 +264,6 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
         yield Caution(kind, message, cure, fit.explained, severity=severity, signals=(fit.signal,), log=fit.log)
     for log in identification.logs:
         yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES, "identification")
-
-
-def _is_uninformative(identification: Identification, signal: str) -> bool:
-    """Whether a channel may contain noise alone: the roll rate of a unit whose payload height is not estimated, or a
-    lateral acceleration, because of vibration."""
-    name, estimated = SignalName.of(signal), {e.name for e in identification.parameters}
-    if name.quantity == ACCELEROMETER:
-        return True
-    return name.quantity == "roll_rate" and f"{name.unit}.payload.height" not in estimated
 
 
 def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:

@@ -1,11 +1,12 @@
 """How well an identified truck predicts each channel, compared with the noise of the sensor."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.diagnose.thresholds import EXCITED_CHANNEL, NOISE_LIMIT, POOR_FIT
+from fifthwheel.diagnose.thresholds import EXCITED_CHANNEL, HIDING_NOISE, NOISE_LIMIT, POOR_FIT, UNRELATED_CHANNEL
 from fifthwheel.identify import Fit, Identification
 
 
@@ -15,7 +16,8 @@ class FitQuality:
 
     explained: float  # fraction of the channel's variance that the prediction explains
     rms: float
-    noise: float  # standard deviation of the noise; NaN for a short channel
+    noise: float  # standard deviation of the noise; NaN for a short channel without a stated one
+    motion: float  # standard deviation of the prediction
 
     @property
     def noise_limited(self) -> bool:
@@ -27,10 +29,24 @@ class FitQuality:
         """Whether the prediction explains most of the channel, or all that its noise allows."""
         return self.explained >= POOR_FIT or self.noise_limited
 
+    @property
+    def unrelated(self) -> bool:
+        """Whether the prediction explains almost nothing, although noise would allow more."""
+        hidden = self.noise_limited and self.noise > HIDING_NOISE * self.motion
+        return self.explained < UNRELATED_CHANNEL and not hidden
 
-def fit_quality(fit: Fit) -> FitQuality:
-    """Residual and sensor noise of a fit."""
-    return FitQuality(explained=fit.explained, rms=fit.rms, noise=white_noise_sigma(fit.measured))
+
+def fit_quality(fit: Fit, stated: Mapping[str, float]) -> FitQuality:
+    """Residual and sensor noise of a fit.
+
+    Args:
+        stated: noise variance of sensors by signal, SI squared. That of the fit's signal counts if it is larger than
+            the white noise of the channel, which a filter in the sensor makes too small.
+    """
+    noise = float(np.fmax(white_noise_sigma(fit.measured), np.sqrt(stated.get(fit.signal, np.nan))))
+    with np.errstate(over="ignore", invalid="ignore"):  # a prediction may diverge
+        motion = float(np.std(fit.predicted))
+    return FitQuality(explained=fit.explained, rms=fit.rms, noise=noise, motion=motion)
 
 
 def white_noise_sigma(values: Array) -> float:
@@ -60,7 +76,7 @@ def predicted_logs(identification: Identification) -> list[PredictedLog]:
     logs: dict[str, list[FitQuality]] = {}
     for fit in identification.fits:
         if not fit.identified_on:
-            logs.setdefault(fit.log, []).append(fit_quality(fit))
+            logs.setdefault(fit.log, []).append(fit_quality(fit, identification.settings.noise))
     return [
         PredictedLog(
             log=log,

@@ -31,7 +31,7 @@ class StateSummary:
 
     @property
     def valid(self) -> float:
-        """Fraction of the samples with all inputs and recent measurements."""
+        """Fraction of the samples with all inputs and with recent measurements that agree with them."""
         return self.status.get("OK", 0.0)
 
 
@@ -76,7 +76,7 @@ def innovation_size(states: States, name: str) -> InnovationSize:
 
 
 def valid_fraction(states: Sequence[States]) -> float:
-    """Fraction of the samples of all records with all inputs and recent measurements."""
+    """Fraction of the samples of all records with all inputs and with recent measurements that agree with them."""
     return float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
 
 

@@ -40,6 +40,8 @@ EXCITED_CHANNEL = 0.5
 """A larger explained fraction of any channel shows that the truck turns in this log."""
 UNRELATED_CHANNEL = 0.05
 """A channel with a smaller explained fraction, in a log in which the truck turns, is unrelated to its motion."""
+HIDING_NOISE = 3.0
+"""Noise of so many times the predicted motion hides it: less than 10 % of the channel can be explained."""
 REJECTED_SAMPLES = 0.05
 """A larger fraction of rejected samples in an identification calls for a caution."""
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.chain import relaxation_groups
@@ -41,14 +42,14 @@ class StepLimit:
     def __init__(self, vehicle: Vehicle, *, roll: bool, margin: float = 1.25) -> None:
         self.vehicle, self.roll, self.margin = vehicle, roll, margin
 
-    @functools.cached_property
+    @lazy
     def longest(self) -> Array:
         """Longest step at each of `SPEEDS`, s."""
         fastest = [np.abs(np.linalg.eigvals(matrices(self.vehicle, u, roll=self.roll).A)).max() for u in SPEEDS]
         limit = MAX_STEP_EIGENVALUE[self.roll, bool(relaxation_groups(self.vehicle))]
         return np.asarray(limit / (self.margin * np.array(fastest)))
 
-    @functools.cached_property
+    @lazy
     def safe_step_by_speed(self) -> list[float]:
         """A step that is within the limit at all speeds from i to i + 1 m/s, for each integer i, s.
 

@@ -17,6 +17,7 @@ from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.names import ACCELEROMETER
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
+from fifthwheel.record.signal_names import is_input
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 
@@ -51,7 +52,7 @@ class Dataset:
     """What `prepare_dataset` makes of logs and vehicle."""
 
     records: tuple[Record, ...]
-    """The given records, one for each of `logs`."""
+    """The given records without their empty channels, one for each of `logs`."""
     logs: tuple[LogData, ...]
     """To identify the vehicle on."""
     validation: tuple[LogData, ...]
@@ -87,6 +88,8 @@ def prepare_dataset(
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
+    A measured channel without any sample, which the check refuses, counts as absent.
+
     Args:
         records: logs to identify the vehicle on.
         vehicle: as known before.
@@ -108,7 +111,7 @@ def prepare_dataset(
     notes: list[str] = []
     for record in everything:
         _require_steering(record, steered)
-        notes += [f"{record.name}: {note}" for note in record.notes]
+        notes += [f"{record.name}: {note}" for note in _without_empty_channels(record).notes]
         if findings:
             notes += _findings(record, vehicle, settings)
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
@@ -120,10 +123,11 @@ def prepare_dataset(
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
+    records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)
     return Dataset(
-        records=tuple(records),
+        records=records,
         logs=logs,
         validation=validation,
         initial_vehicle=vehicle,
@@ -184,6 +188,16 @@ def _findings(record: Record, vehicle: Vehicle, settings: CommonSettings) -> lis
     if settings.check:
         raise_errors(findings)
     return [f"{record.name}: {finding.message}" for finding in findings if finding.severity != "error"]
+
+
+def _without_empty_channels(record: Record) -> Record:
+    """The record without the measured channels that have no sample, with a note on each; inputs are checked later."""
+    empty = [n for n, values in record.signals.items() if not is_input(n) and not np.isfinite(values).any()]
+    if not empty:
+        return record
+    signals = {name: values for name, values in record.signals.items() if name not in empty}
+    notes = [f"{name}: no samples; it counts as absent. Map another column." for name in empty]
+    return replace(record, signals=signals, notes=(*record.notes, *notes))
 
 
 def _log_data(record: Record, settings: CommonSettings) -> LogData:

@@ -1,7 +1,6 @@
 """The compiled loop of a step and its directional derivatives over the samples of a record."""
 
 import ctypes
-import threading
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -9,7 +8,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native.direction_ir import direction_module
-from fifthwheel.native.scan import machine_code, workers
+from fifthwheel.native.scan import compiling, machine_code, workers
 
 BUFFER = 400_000
 """Bytes of the values that pass from the nominal step to the derivatives; they stay in the processor's cache."""
@@ -45,7 +44,6 @@ class DirectionScan:
                 f"output, carry_dot, output_dot), got {step}"
             )
         self.step, self.lanes = step, lanes
-        self._lock = threading.Lock()
         self._compiled: _Compiled | None = None
 
     def __call__(
@@ -97,8 +95,11 @@ class DirectionScan:
         slopes = output_dot.reshape(rows, output_dot.shape[1], groups * self.lanes)[..., :directions]
         return Derivatives(carries[0], output, last_dot, slopes)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return DirectionScan, (self.step, self.lanes)
+
     def _compile(self) -> "_Compiled":
-        with self._lock:
+        with compiling:
             if self._compiled is None:
                 self._compiled = _Compiled(self.step, self.lanes)
             return self._compiled

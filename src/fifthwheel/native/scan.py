@@ -17,13 +17,17 @@ from fifthwheel.native import cache, llvm_ir
 
 _OPTIMISATION = 1
 """Level of LLVM's code generator, 0 to 3; above 1 compilation takes longer and the code is not faster."""
+compiling = threading.RLock()
+"""Held while LLVM is used, and while the process forks: a child never starts with a lock of LLVM that a thread of its
+parent holds, and that nobody releases."""
 
 
 class Scan:
     """A compiled step, and its loops over samples and vehicles.
 
     The step maps (carry, sample, constant) to (carry, output). It is compiled at the first call. The loop over the
-    samples allocates no memory, does not enter the Python interpreter, and releases its lock.
+    samples allocates no memory, does not enter the Python interpreter, and releases its lock. A copy, also in another
+    process, is a scan of the same step that is compiled again or read from the cache.
 
     Args:
         step: CasADi function; its inputs and outputs are dense column vectors.
@@ -36,7 +40,6 @@ class Scan:
     def __init__(self, step: ca.Function, lanes: int = 4) -> None:
         self.step = step
         self.lanes = lanes
-        self._lock = threading.Lock()
         self._compiled: dict[int, Any] = {}
         self._engines: list[Any] = []  # they own the memory of the code
         if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != step.numel_in(0):
@@ -122,8 +125,11 @@ class Scan:
         """The compiled loop for `lanes` vehicles at a time; its arguments are addresses."""
         return self._compiled.get(self.lanes) or self._compile(self.lanes)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Scan, (self.step, self.lanes)
+
     def _compile(self, lanes: int) -> Any:
-        with self._lock:
+        with compiling:
             if lanes not in self._compiled:
                 code, engine = machine_code(llvm_ir.module(self.step, lanes))
                 self._engines.append((code, engine))
@@ -155,17 +161,28 @@ def workers() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="scan")
 
 
-if hasattr(os, "register_at_fork"):  # a forked process does not have the threads of its parent
-    os.register_at_fork(after_in_child=workers.cache_clear)
+@functools.cache
+def _background() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="compile")
 
 
-_background = ThreadPoolExecutor(1, thread_name_prefix="compile")
+def _after_fork_in_child() -> None:
+    """Forget the threads, which only the parent has."""
+    workers.cache_clear()
+    _background.cache_clear()
+    compiling.release()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=compiling.acquire, after_in_parent=compiling.release, after_in_child=_after_fork_in_child
+    )
 
 
 def compile_in_background(*scans: Scan) -> None:
     """Compile the loops for one vehicle in a background thread, one after another."""
     for scan in scans:
-        _background.submit(getattr, scan, "single")
+        _background().submit(getattr, scan, "single")
 
 
 @functools.cache

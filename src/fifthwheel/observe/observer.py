@@ -4,25 +4,27 @@ Section 2.3 of Cheng and Cebon (2011). `push` processes one sample; `batch` proc
 as `push`, bit for bit. Both are causal: missing inputs are not interpolated from later samples.
 """
 
+import copy
 import ctypes
 import functools
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
 from fifthwheel.errors import SignalError
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
-from fifthwheel.observe import offline
+from fifthwheel.observe import monitor, offline
+from fifthwheel.observe.inputs import HeldInputs, magnitude
 from fifthwheel.observe.observer_model import ObserverModel, signals_with_position
 from fifthwheel.observe.observer_step import reported_signals
-from fifthwheel.observe.segments import MAX_SPEED
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import States, Status
 from fifthwheel.observe.uncertainty import Uncertainty
@@ -70,10 +72,12 @@ class Observer:
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
+        self._measured = [(name, magnitude(name)) for name in self.outputs]
         self._names = [(name, f"{name}.sigma") for name in self.reported]
+        self._carry: Array | None = None  # of a copied observer
         self.reset()
 
-    @functools.cached_property
+    @lazy
     def _model(self) -> ObserverModel:
         """The models of measured and reported signals."""
         bank = self.settings.bank is not None
@@ -82,10 +86,10 @@ class Observer:
         )
         return ObserverModel(vehicle=self.vehicle, model=model, report=report, settings=self.settings)
 
-    @functools.cached_property
+    @lazy
     def _buffers(self) -> "_Buffers":
         """Memory of the compiled step."""
-        return _Buffers(self._model.scan, self._model.constant())
+        return _Buffers(self._model.scan, self._model.constant(), self._carry)
 
     @property
     def model(self) -> ChainModel:
@@ -97,14 +101,21 @@ class Observer:
         """The compiled step."""
         return self._model.scan
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The attributes without the model and its memory, which a copy makes anew."""
+        state = {name: value for name, value in vars(self).items() if name not in ("_model", "_buffers")}
+        return state | {"_carry": self._buffers.carry.copy() if "_buffers" in vars(self) else self._carry}
+
+    def __copy__(self) -> Self:
+        return copy.deepcopy(self)
+
     def reset(self) -> None:
         """Return to the state before the first sample."""
         self._time = math.nan
-        self._inputs = [math.nan] * len(self.inputs)  # last values
-        self._input_times = [-math.inf] * len(self.inputs)  # times of the last values
+        self._held = HeldInputs(self.inputs, self.settings)
         self._accepted = -math.inf  # time of the last accepted measurement
         self._running = False
-        self._last = self._inputs  # inputs of the previous sample
+        self._last: list[float] = []  # inputs of the previous sample
 
     def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
         """Process one sample.
@@ -113,8 +124,8 @@ class Observer:
             sample: "time" in s, and signals in SI by name; a signal is missing if its value is absent, None or NaN.
 
         Returns:
-            "time", "status" (`Status`), and each reported state with "<state>.sigma", SI; NaN unless the status is OK
-            or COASTING.
+            "time", "status" (`Status`), "nis" (health, see `States`), and each reported state with "<state>.sigma",
+            SI; NaN if the status is TOO_SLOW or INPUT_MISSING.
 
         Raises:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
@@ -127,7 +138,10 @@ class Observer:
             raise SignalError(
                 f"time: expected after {self._time:g} s, got {time:g} s; push samples in the order of time"
             )
-        status, inputs = self._inputs_at(time, sample)
+        fresh = self._held.update(time, sample)
+        inputs = list(self._held.values)
+        slow = Status.TOO_SLOW if inputs[0] < self.settings.min_speed else Status.OK
+        status = slow if fresh else Status.INPUT_MISSING
         previous, self._time = self._time, time
         if status != Status.OK:
             self._running = False
@@ -136,8 +150,8 @@ class Observer:
         row = buffers.row
         k, m = len(self.inputs), len(self.outputs)
         if not self._running or gap > self.settings.max_gap:
-            self._start(inputs)
-            self._accepted = time
+            self._start(inputs, monitor.START)
+            self._running, self._accepted = True, time
             row[0] = 0.0
             row[1 : 1 + k] = inputs
         else:
@@ -148,37 +162,31 @@ class Observer:
                 row[0] = gap
                 row[1 : 1 + k] = last
         row[1 + k : 1 + 2 * k] = inputs
-        for i, name in enumerate(self.outputs):
+        for i, (name, largest) in enumerate(self._measured, 1 + 2 * k):
             value = sample.get(name)
-            present = value is not None and math.isfinite(value)
-            row[1 + 2 * k + i] = value if present else 0.0
-            row[1 + 2 * k + m + i] = present
+            present = value is not None and abs(value) <= largest
+            row[i] = value if present else 0.0
+            row[i + m] = present
         buffers.step()
+        out = buffers.out
+        if out[-1]:  # the measurements contradict the state
+            self._start(inputs, monitor.after_restart(out[-2]), suspect=True)
+            row[0] = 0.0
+            row[1 : 1 + k] = inputs
+            buffers.step()
         self._last = inputs
-        if any(buffers.out[-m:]):
+        if any(out[-2 - m : -2]):
             self._accepted = time
         elif time - self._accepted > self.settings.coast:
             status = Status.COASTING
+        if out[-2] > self.settings.max_nis:
+            status = Status.INCONSISTENT
         return self._answer(status)
 
-    def _inputs_at(self, time: float, sample: Mapping[str, float | None]) -> tuple[Status, list[float]]:
-        """Status of the inputs of a sample, and the inputs, with the last value where one is missing."""
-        missing = False
-        for i, name in enumerate(self.inputs):
-            value = sample.get(name)
-            if value is not None and math.isfinite(value) and (i or value <= MAX_SPEED):
-                self._inputs[i], self._input_times[i] = float(value), time
-            elif not time - self._input_times[i] <= self.settings.hold:
-                missing = True
-        if missing:
-            return Status.INPUT_MISSING, self._inputs
-        slow = self._inputs[0] < self.settings.min_speed
-        return (Status.TOO_SLOW if slow else Status.OK), list(self._inputs)
-
-    def _start(self, inputs: list[float]) -> None:
-        """Start the filter at the steady state of the inputs."""
-        self._buffers.carry[:] = self._model.start(dict(zip(self.inputs, inputs, strict=True)))
-        self._running = True
+    def _start(self, inputs: list[float], monitored: Array, *, suspect: bool = False) -> None:
+        """Start the filter at the steady state of the inputs; `monitored` is the carry of the monitor."""
+        start = self._model.start(dict(zip(self.inputs, inputs, strict=True)), suspect=suspect)
+        self._buffers.carry[:] = np.append(start, monitored)
 
     def _subdivide(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:
         """Run all steps but the last one without measurements, and store the last one in the row."""
@@ -194,13 +202,15 @@ class Observer:
     def _answer(self, status: Status) -> dict[str, float]:
         """The result of `push`."""
         answer: dict[str, float] = {"time": self._time, "status": status}
-        if status in (Status.OK, Status.COASTING):
+        if status in (Status.OK, Status.COASTING, Status.INCONSISTENT):
             n = len(self.reported)
             values = self._buffers.out[: 2 * n]
+            answer["nis"] = self._buffers.out[-2]
             for i, (name, sigma) in enumerate(self._names):
                 answer[name] = values[i]
                 answer[sigma] = math.sqrt(max(values[n + i], 0.0))
         else:
+            answer["nis"] = math.nan
             for name, sigma in self._names:
                 answer[name] = answer[sigma] = math.nan
         return answer
@@ -227,10 +237,10 @@ class Observer:
 
     def _identity(self) -> dict[str, Any]:
         """Vehicle, signals and settings, for JSON."""
-        limits = ("min_speed", "hold", "coast", "max_gap", "bank")
+        settings = {name: value for name, value in vars(self.settings).items() if isinstance(value, float | None)}
         return {
             "signals": [*self.inputs, *self.outputs],
-            "limits": {name: getattr(self.settings, name) for name in limits},
+            "settings": settings,
             "constant": self._buffers.constant.tolist(),
         }
 
@@ -243,8 +253,8 @@ class Observer:
         return {
             "made_for": self._identity(),
             "time": finite([self._time])[0],
-            "inputs": finite(self._inputs),
-            "seen": finite(self._input_times),
+            "inputs": finite(self._held.values),
+            "seen": finite(self._held.times),
             "accepted": finite([self._accepted])[0],
             "running": self._running,
             "last": finite(self._last),
@@ -262,8 +272,8 @@ class Observer:
                 "state: expected one of the same vehicle, signals and settings, got another one; start without it"
             )
         self._time = math.nan if saved["time"] is None else saved["time"]
-        self._inputs = [math.nan if value is None else value for value in saved["inputs"]]
-        self._input_times = [-math.inf if value is None else value for value in saved["seen"]]
+        self._held.values = [math.nan if value is None else value for value in saved["inputs"]]
+        self._held.times = [-math.inf if value is None else value for value in saved["seen"]]
         self._accepted = -math.inf if saved["accepted"] is None else saved["accepted"]
         self._running = saved["running"]
         self._last = [math.nan if value is None else value for value in saved["last"]]
@@ -276,9 +286,9 @@ class _Buffers:
     `row` and `out` are the memory of `sample` and `output` as C arrays, which Python accesses ten times as fast.
     """
 
-    def __init__(self, scan: Scan, constant: Array) -> None:
+    def __init__(self, scan: Scan, constant: Array, carry: Array | None) -> None:
         self.constant = constant
-        self.carry = np.zeros(scan.n_carry)
+        self.carry = np.zeros(scan.n_carry) if carry is None else carry.copy()
         self.sample = np.zeros((1, scan.n_sample))
         self.output = np.zeros((1, scan.n_output))
         self.row: Any = (ctypes.c_double * self.sample.size).from_buffer(self.sample.data)

@@ -1,12 +1,12 @@
 """The numbers of an observer's compiled step, for the vehicle as given and with changed parameters."""
 
-import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
@@ -22,6 +22,8 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
 from fifthwheel.vehicle import Vehicle
 
+SUSPECT_STEER_SIGMA = 0.15
+"""rad; the measurements are within the gate after a restart, whatever the steer angle was."""
 NO_CHANGES: Mapping[str, float] = {}
 SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", "roll_yaw_product"})
 """Quantities of a vehicle that may be negative; all others keep their sign."""
@@ -40,12 +42,12 @@ class ObserverModel:
     report: ChainModel  # outputs: the reported signals
     settings: ObserverSettings
 
-    @functools.cached_property
+    @lazy
     def scan(self) -> Scan:
         """The compiled step."""
         return observer_step(self.model, self.report)
 
-    @functools.cached_property
+    @lazy
     def step_limit(self) -> StepLimit:
         """The longest step of the model."""
         return StepLimit(self.vehicle, roll=self.model.roll)
@@ -84,7 +86,7 @@ class ObserverModel:
         return name in sensor_parameters(self.vehicle, error.signal)
 
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
-        """Constant of the compiled step, [c, Q, R, gate^2, c of the report]; by default with the settings' gate."""
+        """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
         settings, outputs = self.settings, self.model.outputs
         noise = Noise(
             process=variances.process_covariance(
@@ -94,7 +96,9 @@ class ObserverModel:
             gate=settings.gate if gate is None else gate,
         )
         c = self.model.known_values({**self.values(), **changed})
-        return np.concatenate([c, noise.vector(), self.report.known_values(self._report_values(changed))])
+        monitor_settings = [settings.nis_window, settings.restart_after]
+        report = self.report.known_values(self._report_values(changed))
+        return np.concatenate([c, noise.vector(), report, monitor_settings])
 
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
@@ -108,14 +112,19 @@ class ObserverModel:
             values |= {f"{name}.position": values[f"{unit}.cog"], f"{name}.height": values[f"{unit}.roll_axis_height"]}
         return values | {f"{name}.position": x for name, x in self.settings.positions.items()}
 
-    def start(self, inputs: Mapping[str, float]) -> Array:
-        """[x, P] before the first sample, whose speed, m/s, and steer angles, rad, are `inputs`."""
+    def start(self, inputs: Mapping[str, float], *, suspect: bool = False) -> Array:
+        """[x, P] before a first sample.
+
+        Args:
+            inputs: speed, m/s, and steer angles, rad, of the sample.
+            suspect: whether the measurements contradict the inputs; then P allows for any steer angle.
+        """
         x0, P0 = initial_state(
             self.vehicle,
             inputs,
             self.settings.sensor_errors,
             roll=self.model.roll,
-            steer_sigma=TYPICAL_STEER_SIGMA,
+            steer_sigma=SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA,
             bank=self.settings.bank,
         )
         return np.concatenate([x0, pack_array(P0)])

@@ -1,6 +1,6 @@
 """States of a record: filtered, as they would be on-line, or smoothed with all samples."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple, Self
@@ -13,9 +13,10 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import kalman, smoother
 from fifthwheel.filters.model import packed_size, sizes
+from fifthwheel.observe import monitor
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.observer_step import observer_step
-from fifthwheel.observe.segments import observer_segments, without_measurement
+from fifthwheel.observe.segments import ObserverSegment, measurements, observer_segments, without_measurement
 from fifthwheel.observe.states import States, Status
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
 from fifthwheel.record import Record
@@ -48,25 +49,48 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
     status, segments = observer_segments(record, model, observer.settings, observer.step_limit)
     n, m = len(observer.report.outputs), len(model.outputs)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
-    constant, ungated = observer.constant(), observer.constant(gate=np.inf)
+    ungated, accepted = observer.constant(gate=np.inf), slice(2 * (n + m), 2 * (n + m) + m)
     points = SigmaPoints.of(observer, pairs)
     for segment in segments:
-        start, samples = observer.start(segment.first), segment.samples
-        _, filtered = observer.scan(start, segment.rows, constant)
-        output[samples] = filtered[segment.sample_indices]
-        coasting = without_measurement(record.time[samples], output[samples, -m:], observer.settings.coast)
-        status[samples] = np.where(coasting, Status.COASTING, Status.OK)
-        rows = segment.rows.copy()
-        rows[:, -m:] = filtered[:, -m:]  # the smoother and the sigma points use the samples that the filter accepted
-        run = partial(smoother_pass if smooth else filter_pass, model, observer.report, rows)
-        if smooth:
-            output[samples, : 2 * n] = run(start[None], ungated[None])[0, segment.sample_indices]
-        output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
-        if pairs:
-            output[samples, n : 2 * n] += parameter_variance(
-                points, start, run, segment.sample_indices, observer.scan.lanes
-            )
+        for part, start, filtered in filtered_parts(observer, segment):
+            samples = part.samples
+            output[samples] = filtered[part.sample_indices]
+            rows = part.rows.copy()
+            rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
+            run = partial(smoother_pass if smooth else filter_pass, model, observer.report, rows)
+            if smooth:
+                output[samples, : 2 * n] = run(start[None], ungated[None])[0, part.sample_indices]
+            output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
+            if pairs:
+                output[samples, n : 2 * n] += parameter_variance(
+                    points, start, run, part.sample_indices, observer.scan.lanes
+                )
+        within, settings = output[segment.samples], observer.settings
+        coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
+        inconsistent = within[:, -2] > settings.max_nis
+        status[segment.samples] = np.select([inconsistent, coasting], [Status.INCONSISTENT, Status.COASTING], Status.OK)
     return _states(record, observer, output, status)
+
+
+def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterator[tuple[ObserverSegment, Array, Array]]:
+    """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs."""
+    constant, start = observer.constant(), observer.start(segment.first)
+    carry, outputs, first, row = np.append(start, monitor.START), [], 0, 0
+    while row < len(segment.rows):
+        end = row + CHUNK
+        rows = segment.rows[row:end] if row > first else segment.part(first, end).rows
+        carry, output = observer.scan(carry, rows, constant)
+        restarts = np.flatnonzero(output[:, -1])
+        if not restarts.size:
+            outputs.append(output)
+            row = end
+            continue
+        restart = int(restarts[0])
+        row += restart
+        yield segment.part(first, row), start, np.concatenate([*outputs, output[:restart]])
+        first, outputs, start = row, [], observer.start(segment.inputs(row), suspect=True)
+        carry = np.append(start, monitor.after_restart(output[restart, -2]))
+    yield segment.part(first, row), start, np.concatenate(outputs)
 
 
 class SigmaPoints(NamedTuple):
@@ -120,9 +144,10 @@ def filter_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Array
         model, report: of the measured and of the reported signals.
         rows: (M, 1 + n_d + 2 n_y).
         carry: [x, P] of each vehicle before the first row, (B, n).
-        constant: [c, Q, R, gate^2, c of the report] of each vehicle, (B, n).
+        constant: of the compiled step, of each vehicle, (B, n).
     """
     scan = observer_step(model, report)
+    carry = np.hstack([carry, np.tile(monitor.START, (len(carry), 1))])
     result = np.empty((len(carry), len(rows), 2 * len(report.outputs)))
     for chunk in chunks(rows):
         carry, out = scan.batch(carry, rows[chunk], constant)
@@ -135,7 +160,7 @@ def smoother_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Arr
     n_x, n_d, _, _, n_y = sizes(model)
     n_P = packed_size(n_x)
     forwards, backwards = kalman.kalman_step(model), smoother.smoother_step(model, report)
-    filter_constant = constant[:, : forwards.n_constant]
+    filter_constant, constant = constant[:, : forwards.n_constant], constant[:, : backwards.n_constant]
     slices, starts = chunks(rows), [carry]
     for chunk in slices[:-1]:
         starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
@@ -152,19 +177,20 @@ def smoother_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Arr
 
 
 def _states(record: Record, observer: ObserverModel, output: Array, status: NDArray[np.int8]) -> States:
-    """States from the columns [reported, their variances, innovation, variance, accepted]."""
+    """States from the columns of the compiled step's output."""
     names, measured = observer.report.outputs, observer.model.outputs
     n, m = len(names), len(measured)
-    values, variances, innovation, innovation_variance, accepted = np.split(output, np.cumsum([n, n, m, m]), axis=1)
+    columns = np.split(output, np.cumsum([n, n, m, m, m]), axis=1)
+    values, variances, innovation, innovation_variance, accepted, findings = columns
     sigma = np.sqrt(variances)
-    present = np.column_stack([np.isfinite(record.signals[name]) for name in measured])
-    innovation = np.where(present, innovation, np.nan)
+    innovation = np.where(np.isfinite(measurements(record, measured)), innovation, np.nan)
     return States(
         name=record.name,
         time=record.time,
         values={name: values[:, i] for i, name in enumerate(names)},
         sigma={name: sigma[:, i] for i, name in enumerate(names)},
         status=status,
+        nis=findings[:, 0],
         innovation={name: innovation[:, i] for i, name in enumerate(measured)},
         innovation_sigma={name: np.sqrt(innovation_variance[:, i]) for i, name in enumerate(measured)},
         accepted={name: accepted[:, i] > 0 for i, name in enumerate(measured)},

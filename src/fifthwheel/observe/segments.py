@@ -1,4 +1,4 @@
-"""Segments of a record that a filter processes without a new start. Causal: a missing input keeps its last value."""
+"""Segments of a record that a filter processes without a new start."""
 
 import itertools
 from dataclasses import dataclass
@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.filters.model import sample_rows
+from fifthwheel.observe.inputs import held_inputs, within_magnitude
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import Status
 from fifthwheel.record import Record
-
-MAX_SPEED = float(steps.SPEEDS[-1])
-"""A speed above this, m/s, counts as missing: no truck reaches it, and the model would need ever shorter steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +24,23 @@ class ObserverSegment:
     sample_indices: NDArray[np.int64]  # (N,) indices of the samples among the rows
     first: dict[str, float]  # speed and steer angles at the first sample, by name
 
+    def inputs(self, row: int) -> dict[str, float]:
+        """Speed and steer angles at a row, by name."""
+        k = len(self.first)
+        return dict(zip(self.first, self.rows[row, 1 + k : 1 + 2 * k].tolist(), strict=True))
+
+    def part(self, first: int, last: int) -> "ObserverSegment":
+        """The segment of the rows from that of a sample, `first`, to before `last`."""
+        begin, end = np.searchsorted(self.sample_indices, [first, last]).tolist()
+        rows, k = self.rows[first:last].copy(), len(self.first)
+        rows[0, 0], rows[0, 1 : 1 + k] = 0.0, rows[0, 1 + k : 1 + 2 * k]  # no step before the first row
+        return ObserverSegment(
+            samples=slice(self.samples.start + begin, self.samples.start + end),
+            rows=rows,
+            sample_indices=self.sample_indices[begin:end] - first,
+            first=self.inputs(first),
+        )
+
 
 def observer_segments(
     record: Record, model: ChainModel, settings: ObserverSettings, limit: steps.StepLimit
@@ -36,13 +51,13 @@ def observer_segments(
         SignalError: a gap between samples needs too many steps; see `steps.step_counts`.
     """
     time, N = record.time, len(record.time)
-    inputs, fresh = held_inputs(record, model.inputs, settings.hold)
+    inputs, fresh = held_inputs(record, model.inputs, settings)
     slow = inputs[:, 0] < settings.min_speed
     status = np.where(~fresh, Status.INPUT_MISSING, np.where(slow, Status.TOO_SLOW, Status.OK)).astype(np.int8)
     ok = status == Status.OK
     gap = np.diff(time, prepend=time[0]) > settings.max_gap
     begins = np.flatnonzero(ok & (~np.concatenate([[False], ok[:-1]]) | gap))
-    measured = np.column_stack([record.signals[name] for name in model.outputs])
+    measured = measurements(record, model.outputs)
     segments = []
     for first, following in itertools.pairwise([*begins, N]):
         stop = first + int(np.argmin(np.append(ok[first:following], False)))
@@ -58,17 +73,10 @@ def observer_segments(
     return status, segments
 
 
-def held_inputs(record: Record, names: tuple[str, ...], hold: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Inputs (N, k), with the last value where one is missing, and whether all are at most `hold` seconds old (N,)."""
-    columns, fresh = [], np.ones(len(record.time), dtype=bool)
-    for name in names:
-        values = record.signals[name]
-        present = np.isfinite(values) & ((name != "speed") | (values <= MAX_SPEED))
-        last = np.maximum.accumulate(np.where(present, np.arange(len(values)), -1))
-        age = record.time - record.time[np.maximum(last, 0)]
-        fresh &= (last >= 0) & (age <= hold)
-        columns.append(np.where(last >= 0, values[np.maximum(last, 0)], np.nan))
-    return np.column_stack(columns), fresh
+def measurements(record: Record, names: tuple[str, ...]) -> Array:
+    """Measured signals (N, m), NaN where they are missing or implausible."""
+    columns = [record.signals[name] for name in names]
+    return np.column_stack([np.where(within_magnitude(n, v), v, np.nan) for n, v in zip(names, columns, strict=True)])
 
 
 def without_measurement(time: Array, accepted: Array, coast: float) -> NDArray[np.bool_]:

@@ -1,6 +1,7 @@
 """Settings of an observer."""
 
 import math
+import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -19,12 +20,23 @@ class ObserverSettings:
     """Lowest speed of the linear tyre model, m/s; below it the states are NaN and the status is TOO_SLOW."""
     hold: float = 0.5
     """Longest time for which a missing speed or steer angle keeps its value, s; then the status is INPUT_MISSING."""
+    max_steer_rate: float = 3.0
+    """A steer angle that changes faster than this, rad/s, counts as missing; no driver steers so fast."""
+    max_acceleration: float = 20.0
+    """A speed that changes faster than this, m/s^2, counts as missing."""
     coast: float = 1.0
     """Longest time without an accepted measurement, s; then the status is COASTING."""
     max_gap: float = 1.0
     """Longest gap between samples, s; after a longer gap the filter starts again."""
     gate: float = 6.0
     """Largest accepted innovation, in standard deviations."""
+    restart_after: float = 0.1
+    """Time for which most channels must be outside the gate (see `monitor`), s; then the filter restarts with a wide
+    sigma."""
+    max_nis: float = 4.0
+    """Normalised innovation squared, 1 is expected, above which the status is INCONSISTENT."""
+    nis_window: float = 1.0
+    """Time constant of its average, s."""
     noise: Mapping[str, float] = field(default_factory=dict)
     """Noise variance of measured signals, SI squared; by default the article's R."""
     process_noise: float = 1.0
@@ -39,16 +51,34 @@ class ObserverSettings:
     landing legs; by default under the CoG."""
 
     def __post_init__(self) -> None:
-        for name in ("min_speed", "coast", "max_gap", "gate"):
+        for name in (
+            "min_speed",
+            "coast",
+            "max_gap",
+            "gate",
+            "max_steer_rate",
+            "max_acceleration",
+            "max_nis",
+            "nis_window",
+        ):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
-        for name in ("hold", "process_noise"):
+        for name in ("hold", "process_noise", "restart_after"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
         if self.bank is not None and not 0 < self.bank < 1:
             raise SignalError(f"bank: expected between 0 and 1 rad, got {self.bank}; convert degrees to rad")
+        for values, meaning in ((self.sensor_errors, "a sensor error"), (self.positions, "a position")):
+            for name, value in values.items():
+                if not _is_finite(value):
+                    raise SignalError(f"{name}: expected {meaning} in SI, got {value}; give a finite number")
         for name, variance in self.noise.items():
-            if not 0 < variance < math.inf:
+            if not _is_finite(variance) or variance <= 0:
                 raise SignalError(
                     f"{name}: expected a finite variance above 0, got {variance}; give the noise variance in SI"
                 )
+
+
+def _is_finite(value: object) -> bool:
+    """Whether a value, maybe from a file, is a finite number."""
+    return isinstance(value, numbers.Real) and math.isfinite(value)

@@ -13,7 +13,7 @@ from fifthwheel._types import Array
 
 
 class Status(IntEnum):
-    """Status of a sample; its states are NaN unless it is OK or COASTING."""
+    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING."""
 
     OK = 0
     COASTING = 1
@@ -21,7 +21,10 @@ class Status(IntEnum):
     TOO_SLOW = 2
     """Below the lowest speed of the model."""
     INPUT_MISSING = 3
-    """The speed or a steer angle is missing for longer than `ObserverSettings.hold`."""
+    """The speed or a steer angle is missing or implausible for longer than `ObserverSettings.hold`."""
+    INCONSISTENT = 4
+    """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
+    `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +36,14 @@ class States:
     values: Mapping[str, Array]  # by signal, (N,) each, SI
     sigma: Mapping[str, Array]  # standard deviation, (N,) each
     status: NDArray[np.int8]  # (N,) `Status`
+    nis: Array  # (N,) health: normalised innovation squared, averaged over channels and time; 1 is expected
     innovation: Mapping[str, Array]  # by measured signal, measurement less prediction, (N,), NaN where missing
     innovation_sigma: Mapping[str, Array]  # standard deviation, (N,) each
     accepted: Mapping[str, NDArray[np.bool_]]  # (N,) each, False where missing or outside the gate
 
 
 def write_states(states: Sequence[States], path: Path) -> None:
-    """Write states to a Parquet file: log, time, states in SI, their sigmas as "<state>.sigma", and status.
+    """Write states to a Parquet file: log, time, states in SI, their sigmas as "<state>.sigma", status and nis.
 
     Raises:
         OSError: the file cannot be written.
@@ -51,6 +55,7 @@ def write_states(states: Sequence[States], path: Path) -> None:
     for record in states:
         sigma = {f"{name}.sigma": values for name, values in record.sigma.items()}
         log = pa.array([record.name] * len(record.time)).dictionary_encode()
-        tables.append(pa.table({"time": record.time, **record.values, **sigma, "status": record.status, "log": log}))
+        columns = {"time": record.time, **record.values, **sigma, "status": record.status, "nis": record.nis}
+        tables.append(pa.table({**columns, "log": log}))
     with atomic_write(path) as temporary:
         parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)

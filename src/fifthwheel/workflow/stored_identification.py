@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.result import sensor_settings
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
-from fifthwheel.observe import Uncertainty
+from fifthwheel.observe import ObserverSettings, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -60,12 +60,13 @@ def load_identification(path: Path) -> StoredIdentification:
 
     Raises:
         OSError: the file cannot be read.
-        SignalError: the file is something else, or its uncertainty is not a covariance.
+        SignalError: the file is something else, a sensor error or noise is not a number, or the uncertainty is not a
+            covariance.
     """
     try:
         contents = json.loads(path.read_text(encoding="utf-8"))
         for name in (None, *[log["name"] for log in contents["logs"]]):
-            sensor_settings(contents, name)
+            ObserverSettings(**sensor_settings(contents, name))
         uncertainty = contents.get("uncertainty")
         return StoredIdentification(
             contents=contents, uncertainty=None if uncertainty is None else Uncertainty.from_dict(uncertainty)

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
+from fifthwheel.checks.samples import LIMITS
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.observe import Status
-from fifthwheel.observe.segments import MAX_SPEED
 
 
 class HeldInputs:
@@ -50,7 +50,7 @@ class HeldInputs:
 
         A spike of an input moves the state and its sensitivities alike, so that the filter would learn from it.
         """
-        if i == 0 and not value <= MAX_SPEED:
+        if i == 0 and not value <= LIMITS["speed"].magnitude:
             return False
         change, settings = abs(value - self._values[i]), self.settings
         return change <= (settings.max_steer_rate * age if i else settings.max_speed_change) or age > settings.hold

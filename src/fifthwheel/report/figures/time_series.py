@@ -16,6 +16,7 @@ STATUS_COLOURS = {
     "COASTING": "rgba(230,159,0,0.25)",
     "TOO_SLOW": "rgba(0,0,0,0.10)",
     "INPUT_MISSING": "rgba(204,121,167,0.30)",
+    "INCONSISTENT": "rgba(213,94,0,0.25)",
 }
 MAX_MARKS = 1000
 """The largest number of marks of rejected samples."""

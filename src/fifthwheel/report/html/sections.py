@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fifthwheel.diagnose import whiteness
-from fifthwheel.diagnose.fit_quality import fit_quality
+from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.information_summary import information_summary
 from fifthwheel.diagnose.state_summary import (
     innovation_size,
@@ -174,11 +174,11 @@ def fits(page: PageBuilder, identification: Identification) -> None:
     for log in dict.fromkeys(fit.log for fit in identification.fits):
         fits = [fit for fit in identification.fits if fit.log == log]
         page.subheading(log, badge="" if fits[0].identified_on else "validation log")
-        page.figures(map(_captioned_fit, fits))
+        page.figures(_captioned_fit(fit, fit_quality(fit, identification.settings.noise)) for fit in fits)
 
 
-def _captioned_fit(fit: Fit) -> CaptionedPlot:
-    unit, quality = si_unit(fit.signal), fit_quality(fit)
+def _captioned_fit(fit: Fit, quality: FitQuality) -> CaptionedPlot:
+    unit = si_unit(fit.signal)
     caption = f"{code(fit.signal)}: {percent(max(fit.explained, 0.0), round_down=True)} explained"
     note = f"residual {approximate(fit.rms, unit)} rms"
     if np.isfinite(quality.noise):

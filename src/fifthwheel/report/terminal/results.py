@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fifthwheel.diagnose.fit_quality import fit_quality
+from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Fit, Identification
@@ -38,7 +38,8 @@ def show_identification(
     for log in dict.fromkeys(fit.log for fit in identification.fits):
         fits = [fit for fit in identification.fits if fit.log == log]
         head = log if fits[0].identified_on else f"{log} (validation log)"
-        page.table((head, "Explained>", "Residual rms>", "Noise>"), map(_fit, fits))
+        rows = [_fit(fit, fit_quality(fit, identification.settings.noise)) for fit in fits]
+        page.table((head, "Explained>", "Residual rms>", "Noise>"), rows)
     _show_lists(page, conclusion)
 
 
@@ -78,8 +79,8 @@ def _estimate(e: Estimate) -> tuple[str, ...]:
     return e.name, with_sigma(e.value, e.sigma, e.unit), per_cent, spoken_verdict(e.verdict)
 
 
-def _fit(fit: Fit) -> tuple[str, ...]:
-    quality, unit = fit_quality(fit), si_unit(fit.signal)
+def _fit(fit: Fit, quality: FitQuality) -> tuple[str, ...]:
+    unit = si_unit(fit.signal)
     noise = approximate(quality.noise, unit) if np.isfinite(quality.noise) else "–"
     return fit.signal, percent(max(fit.explained, 0.0), round_down=True), approximate(fit.rms, unit), noise
 

@@ -207,7 +207,7 @@ def _states_result(summary: StateSummary, doubtful: bool) -> list[str]:
     rest = "; ".join(f"{percent(fraction)} {STATUSES[s]}" for s, fraction in summary.status.items() if s != "OK")
     doubt = ", but they do not fit the vehicle file" if doubtful else ""
     samples = f"{_of_samples(summary.valid)}{f' ({rest})' if rest else ''}"
-    lines = [f"{summary.name}: inputs and measurements are present in {samples}{doubt}."]
+    lines = [f"{summary.name}: inputs and measurements are present and consistent in {samples}{doubt}."]
     differences = [f"{n} {approximate(rms, si_unit(n))}" for n, rms in summary.reference_rms.items() if rms is not None]
     if differences:
         lines.append(f"{summary.name}: rms difference from the reference: {', '.join(differences)}.")

@@ -20,6 +20,7 @@ STATUSES = {
     "COASTING": "coasting (no recent measurement)",
     "TOO_SLOW": "too slow for the model",
     "INPUT_MISSING": "speed or steer angle missing",
+    "INCONSISTENT": "inconsistent (the measurements contradict the vehicle, the speed or the steer angle)",
 }
 """Status of a sample of states -> words."""
 

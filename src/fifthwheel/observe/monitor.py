@@ -1,0 +1,57 @@
+"""Whether the measurements agree with the filter: a health figure, and the detection of a wrong state or input.
+
+The health figure is the normalised innovation squared (NIS) of each channel, at most gate^2, averaged over channels and
+time; 1 is expected (Bar-Shalom, Li and Kirubarajan 2001, 5.4). Rejected measurements count too: a filter that rejects
+good measurements because its own state is wrong is not healthy.
+
+The measurements disagree with the state if the gate rejects at least half of them, and at least two if there are two:
+of two that contradict each other, one is right.
+"""
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.filters.update import ChannelUpdate
+
+START: Array = np.array([1.0, 0.0, -1.0])
+"""Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
+disagreement, s, -1 for none]."""
+MIN_SAMPLES = 10
+"""The average extends over at least so many samples, also where they are further apart than its time constant."""
+
+
+def monitor(
+    carry: ca.SX, channels: list[ChannelUpdate], weight: ca.SX, dt: ca.SX, limit: ca.SX, settings: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """One step of the monitor.
+
+    Args:
+        carry: see `START`.
+        channels: updates of the m channels.
+        weight: of the channels (m,), 1 if measured, else 0.
+        dt: time since the last row, s.
+        limit: squared gate.
+        settings: [time constant of the average, s; duration of a disagreement, 0 or more, before a restart, s].
+
+    Returns:
+        The carry, and [NIS, 1 if the filter must restart, else 0].
+    """
+    nis, elapsed, duration = carry[0], carry[1] + dt, carry[2]
+    window, restart_after = settings[0], settings[1]
+    count, used = ca.sum1(weight), sum(channel.accepted for channel in channels)
+    squares = sum(ca.fmin(channel.innovation**2 / channel.variance, limit) for channel in channels)
+    measured = count > 0
+    fraction = ca.fmin(elapsed / (window + elapsed), 1 / MIN_SAMPLES)
+    nis += measured * fraction * (squares / ca.fmax(count, 1) - nis)
+    rejected = count - used
+    disagree = measured * (2 * rejected >= count) * (rejected >= ca.fmin(count, 2))
+    running = ca.if_else(duration < 0, duration, duration + dt)
+    duration = ca.if_else(disagree, ca.fmax(running, 0), ca.if_else(measured, -1, running))
+    restart = disagree * (running >= restart_after)
+    return ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration), ca.vertcat(nis, restart)
+
+
+def after_restart(nis: float) -> Array:
+    """Carry of the monitor when the filter restarts: the average continues."""
+    return np.array([nis, *START[1:]])
