@@ -1,9 +1,8 @@
 """States of a record: filtered, as they would be on-line, or smoothed with all samples."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +14,16 @@ from fifthwheel.filters import kalman, smoother
 from fifthwheel.filters.model import packed_size, sizes
 from fifthwheel.observe import monitor
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.observer_step import observer_step
+from fifthwheel.observe.parameter_variance import parameter_variance
 from fifthwheel.observe.segments import ObserverSegment, measurements, observer_segments, without_measurement
+from fifthwheel.observe.sigma_points import SigmaPoints, sigma_point_variance
 from fifthwheel.observe.states import States, Status
-from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
+from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 
 CHUNK = 500
 """Number of rows in one pass, which bounds the memory of the smoother. Its forward pass stores only the carry before
 each chunk; the backward pass repeats the filter chunk by chunk."""
-
-Pass = Callable[[Array, Array], Array]
-"""(carry (B, n), constant (B, n)) -> reported signals of B vehicles on M rows, and their variances, (B, M, 2 n)."""
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
@@ -57,14 +54,16 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
             output[samples] = filtered[part.sample_indices]
             rows = part.rows.copy()
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
-            run = partial(smoother_pass if smooth else filter_pass, model, observer.report, rows)
+            run = partial(smoother_pass, model, observer.report, rows)
             if smooth:
                 output[samples, : 2 * n] = run(start[None], ungated[None])[0, part.sample_indices]
             output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
+            if pairs and smooth:
+                variance = sigma_point_variance(points, start, run, observer.scan.lanes)
+            elif pairs:
+                variance = parameter_variance(model, observer.report, points, start, rows, ungated)
             if pairs:
-                output[samples, n : 2 * n] += parameter_variance(
-                    points, start, run, part.sample_indices, observer.scan.lanes
-                )
+                output[samples, n : 2 * n] += variance[part.sample_indices]
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
         inconsistent = within[:, -2] > settings.max_nis
@@ -93,66 +92,9 @@ def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterato
     yield segment.part(first, row), start, np.concatenate(outputs)
 
 
-class SigmaPoints(NamedTuple):
-    """Vehicles at the c pairs of sigma points of the uncertain parameters.
-
-    They start at the state of the given vehicle: P0 is wide enough for all of them, and the steady state of a vehicle
-    near its critical speed is very sensitive to the parameters.
-    """
-
-    constants: Array  # of the compiled step, (2 c, n): plus and minus of each pair
-    steps: Array  # distance from the given vehicle, as a fraction of the column, (c,)
-
-    @classmethod
-    def of(cls, observer: ObserverModel, pairs: Sequence[SigmaPointPair]) -> Self:
-        """The sigma points of an observer's vehicle."""
-        constants = [observer.constant(values, gate=np.inf) for pair in pairs for values in (pair.plus, pair.minus)]
-        return cls(np.array(constants), np.array([pair.step for pair in pairs]))
-
-
-def parameter_variance(points: SigmaPoints, start: Array, run: Pass, indices: NDArray[np.int64], lanes: int) -> Array:
-    """Variance (N, n) of the n reported signals over the parameters.
-
-    Args:
-        points: of the uncertain parameters.
-        start: [x, P] before the first row.
-        run: the filter or the smoother over a segment.
-        indices: of the N samples among the rows of the segment.
-        lanes: number of vehicles in one pass, even.
-    """
-    total: Array | float = 0.0
-    for first in range(0, len(points.constants), lanes):
-        constants = points.constants[first : first + lanes]
-        result = run(np.tile(start, (len(constants), 1)), constants)
-        reported = result[:, indices, : result.shape[2] // 2]
-        step = points.steps[first // 2 : (first + lanes) // 2, None, None]
-        total = total + (((reported[::2] - reported[1::2]) / (2 * step)) ** 2).sum(axis=0)
-    return np.asarray(total)
-
-
 def chunks(rows: Array) -> list[slice]:
     """Consecutive slices of at most `CHUNK` rows."""
     return [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
-
-
-def filter_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Array, constant: Array) -> Array:
-    """Outputs of `report` and their variances given the past rows, (B, M, 2 n), for B vehicles.
-
-    The weights of the rows determine the samples that are used, so the gate in the constant must be infinite.
-
-    Args:
-        model, report: of the measured and of the reported signals.
-        rows: (M, 1 + n_d + 2 n_y).
-        carry: [x, P] of each vehicle before the first row, (B, n).
-        constant: of the compiled step, of each vehicle, (B, n).
-    """
-    scan = observer_step(model, report)
-    carry = np.hstack([carry, np.tile(monitor.START, (len(carry), 1))])
-    result = np.empty((len(carry), len(rows), 2 * len(report.outputs)))
-    for chunk in chunks(rows):
-        carry, out = scan.batch(carry, rows[chunk], constant)
-        result[:, chunk] = out[:, :, : result.shape[2]]
-    return result
 
 
 def smoother_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Array, constant: Array) -> Array:

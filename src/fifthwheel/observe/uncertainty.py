@@ -3,8 +3,9 @@
 The variance of a state is the sum of the filter's variance, for known parameters, and the variance of the filter's
 result over the parameters. The latter follows from pairs of vehicles with parameters p plus and minus each column of a
 square root of their covariance (S. J. Julier and J. K. Uhlmann, A new extension of the Kalman filter to nonlinear
-systems, AeroSense 1997). It is exact where the result is linear in p; products of two errors are neglected. The record
-does not update the parameters: if it contains information on them, the variance is too large.
+systems, AeroSense 1997); for a filter, they give the directions of its sensitivities (`parameter_variance`). The
+variance is exact where the result is linear in p; products of two errors are neglected. The record does not update the
+parameters: if it contains information on them, the variance is too large.
 """
 
 from collections.abc import Container, Mapping, Sequence

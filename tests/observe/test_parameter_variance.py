@@ -1,0 +1,63 @@
+"""The compiled sensitivities against differences of two filters with the same gains."""
+
+import numpy as np
+
+from fifthwheel.filters import kalman
+from fifthwheel.filters.model import sizes, unpack_array
+from fifthwheel.observe.observer_step import reported_signals
+from fifthwheel.observe.parameter_variance import parameter_variance
+from fifthwheel.observe.segments import observer_segments
+from fifthwheel.observe.sigma_points import SigmaPoints
+from fifthwheel.observe.uncertainty import Uncertainty
+from tests.observe.exact import TRUCK
+from tests.observe.test_stream import LANE_CHANGES, observer
+
+NAMES = ("tractor.front.cornering_stiffness", "semitrailer.cog", "yaw_rate.tractor.gain", "steer.tractor.front.offset")
+SIGMA = np.array([1e3, 0.01, 0.002, 1e-4])
+
+
+def test_variance_is_that_of_filters_with_the_same_gains() -> None:
+    o = observer(gate=np.inf)._model
+    model, report = o.model, o.report
+    pairs = o.pairs(Uncertainty(names=NAMES, covariance=np.diag(SIGMA**2)))
+    points, constant = SigmaPoints.of(o, pairs), o.constant(gate=np.inf)
+    _, (segment, *_) = observer_segments(LANE_CHANGES.cut(0, 3), model, o.settings, o.step_limit)
+    start, rows = o.start(segment.first), segment.rows
+    n, n_d, _, n_c, m = sizes(model)
+    reported = len(report.outputs)
+    assert report.outputs == reported_signals(TRUCK, roll=model.roll)
+
+    def split(constant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first = n_c + n * (n + 1) // 2 + m + 1
+        return constant[:n_c], constant[first : first + len(report.known)]
+
+    c, _ = split(constant)
+    Q, R = unpack_array(constant[n_c : n_c + n * (n + 1) // 2], n), constant[n_c + n * (n + 1) // 2 :][:m]
+    noise = kalman.Noise(process=Q, measurement=R)
+    run = kalman.run_kalman(model, rows, p=np.zeros(0), c=c, noise=noise, x0=start[:n], P0=unpack_array(start[n:], n))
+    covariance = run.covariance
+
+    def follow(constant: np.ndarray) -> np.ndarray:
+        """Reported signals of the filter with other parameters and the gains P H' / R of the given ones."""
+        (c_changed, c_report), x, results = split(constant), start[:n], []
+        for row, P in zip(rows, covariance, strict=True):
+            dt, d, y = row[0], row[1 : 1 + n_d], row[1 + n_d : 1 + n_d + m]
+            x = np.array(model.transition(x, dt, d, np.zeros(0), c_changed)).ravel()
+            H = np.column_stack(
+                [
+                    np.array(model.observation(e, d, np.zeros(0), c) - model.observation(0 * e, d, np.zeros(0), c))
+                    for e in np.eye(n)
+                ]
+            )
+            gain = row[1 + n_d + m :] * (P @ H.T / R)
+            x = x + gain @ (y - np.array(model.observation(x, d, np.zeros(0), c_changed)).ravel())
+            results.append(np.array(report.observation(x, d, np.zeros(0), c_report)).ravel())
+        return np.array(results)
+
+    expected = np.zeros((len(rows), reported))
+    for plus, minus, step in zip(points.constants[::2], points.constants[1::2], points.steps, strict=True):
+        expected += ((follow(plus) - follow(minus)) / (2 * step)) ** 2
+    actual = parameter_variance(model, report, points, start, rows, constant)
+    scale = np.sqrt(expected.max(axis=0))
+    np.testing.assert_allclose(np.sqrt(actual) / scale, np.sqrt(expected) / scale, atol=2e-3)
+    assert (scale > 0).all()
