@@ -9,8 +9,8 @@
 * Observer.push and Learner.push: one sample at a time, from a dict to a dict;
 * identification in one stage: 120 s at 100 Hz, for several sets of unknowns;
 * the nonlinear truck with a time step of 1 ms: simulated time divided by computing time;
-* the command line: `fifthwheel identify` on 120 s at 100 Hz, 15 lane changes, as a process with and without the
-  compiled steps in the cache; `fifthwheel --help`.
+* the command line: `fifthwheel identify` on 120 s, 10 min and 1 h of everyday driving at 100 Hz, as a process with
+  states and report: duration, processor time and memory; the first without compiled steps too; `fifthwheel --help`.
 
 Each number is the best of several runs. Ratios are more reliable than absolute numbers.
 """
@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -216,24 +216,51 @@ def plant_speed() -> float:
     return path.duration / best(lambda: plant.drive(path), runs=3)
 
 
-def command_time() -> dict[str, float]:
-    """Duration of processes of the command line, s."""
+@dataclass(frozen=True)
+class ProcessCost:
+    """What a process needed."""
+
+    wall: float  # s
+    cpu: float  # s, of all threads and child processes
+    memory: float  # MB, the largest of its processes
+
+    def __str__(self) -> str:
+        return f"{self.wall:8.2f} s, processor {self.cpu:.2f} s, {self.memory:.0f} MB"
+
+
+def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> ProcessCost:
+    """Cost of a process; that of the fastest of several runs."""
+
+    def once() -> ProcessCost:
+        start = time.perf_counter()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "fifthwheel", *arguments], stdout=subprocess.DEVNULL, env=os.environ | environment
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        if status:
+            raise SystemExit(f"fifthwheel {' '.join(arguments)}: status {status}")
+        wall = time.perf_counter() - start
+        return ProcessCost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+
+    return min((once() for _ in range(runs)), key=lambda cost: cost.wall)
+
+
+def command_costs() -> Iterator[tuple[str, ProcessCost]]:
+    """Costs of processes of the command line."""
+    from fifthwheel.manoeuvres import course
+    from fifthwheel.plant import Plant
+
+    yield "--help", process_cost(["--help"])
     with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "run.csv"
-        logs.write_record(simulate(NOT_LAGGING, count=15), log)
-        command = [sys.executable, "-m", "fifthwheel"]
-        identify_log = [*command, "identify", str(log), "-v", "cheng_cebon_2011", "-o", folder]
-
-        def run(arguments: list[str], **environment: str) -> None:
-            subprocess.run(arguments, check=True, capture_output=True, env=os.environ | environment)
-
-        cache = str(Path(folder) / "cache")
-        run(identify_log, FIFTHWHEEL_CACHE=cache)
-        return {
-            "identify": best(lambda: run(identify_log, FIFTHWHEEL_CACHE=cache), 3),
-            "identify, without cache": best(lambda: run(identify_log, FIFTHWHEEL_CACHE=""), 3),
-            "--help": best(lambda: run([*command, "--help"])),
-        }
+        for duration in (120, 600, 3600):
+            log, out, cache = (Path(folder) / f"{duration}{end}" for end in (".csv", "", "cache"))
+            drive = course("everyday", TRUCK, duration=float(duration), seed=0)
+            logs.write_record(Plant(TRUCK).drive(drive).record(seed=0), log)
+            identify_log = ["identify", str(log), "-v", "cheng_cebon_2011", "-o", str(out)]
+            first = process_cost(identify_log, 1, FIFTHWHEEL_CACHE=str(cache))
+            if duration == 120:
+                yield "identify, 120 s, first compilation", first
+            yield f"identify, {duration} s", process_cost(identify_log, 2, FIFTHWHEEL_CACHE=str(cache))
 
 
 def main() -> None:
@@ -258,8 +285,8 @@ def main() -> None:
     for name, seconds in one_stage_time().items():
         print(f"{'one stage, ' + name + ', s':40s} {seconds:8.2f}")
     print(f"{'nonlinear truck, times real time':40s} {plant_speed():8.1f}")
-    for name, seconds in command_time().items():
-        print(f"{'fifthwheel ' + name + ', s':40s} {seconds:8.2f}")
+    for name, cost in command_costs():
+        print(f"{'fifthwheel ' + name:40s} {cost}")
 
 
 if __name__ == "__main__":

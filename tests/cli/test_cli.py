@@ -136,7 +136,7 @@ def test_states_parquet(identified, folder):
     units = ("tractor", "semitrailer")
     states = [f"{q}.{u}" for q in ("sideslip", "yaw_rate", "roll", "roll_rate") for u in units]
     states.append("articulation.semitrailer")
-    assert set(table.column_names) == {"time", "status", "log", *states, *[f"{name}.sigma" for name in states]}
+    assert set(table.column_names) == {"time", "status", "nis", "log", *states, *[f"{name}.sigma" for name in states]}
     logs = np.array(table["log"].to_pylist())
     assert {name: int((logs == name).sum()) for name in set(logs)} == {"first": 1600, "second": 1600, "flat": 800}
     assert (table["status"].to_numpy() == Status.OK).all()
@@ -177,7 +177,7 @@ def test_the_next_command_takes_what_identify_wrote(identified, folder, run):
     assert found["files"] == {name: str(Path("o") / name) for name in ("states.parquet", "report.html")}
     (log,) = found["logs"]
     assert (log["name"], log["samples"]) == ("first", 1600)
-    assert log["status"] == {"ok": 1.0, "coasting": 0.0, "too_slow": 0.0, "input_missing": 0.0}
+    assert log["status"] == {"ok": 1.0, "coasting": 0.0, "too_slow": 0.0, "input_missing": 0.0, "inconsistent": 0.0}
     assert "sideslip.semitrailer" in log["states"]
 
 
