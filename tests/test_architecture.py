@@ -18,6 +18,7 @@ ROOMS = (
     "formatting",
     "names",
     "_atomic",
+    "input_files",
     "record",
     "checks",
     "logs",
