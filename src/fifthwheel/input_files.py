@@ -38,6 +38,23 @@ def require_regular(path: Path) -> None:
         raise FifthwheelError(f"{path}: cannot be read, it is not a regular file; give the path of a file")
 
 
+def require_inside(path: Path, folder: Path) -> None:
+    """Refuse a file that another file names and that is not in its folder or below, also behind a link.
+
+    Raises:
+        FifthwheelError: the path leads out of the folder.
+    """
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # a null byte, or a circle of links
+        inside = False
+    if not inside:
+        raise FifthwheelError(
+            f"{path}: outside of the folder of the file that names it; copy it there, or allow it if you trust that "
+            "file (--allow-outside, allow_outside=True)"
+        )
+
+
 def read_toml(path: Path) -> str:
     """The text of a TOML file; errors as in `require_regular`, and for more than `MAX_TOML_SIZE` bytes."""
     return _read_text(path, MAX_TOML_SIZE)
