@@ -19,6 +19,7 @@ ROOMS = (
     "formatting",
     "names",
     "_atomic",
+    "input_files",
     "record",
     "checks",
     "logs",

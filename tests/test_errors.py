@@ -2,7 +2,15 @@
 
 import pytest
 
-from fifthwheel.errors import FifthwheelError, SignalError, UnitError, VehicleError, suggestion
+from fifthwheel.errors import (
+    MAX_MESSAGE,
+    FifthwheelError,
+    SignalError,
+    UnitError,
+    VehicleError,
+    printable,
+    suggestion,
+)
 
 
 @pytest.mark.parametrize(
@@ -22,3 +30,18 @@ def test_all_exceptions_are_value_errors_of_one_family() -> None:
     for kind in (VehicleError, SignalError, UnitError):
         assert issubclass(kind, FifthwheelError)
     assert issubclass(FifthwheelError, ValueError)
+
+
+CONTROL = "\x1b]0;title\x07 \x9b2J \u202egnp \r \x7f \udcff \u2028"
+
+
+def test_a_message_has_no_control_characters() -> None:
+    shown = str(SignalError(f"a\tb\n{CONTROL}"))
+    assert shown.startswith("a\tb\n\\x1b]0;title\\x07 \\x9b2J \\u202egnp \\r \\x7f \\udcff")
+    assert all(c.isprintable() for c in shown.replace("\n", "").replace("\t", ""))
+    shown.encode()
+    assert printable("γ ± 1 °/s, 車") == "γ ± 1 °/s, 車"
+
+
+def test_a_long_message_is_cut() -> None:
+    assert len(str(SignalError("x" * 10**6))) < MAX_MESSAGE + 50

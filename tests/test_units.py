@@ -186,3 +186,24 @@ def test_every_signal_has_a_unit() -> None:
     assert split_header(" yaw_rate.tractor [deg/s] ") == ("yaw_rate.tractor", "deg/s")
     assert split_header("a [b] c") == ("a [b] c", None)
     assert si_unit("yaw_rate") is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "9**9**9**9 m/s",
+        "m/(nm6nm6nm6nm6nm6nm6nm6)",
+        "Mm6Mm6Mm6Mm6Mm6Mm6Mm6Mm6Mm6",
+        "(" * 39 + "m",
+        "m" * 10**6,
+        "m^99",
+        "m/0",
+    ],
+)
+def test_a_hostile_unit_is_refused_at_once(text: str) -> None:
+    """A tower of powers, sizes of 0 and infinity, brackets, a long text."""
+    with pytest.raises(UnitError):
+        factor(text, "m/s")
+    with pytest.raises(UnitError):
+        quantity(f"1 {text}", "m/s")
+    assert not is_unit(text)

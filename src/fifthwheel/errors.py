@@ -1,11 +1,23 @@
 """Exceptions of fifthwheel: one family under ValueError; each message names the signal or key and the cure."""
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+MAX_MESSAGE = 10_000
+"""Characters of a message that are shown: a name in a damaged file may be of any length."""
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ud800-\udfff]")
+"""Control characters except tab and line feed, marks of text direction, and bytes of a file name that are not UTF-8."""
+
 
 class FifthwheelError(ValueError):
-    """Base of every error that a user's input can cause."""
+    """Base of every error that a user's input can cause. Its text is safe for a terminal."""
+
+    def __str__(self) -> str:
+        text = printable(super().__str__())
+        return (
+            text if len(text) <= MAX_MESSAGE else f"{text[:MAX_MESSAGE]}... ({len(text) - MAX_MESSAGE} more characters)"
+        )
 
 
 class VehicleError(FifthwheelError):
@@ -31,3 +43,12 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     known = list(known)
     similar = get_close_matches(name, known, n=3, cutoff=0.5)
     return f"did you mean {' or '.join(map(repr, similar))}?" if similar else f"available: {', '.join(known) or 'none'}"
+
+
+def printable(text: str) -> str:
+    r"""A text from a file with control characters as escapes, so that it cannot control a terminal.
+
+    >>> printable("yaw\x1b[2J rate")
+    'yaw\\\\x1b[2J rate'
+    """
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)

@@ -245,11 +245,11 @@ def _product(tokens: list[re.Match[str]], at: int, unit: str) -> tuple[float, di
         else:
             inner_size, inner = _power(tokens[at], unit)
         at += 1
-        size *= inner_size**sign
+        size = size * inner_size if sign > 0 else size / inner_size
         for name, power in inner.items():
             powers[name] = powers.get(name, 0) + sign * power
         sign, wants_factor = 1, False
-    if wants_factor:
+    if wants_factor or not 0 < size < math.inf:
         raise _unknown(unit)
     return size, powers, at
 

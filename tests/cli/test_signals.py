@@ -97,3 +97,12 @@ def test_axle_loads_that_contradict_the_vehicle_file_are_reported(run):  # noqa:
     assert outcome.err.startswith("laden: axle_load.semitrailer is 195.8 kN, the vehicle file gives 225.1 kN; ")
     assert len(outcome.err.splitlines()) == 1
     assert run("identify", "laden.csv", "-v", TRUCK, "-o", "out").code == 0
+
+
+def test_a_database_outside_of_the_folder_of_the_map_must_be_allowed(run, tmp_path):  # noqa: F811
+    (tmp_path / "truck.dbc").write_text("not read")
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "signals.toml").write_text('databases = ["../truck.dbc"]')
+    write_record(simulate(get(TRUCK), count=1, seed=1), tmp_path / "run.csv")
+    refused(run("signals", "run.csv", "-s", "map/signals.toml"), "outside of the folder", "--allow-outside")
+    assert run("signals", "run.csv", "-s", "map/signals.toml", "--allow-outside").code == 0

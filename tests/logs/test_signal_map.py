@@ -1,4 +1,5 @@
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -219,3 +220,26 @@ def test_the_time_of_a_channel_is_sampled_with_it(tmp_path):
     mdf.close()
     with pytest.raises(SignalError, match="speed: the time column 't_v' and 'v' are in different groups"):
         read_log(tmp_path / "log.mf4", SignalMap.parse("[signals.speed]\ncolumn = 'v'\ntime = 't_v'"))
+
+
+@pytest.mark.parametrize("place", ["/etc/shadow", "../secret.dbc", "below/../../secret.dbc", "link.dbc", "a\\u0000b"])
+def test_a_map_names_no_database_outside_of_its_folder(tmp_path: Path, place: str) -> None:
+    folder = tmp_path / "from a stranger"
+    folder.mkdir()
+    (tmp_path / "secret.dbc").write_text("root:secret:")
+    (folder / "link.dbc").symlink_to(tmp_path / "secret.dbc")
+    path = folder / "signals.toml"
+    path.write_text(f'databases = ["{place}"]')
+    with pytest.raises(SignalError, match=r"signals\.toml: databases: .*outside of the folder.*--allow-outside"):
+        SignalMap.load(path)
+    assert len(SignalMap.load(path, allow_outside=True).databases) == 1
+
+
+def test_a_map_names_databases_beside_it_and_below(tmp_path: Path) -> None:
+    (tmp_path / "below").mkdir()
+    (tmp_path / "signals.toml").write_text(
+        f"databases = ['drive.dbc', 'below/trailer.dbc', './below/../drive.dbc', '{tmp_path}/drive.dbc']"
+    )
+    assert len(SignalMap.load(tmp_path / "signals.toml").databases) == 4
+    (tmp_path / "link").symlink_to(tmp_path, target_is_directory=True)
+    assert len(SignalMap.load(tmp_path / "link" / "signals.toml").databases) == 4

@@ -240,7 +240,12 @@ def test_folder_that_others_can_write_is_not_used(
     path, key, code = foreign
     path.write_bytes(with_header(key, code))
     path.parent.chmod(mode)
-    assert cache.folder() is None
+    with pytest.warns(
+        RuntimeWarning, match=rf"{path.parent}: not used .*other users can write.*chmod 700 {path.parent}"
+    ) as caught:
+        assert cache.folder() is None
+    assert len(caught) == 1
+    assert cache.folder() is None  # the warning comes once
     assert result() == 12
     assert code not in loaded
     cache.write(OTHER, CODE)
@@ -267,7 +272,8 @@ def test_symlinked_folder_is_not_used(
     link = tmp_path / "link"
     link.symlink_to(path.parent, target_is_directory=True)
     monkeypatch.setenv("FIFTHWHEEL_CACHE", str(link))
-    assert cache.folder() is None
+    with pytest.warns(RuntimeWarning, match="it is a link; .*name its target by FIFTHWHEEL_CACHE"):
+        assert cache.folder() is None
     assert result() == 12
     assert code not in loaded
     assert path.read_bytes() == with_header(key, code)
@@ -306,7 +312,8 @@ def test_entry_of_another_user_is_not_run(
     path.write_bytes(with_header(key, code))
     owner = os.getuid()
     monkeypatch.setattr(os, "getuid", lambda: owner + 1)
-    assert cache.folder() is None
+    with pytest.warns(RuntimeWarning, match="belongs to another user; .*name a folder of your own"):
+        assert cache.folder() is None
     assert result() == 12
     assert code not in loaded
     if owner == 0:

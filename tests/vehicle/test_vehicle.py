@@ -203,4 +203,5 @@ def test_import_is_light() -> None:
         "fifthwheel.names",
         "fifthwheel.units",
         "fifthwheel._atomic",
+        "fifthwheel.input_files",
     }

@@ -118,7 +118,7 @@ def test_another_file_than_identification_json_is_refused(text, tmp_path):
     path = tmp_path / "identification.json"
     path.write_text(text)
     with pytest.raises(
-        SignalError, match=r"identification\.json: not an identification\.json; .* `fifthwheel identify`"
+        SignalError, match=r"identification\.json: not an? (identification\.json|JSON file).*; .* `fifthwheel identify`"
     ):
         load_identification(path)
 

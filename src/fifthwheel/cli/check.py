@@ -21,6 +21,7 @@ def check(
     logs: options.Logs,
     vehicle: options.VehicleOption,
     signals: options.SignalsOption = None,
+    allow_outside: options.AllowOutsideOption = False,
     fix: options.FixOption = None,
     free: options.FreeOption = None,
     prior: options.PriorOption = None,
@@ -46,7 +47,7 @@ def check(
     settings = options.one_stage(
         truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor
     )
-    records = load_records(logs, signals)
+    records = load_records(logs, signals, allow_outside=allow_outside)
     warn_of_axle_loads(truck, records)
     if plot is not None:
         from fifthwheel.report.html.time_bases import write_time_offsets

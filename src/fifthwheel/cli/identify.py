@@ -41,6 +41,7 @@ def identify(
     logs: options.Logs,
     vehicle: options.VehicleOption,
     signals: options.SignalsOption = None,
+    allow_outside: options.AllowOutsideOption = False,
     out: options.OutOption = Path("fifthwheel-out"),
     method: Annotated[
         Method,
@@ -102,7 +103,7 @@ def identify(
         preset = article() if method is Method.article else TwoStage()
         settings = replace(preset, fixed=tuple(fix or ()), check=check, passes=passes or preset.passes)
     inputs = [*logs, *(validate or [])]
-    records = terminal.load_records(inputs, signals)
+    records = terminal.load_records(inputs, signals, allow_outside=allow_outside)
     terminal.warn_of_axle_loads(truck, records)
     folder = terminal.make_folder(out)
     with terminal.progress_bar(quiet=as_json) as progress:

@@ -27,6 +27,10 @@ SignalsOption = Annotated[
         help="Signal map (signals.toml). Needed if the column headers are not signal names such as yaw_rate.tractor.",
     ),
 ]
+AllowOutsideOption = Annotated[
+    bool,
+    typer.Option("--allow-outside", help="Read databases that --signals names outside of the folder of the map."),
+]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; created if it does not exist.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
 CheckOption = Annotated[bool, typer.Option("--check/--no-check", help="Refuse logs with implausible signals.")]

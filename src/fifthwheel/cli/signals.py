@@ -7,7 +7,7 @@ import typer
 
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import JsonOption, SignalsOption
+from fifthwheel.cli.options import AllowOutsideOption, JsonOption, SignalsOption
 
 if TYPE_CHECKING:
     from fifthwheel.vehicle import Vehicle
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 def signals(
     log: Annotated[Path, typer.Argument(help="CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace.", show_default=False)],
     signals: SignalsOption = None,
+    allow_outside: AllowOutsideOption = False,
     database: Annotated[
         list[Path] | None,
         typer.Option("--database", "-d", help="DBC or ARXML file for CAN frames; may be repeated."),
@@ -47,7 +48,7 @@ def signals(
 
     truck = read_vehicle(vehicle) if vehicle else None
     if signals is not None:
-        _show_record(log, signals, truck, save, as_json)
+        _show_record(log, signals, truck, save, as_json, allow_outside=allow_outside)
         return
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
@@ -62,7 +63,9 @@ def signals(
     typer.echo(f"\nWritten: {out}" if out is not None else f"\n{contents.signals_toml}", nl=out is not None)
 
 
-def _show_record(log: Path, signals: Path, truck: "Vehicle | None", save: Path | None, as_json: bool) -> None:
+def _show_record(
+    log: Path, signals: Path, truck: "Vehicle | None", save: Path | None, as_json: bool, *, allow_outside: bool
+) -> None:
     """Show the record that a map makes of a log."""
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
@@ -70,7 +73,7 @@ def _show_record(log: Path, signals: Path, truck: "Vehicle | None", save: Path |
 
     if save is not None:
         record_writer(save)  # refuses an unknown format before reading
-    (record,) = terminal.load_records([log], signals)
+    (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
     findings = check_record(record, truck)
     if save is not None:
         write_record(record, save)

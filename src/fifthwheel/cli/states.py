@@ -22,6 +22,7 @@ def states(
     logs: options.Logs,
     vehicle: options.VehicleOption,
     signals: options.SignalsOption = None,
+    allow_outside: options.AllowOutsideOption = False,
     out: options.OutOption = Path("fifthwheel-states"),
     min_speed: Annotated[
         float, typer.Option(min=0.5, help="The model is not valid below this speed, m/s; no states are given there.")
@@ -73,7 +74,7 @@ def states(
     positions = options.named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
     settings = ObserverSettings(min_speed=min_speed, positions=positions, bank=INITIAL_SIGMA["bank"] if bank else None)
     stored = load_identification(identification) if identification else None
-    records = terminal.load_records(logs, signals)
+    records = terminal.load_records(logs, signals, allow_outside=allow_outside)
     folder = terminal.make_folder(out)
     with terminal.progress_bar(quiet=as_json) as progress:
         run = run_states(records, truck, settings, identification=stored, smooth=smooth, check=check, progress=progress)

@@ -17,13 +17,14 @@ _LARGE = 20_000_000
 """Bytes of all logs from which reading shows its progress."""
 
 
-def load_records(paths: list[Path], signals: Path | None) -> "list[Record]":
-    """The records of logs, with a progress bar if they are large."""
+def load_records(paths: list[Path], signals: Path | None, *, allow_outside: bool) -> "list[Record]":
+    """The records of logs, with a progress bar if they are large; `allow_outside` as in `SignalMap.load`."""
     from fifthwheel.logs import SignalMap
     from fifthwheel.workflow import read_records
 
+    signal_map = SignalMap.load(signals, allow_outside=allow_outside) if signals else None
     with reading_bar(paths) as progress:
-        return read_records(paths, SignalMap.load(signals) if signals else None, progress=progress)
+        return read_records(paths, signal_map, progress=progress)
 
 
 def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:

@@ -7,7 +7,7 @@ import typer
 
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import JsonOption, SignalsOption, VehicleOption
+from fifthwheel.cli.options import AllowOutsideOption, JsonOption, SignalsOption, VehicleOption
 
 
 @command(
@@ -20,6 +20,7 @@ def weigh(
     ],
     vehicle: VehicleOption,
     signals: SignalsOption = None,
+    allow_outside: AllowOutsideOption = False,
     out: Annotated[Path, typer.Option("--out", "-o", help="Vehicle file to write.")] = Path("weighed.toml"),
     tolerance: Annotated[
         float,
@@ -42,7 +43,7 @@ def weigh(
     from fifthwheel.vehicle import save
     from fifthwheel.workflow import read_vehicle, weigh_vehicle
 
-    truck, (record,) = read_vehicle(vehicle), terminal.load_records([log], signals)
+    truck, (record,) = read_vehicle(vehicle), terminal.load_records([log], signals, allow_outside=allow_outside)
     weighed = weigh_vehicle(record, truck, tolerance=tolerance)
     save(weighed.vehicle, out)
     files = {"vehicle": out}

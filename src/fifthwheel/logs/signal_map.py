@@ -23,7 +23,6 @@ clock = "trailer logger"            # which clock gave them
 "lateral_velocity.tractor" = "vy"   # for comparison only
 """
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -33,7 +32,8 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fifthwheel._types import Array
-from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.errors import FifthwheelError, SignalError, suggestion
+from fifthwheel.input_files import parse_toml, read_toml, require_inside
 from fifthwheel.names import split_source
 from fifthwheel.record.signal_names import REFERENCE, checked_name, si_unit, split_header
 from fifthwheel.units import factor, quantity
@@ -161,7 +161,7 @@ class SignalMap(BaseModel):
     ignore: tuple[str, ...] = ()
     """Columns or signals to leave out; other columns with names of signals are used without a map."""
     databases: tuple[Path, ...] = ()
-    """DBC or ARXML files for CAN frames, relative to the folder of the map."""
+    """DBC or ARXML files for CAN frames, relative to the folder of the map, and in it or below."""
 
     @field_validator("signals", "reference", mode="before")
     @classmethod
@@ -197,24 +197,39 @@ class SignalMap(BaseModel):
         return (-np.inf if time.start is None else float(time.start), np.inf if time.stop is None else float(time.stop))
 
     @classmethod
-    def load(cls, path: str | Path) -> "SignalMap":
-        """The map in a TOML file."""
+    def load(cls, path: str | Path, *, allow_outside: bool = False) -> "SignalMap":
+        """The map in a TOML file.
+
+        Args:
+            path: the file.
+            allow_outside: accept databases that are not in the folder of the file or below.
+
+        Raises:
+            SignalError: the file cannot be read, or a key, a value or a database is not accepted.
+        """
         try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise SignalError(
-                f"{path}: cannot be read ({error}); a TOML file in UTF-8 expected, check the path"
-            ) from error
+            text = read_toml(Path(path))
+        except FifthwheelError as error:
+            raise SignalError(f"{error}; a signals.toml expected") from None
         parsed = cls.parse(text, source=Path(path).name)
-        return parsed.model_copy(update={"databases": tuple(Path(path).parent / d for d in parsed.databases)})
+        folder = Path(path).parent
+        databases = tuple(folder / database for database in parsed.databases)
+        try:
+            for database in () if allow_outside else databases:
+                require_inside(database, folder)
+        except FifthwheelError as error:
+            raise SignalError(f"{Path(path).name}: databases: {error}") from None
+        return parsed.model_copy(update={"databases": databases})
 
     @classmethod
     def parse(cls, text: str, *, source: str = "signals.toml") -> "SignalMap":
         """The map in a TOML text; a SignalError names each fault with its cure."""
         try:
-            return cls.model_validate(tomllib.loads(text))
-        except tomllib.TOMLDecodeError as error:
-            raise SignalError(f"{source}: not TOML ({error}); correct the syntax there") from error
+            table = parse_toml(text)
+        except FifthwheelError as error:
+            raise SignalError(f"{source}: not TOML ({error}); correct the syntax there") from None
+        try:
+            return cls.model_validate(table)
         except ValidationError as error:
             raise SignalError("\n".join(f"{source}: {_fault(dict(entry))}" for entry in error.errors())) from error
 

@@ -4,14 +4,18 @@ An entry is used only if its key identifies the step, the processor and the comp
 and no other user can have written it. An entry that fails a check is ignored and written again.
 """
 
+import functools
 import hashlib
 import os
+import shlex
 import stat
+import warnings
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.errors import printable
 
 DIGEST = hashlib.sha256
 _SIZE = DIGEST().digest_size
@@ -19,6 +23,8 @@ _SIZE = DIGEST().digest_size
 
 def folder() -> Path | None:
     """Folder of the cache, created if missing; None if the cache is off or other users can write to the folder.
+
+    The latter gives a RuntimeWarning, once in a process.
 
     The environment variable FIFTHWHEEL_CACHE names another folder; an empty string switches the cache off.
     """
@@ -28,9 +34,25 @@ def folder() -> Path | None:
     path = Path(chosen) if chosen else user_cache_path("fifthwheel", "fifthwheel") / "native"
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        return path if _private(path) else None
+        if _private(path):
+            return path
+        _warn_of_folder(path)
     except OSError:
-        return None
+        pass
+    return None
+
+
+@functools.cache
+def _warn_of_folder(path: Path) -> None:
+    """Warn, once in a process, of a folder in which others could place code."""
+    if path.is_symlink():
+        cause, cure = "it is a link", "name its target by FIFTHWHEEL_CACHE"
+    elif path.lstat().st_uid != os.getuid():
+        cause, cure = "it belongs to another user", "name a folder of your own by FIFTHWHEEL_CACHE"
+    else:
+        cause, cure = "other users can write to it", f"run chmod 700 {shlex.quote(str(path))}"
+    text = f"{path}: not used as the cache of compiled code, because {cause}; every run compiles again; {cure}"
+    warnings.warn(printable(text), RuntimeWarning, stacklevel=2)
 
 
 def _private(path: Path) -> bool:

@@ -15,7 +15,6 @@ dropout_length = "0.5 s"
 """
 
 import math
-import tomllib
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -26,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.errors import FifthwheelError, SignalError, suggestion
+from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.names import SignalName
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.record.signal_names import checked_name, is_input, si_unit
@@ -182,12 +182,13 @@ def read_sensors(path: str | Path) -> dict[str, Sensor]:
         SignalError: the file is not readable, or a table, key or value in it is not valid.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        tables = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise SignalError(f"{path}: cannot be read ({error}); expected a TOML file in UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SignalError(f"{Path(path).name}: not valid TOML, {error}; correct that line") from error
+        text = read_toml(Path(path))
+    except FifthwheelError as error:
+        raise SignalError(f"{error}; a TOML file of sensors expected") from None
+    try:
+        tables = parse_toml(text)
+    except FifthwheelError as error:
+        raise SignalError(f"{Path(path).name}: not valid TOML, {error}; correct that line") from None
     try:
         return {name: _sensor(name, table) for name, table in _by_signal(tables).items()}
     except SignalError as error:

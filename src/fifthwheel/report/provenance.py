@@ -68,7 +68,7 @@ def provenance_of_run(
     from fifthwheel.logs import SignalMap
     from fifthwheel.vehicle import catalogue
 
-    databases = SignalMap.load(signals).databases if signals else ()
+    databases = SignalMap.load(signals, allow_outside=True).databases if signals else ()  # they have been read
     in_catalogue = vehicle in catalogue.names()
     shown = [path for path in (None if in_catalogue else Path(vehicle), signals) if path is not None]
     texts = {f"{vehicle} (catalogue)": catalogue.text(vehicle)} if in_catalogue else {}

@@ -19,7 +19,6 @@ steerable = true
 ...
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,8 @@ from typing import Any
 import tomli_w
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel.errors import UnitError, VehicleError, suggestion
+from fifthwheel.errors import FifthwheelError, UnitError, VehicleError, suggestion
+from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
 from fifthwheel.vehicle.paths import SI_UNITS, unit_of
@@ -48,9 +48,9 @@ def load(path: str | Path) -> Vehicle:
         VehicleError: the file is not readable, not TOML, or not a valid vehicle; the message begins with the path.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise VehicleError(f"{path}: expected a readable TOML file in UTF-8, got {error}; check the path") from None
+        text = read_toml(Path(path))
+    except FifthwheelError as error:
+        raise VehicleError(f"{error}; a vehicle file in TOML expected") from None
     try:
         return loads(text)
     except VehicleError as error:
@@ -60,8 +60,8 @@ def load(path: str | Path) -> Vehicle:
 def loads(text: str) -> Vehicle:
     """Read a vehicle from a TOML text; errors as in `load`."""
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(text)
+    except FifthwheelError as error:
         raise VehicleError(f"expected TOML, got {error}; correct that line") from None
     stated: dict[str, float] = {}
     fields = _fields(table, "", Vehicle, stated)

@@ -1,14 +1,14 @@
 """The content of identification.json, and the sensor errors that it gives for any log of the vehicle."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.result import sensor_settings
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
+from fifthwheel.input_files import read_json
 from fifthwheel.observe import ObserverSettings, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -59,12 +59,14 @@ def load_identification(path: Path) -> StoredIdentification:
     """Read an identification.json.
 
     Raises:
-        OSError: the file cannot be read.
-        SignalError: the file is something else, a sensor error or noise is not a number, or the uncertainty is not a
-            covariance.
+        SignalError: the file cannot be read, is something else, a sensor error or noise is not a number, or the
+            uncertainty is not a covariance.
     """
     try:
-        contents = json.loads(path.read_text(encoding="utf-8"))
+        contents = read_json(path)
+    except FifthwheelError as error:
+        raise SignalError(f"{error}; give the identification.json that `fifthwheel identify` wrote") from None
+    try:
         for name in (None, *[log["name"] for log in contents["logs"]]):
             ObserverSettings(**sensor_settings(contents, name))
         uncertainty = contents.get("uncertainty")

@@ -215,3 +215,12 @@ def test_an_arxml_is_read_as_cantools_reads_it():
     assert speed.values(array, length)[0] == theirs["Speed"] == 0x2345 * 0.25 - 10
     assert torque.values(array, length)[0] == theirs["Torque"] == 0x1AB
     assert speed.unit == "rpm"
+
+
+@pytest.mark.parametrize("ending", ["dbc", "sym", "kcd", "arxml", ""])
+def test_an_error_does_not_show_the_content_of_a_database(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"shadow.{ending}"
+    path.write_text("root:$6$secret:19000:0:99999:7:::\n")
+    with pytest.raises(SignalError, match="not a valid CAN database") as caught:
+        load([path])
+    assert "secret" not in str(caught.value)

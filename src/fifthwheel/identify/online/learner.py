@@ -234,8 +234,7 @@ class Learner:
         """A learner with the saved estimates; its next sample is the first of a run.
 
         Raises:
-            SignalError: the file is damaged, not of a learner, or of another version.
-            FileNotFoundError: the file does not exist.
+            SignalError: the file cannot be read, is damaged, not of a learner, or of another version.
         """
         content = read_learner(path)
         try:

@@ -11,8 +11,9 @@ import numpy as np
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.parameters import Unknown
+from fifthwheel.input_files import read_json
 
 KIND, VERSION = "fifthwheel learner", 2
 """The format of a file is "fifthwheel learner 2"."""
@@ -109,13 +110,12 @@ def read_learner(path: Path) -> dict[str, Any]:
     """The content that `write_learner` wrote.
 
     Raises:
-        SignalError: the file is damaged, of another format or of another version of it.
-        FileNotFoundError: the file does not exist.
+        SignalError: the file cannot be read, is damaged, of another format or of another version of it.
     """
     try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise SignalError(f"{path}: not a JSON file, or damaged; give a file that Learner.save wrote") from error
+        document = read_json(Path(path))
+    except FifthwheelError as error:
+        raise SignalError(f"{error}; give a file that Learner.save wrote") from None
     found = document.get("format") if isinstance(document, dict) else None
     kind, _, version = str(found).rpartition(" ")
     if kind != KIND:

@@ -11,7 +11,8 @@ import cantools.database
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.input_files import require_regular
 from fifthwheel.logs.can.bits import Bits
 from fifthwheel.logs.source import reason
 
@@ -101,11 +102,12 @@ def load(paths: Sequence[str | Path]) -> Databases:
 
 def _file(path: Path) -> list[tuple[int, bool, Message]]:
     try:
-        if not path.is_file():
-            raise FileNotFoundError(None, "no such file")
+        require_regular(path)
         data = path.read_bytes()
+    except FifthwheelError as error:
+        raise SignalError(f"the database {error}") from None
     except OSError as error:
-        raise SignalError(f"{path}: the database cannot be read ({error.strerror}); check the path") from error
+        raise SignalError(f"the database {path}: cannot be read ({error.strerror}); check the path") from error
     ending = path.suffix[1:].lower()
     reasons = []
     for kind in (ending,) if ending in _FORMATS else _FORMATS:
@@ -117,7 +119,7 @@ def _file(path: Path) -> list[tuple[int, bool, Message]]:
         except MemoryError:
             raise
         except Exception as error:  # cantools raises many kinds for what is no database
-            reasons.append(reason(error))
+            reasons.append(reason(error).partition(': "')[0])  # without the line of the file
     raise SignalError(f"{path.name}: not a valid CAN database ({reasons[0]}); give a DBC or ARXML file")
 
 

@@ -29,8 +29,8 @@ _STAMP = re.compile(r"(?:header\.stamp|stamp|timestamp)\.(?:(secs?|seconds)|(nan
 _DECODERS = {
     "cdr": ("mcap_ros2.decoder", "mcap-ros2-support"),
     "protobuf": ("mcap_protobuf.decoder", "mcap-protobuf-support"),
-    "ros1": ("mcap_ros1.decoder", "mcap-ros1-support"),
 }
+_ROS_1 = "messages of ROS 1 are not decoded, because their library runs code from the file; convert it to ROS 2"
 
 Decode = Callable[[bytes], Any]
 
@@ -166,6 +166,8 @@ def _decoder(encoding: str, schema: Any) -> tuple[Decode | None, str]:
     """What decodes the messages of a channel, or why nothing does."""
     if encoding == "json":
         return json.loads, ""
+    if encoding == "ros1":
+        return None, _ROS_1
     if encoding not in _DECODERS:
         return None, f"message encoding {encoding!r} is not supported"
     module, package = _DECODERS[encoding]
@@ -226,7 +228,7 @@ def _collect(value: Any, path: str, values: dict[str, float], lists: set[str], d
 
 
 def _fields(value: Any) -> Mapping[str, Any] | None:
-    """Fields of a struct by name, of ROS 1 and 2, protobuf or JSON; None for any other value."""
+    """Fields of a struct by name, of ROS 2, protobuf or JSON; None for any other value."""
     if isinstance(value, Mapping):
         return {str(name): item for name, item in value.items()}
     descriptor = getattr(value, "DESCRIPTOR", None)

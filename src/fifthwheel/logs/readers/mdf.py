@@ -18,6 +18,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.database import load
 from fifthwheel.logs.can.frames import Frames
 from fifthwheel.logs.can.log import CanLog, open_can_log
+from fifthwheel.logs.readers.mdf_formulas import replace_evaluation
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
 from fifthwheel.record.timestamps import TimestampFilter, add_notes
 
@@ -37,6 +38,8 @@ _LONGEST_LABEL = 64
 _PAYLOAD_SIZES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int32)
 """Bytes of payload by DLC."""
 _CURE = "copy it again from the logger, or open and save it in the logger's own tool"
+
+replace_evaluation()
 
 Place = tuple[int, int]
 """A channel by its group and its index in it."""
