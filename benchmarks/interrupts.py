@@ -1,12 +1,13 @@
 """Kill every command that writes files at random times, and check what is left.
 
-    python benchmarks/interrupts.py              # 220 kills, about 15 minutes of CPU; Linux only
+    python benchmarks/interrupts.py              # 204 kills, about 15 minutes of CPU; Linux only
     python benchmarks/interrupts.py --kills 5    # of each command
 
-Half of the kills (SIGKILL) are at a random time of the whole command, half within 60 ms after its first temporary file
-appears. Each run replaces the results of the one before. After each kill, inputs and files of the user must be as
-before, the results must be the old or the new ones as a whole, and no process may be left. After the last kill, a run
-that is not killed must leave no hidden file.
+A third of the kills (SIGKILL) is at a random time of the whole command, a third within 60 ms after its first temporary
+file appears, a third within 5 ms after the journal of a result folder appears, or the file itself changes. Each run
+replaces the results of the one before. After each kill, inputs and files of the user must be as before, the results
+must be the old or the new ones as a whole, and no process may be left. After the last kill, a run that is not killed
+must leave no hidden file.
 """
 
 import argparse
@@ -133,8 +134,14 @@ def left_processes(session: int) -> list[int]:
     return found
 
 
-def killed_run(case: Case, variant: int, place: Path, duration: float, *, writing: bool, rng: random.Random) -> int:
-    """Start a variant and kill it; the number of processes that it leaves for more than 5 s."""
+def killed_run(case: Case, variant: int, place: Path, duration: float, phase: int, rng: random.Random) -> int:
+    """Start a variant and kill it; the number of processes that it leaves for more than 5 s.
+
+    Args:
+        phase: 0: at any time; 1: after the first temporary file; 2: while the results are put in place.
+    """
+    output = place / case.output
+    before = output.stat() if output.is_file() else None
     process = subprocess.Popen(
         [*case.program, *case.variants[variant]],
         cwd=place,
@@ -142,13 +149,15 @@ def killed_run(case: Case, variant: int, place: Path, duration: float, *, writin
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    if writing:
-        folder = place / case.output if case.is_folder else place
-        while process.poll() is None and not any(folder.glob(".fifthwheel/new/*")) and not any(folder.glob(".*.part")):
-            time.sleep(0.001)
-        time.sleep(rng.uniform(0, 0.06))
-    else:
-        time.sleep(rng.uniform(0, duration))
+
+    def reached() -> bool:
+        if phase == 1:
+            return any(output.glob(".fifthwheel/new/*") if case.is_folder else place.glob(".*.part"))
+        return (output / ".fifthwheel/commit.json").exists() if case.is_folder else output.stat() != before
+
+    while phase and process.poll() is None and not reached():
+        time.sleep(0.0005)
+    time.sleep(rng.uniform(0, (duration, 0.06, 0.005)[phase]))
     process.kill()
     process.wait()
     deadline = time.monotonic() + 5
@@ -178,7 +187,7 @@ def examine(case: Case, place: Path, kills: int, rng: random.Random) -> Counter[
         known |= set() if case.is_folder else {digests(place)[case.output]}
     for k in range(kills):
         before = digests(place)
-        count["processes left"] += killed_run(case, k % 2, place, duration, writing=k % 2 == 0, rng=rng)
+        count["processes left"] += killed_run(case, k % 2, place, duration, k % 3, rng)
         count["kills"] += 1
         count["hidden files left"] += bool(hidden(place))
         if case.is_folder:
@@ -200,7 +209,7 @@ def examine(case: Case, place: Path, kills: int, rng: random.Random) -> Counter[
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=26, help="of each command; a third of it of reproduce")
+    parser.add_argument("--kills", type=int, default=24, help="of each command; a third of it of reproduce")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     rng, columns = random.Random(options.seed), ("kills", "old", "new", "finished by the next", "hidden files left")

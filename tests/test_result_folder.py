@@ -208,6 +208,10 @@ def test_a_full_disk_names_the_file_and_leaves_the_old_results(tmp_path: Path, m
                 temporary.write_text("new")
         assert caught.value.filename == str(tmp_path if call == "mkdir" else tmp_path / "a.json")
         assert contents(tmp_path) == OLD
+    monkeypatch.setattr(os, "write", lambda *_: full(tmp_path))  # not even the name of the process fits
+    with pytest.raises(OSError, match="No space left"):
+        run(tmp_path / "out", NEW)
+    assert contents(tmp_path) == OLD
 
 
 def test_reading_files_of_one_run(tmp_path: Path) -> None:

@@ -70,9 +70,9 @@ def held(path: Path, *, subject: Path) -> Iterator[None]:
             f"{subject}: in use by {holder or 'another process'}; wait until it ends, or write somewhere else"
         )
     try:
-        os.ftruncate(file, 0)
-        os.write(file, f"process {os.getpid()} on {platform.node()}".encode())
         with cleaned_up(lambda: _remove(path)):
+            os.ftruncate(file, 0)
+            os.write(file, f"process {os.getpid()} on {platform.node()}".encode())
             yield
     finally:
         os.close(file)
