@@ -136,7 +136,9 @@ results.write_states = write_states
 """
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
 def test_a_signal_removes_temporary_files(number, code, place):
     process = started(WRITING, place, "states", "log.csv", "-v", "truck.toml", "-o", "out")
     assert (place / "out/.fifthwheel/new/states.parquet").exists()
@@ -186,7 +188,9 @@ def test_workers_end_with_their_parent(number, place):
     process.send_signal(number)
     process.communicate(timeout=30)  # the workers hold the pipes too
     deadline = time.monotonic() + 20
-    while left(process.pid) and time.monotonic() < deadline:
+    while (workers := left(process.pid)) and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert not left(process.pid)
+    for worker in workers:
+        os.kill(worker, signal.SIGKILL)
+    assert not workers
     assert (place / "out").exists() == (number == signal.SIGKILL)
