@@ -38,9 +38,9 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             if sys.platform == "win32":  # does not rename an open file
                 temporary.replace(path)
     except OSError as error:
-        if error.filename in (None, str(temporary), str(path.parent)):
-            error.filename, error.filename2 = str(path), None
-        raise
+        if error.errno is None or error.filename not in (None, str(temporary), str(path.parent)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager
@@ -60,8 +60,7 @@ def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
             try:
                 stack.enter_context(held(path.with_name(f".{path.name}.lock"), subject=path))
             except OSError as error:
-                error.filename = str(path)
-                raise
+                raise OSError(error.errno, error.strerror, str(path)) from error
             if os.path.lexists(path) and not force:
                 raise FifthwheelError(f"{path}: exists; write to another file, or replace it with --force")
         yield

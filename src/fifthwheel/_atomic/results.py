@@ -267,10 +267,11 @@ def _named_in(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if error.errno is None:
+            raise
         path = Path(error.filename or folder)
         if path.is_relative_to(folder / _NEW):
             path = folder / path.relative_to(folder / _NEW)
         elif path.is_relative_to(folder / _WORK) or path.name == _LOCK:
             path = folder
-        error.filename, error.filename2 = str(path), None
-        raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
