@@ -1,11 +1,15 @@
 """Files that appear complete or not at all."""
 
+import errno
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import pytest
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import atomic_write, reserved
+from fifthwheel.errors import FifthwheelError
 
 
 def test_a_file_appears_when_the_block_ends(tmp_path: Path) -> None:
@@ -58,3 +62,42 @@ def test_an_error_names_the_file_and_not_the_temporary_one(tmp_path: Path) -> No
     ):
         temporary.write_text("new")
     assert caught.value.filename == str(tmp_path / "absent" / "result.json")
+
+
+def test_an_error_without_a_name_gets_that_of_the_file(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="No space") as caught, atomic_write(tmp_path / "result.json"):
+        raise OSError(errno.ENOSPC, "No space left on device")  # as write() raises it
+    assert caught.value.filename == str(tmp_path / "result.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_next_writer_removes_what_a_killed_one_left(tmp_path: Path) -> None:
+    code = (
+        "import os, sys, pathlib; from fifthwheel._atomic import *\n"
+        "with reserved(pathlib.Path(sys.argv[1]), force=False):\n"
+        "    with atomic_write(sys.argv[1]) as part: part.write_text('half'); os.kill(os.getpid(), 9)"
+    )
+    path = tmp_path / "log [1].csv"
+    subprocess.run([sys.executable, "-c", code, path], check=False)
+    assert len(list(tmp_path.iterdir())) == 2  # a temporary file and a lock
+    with reserved(path, force=False), atomic_write(path) as live, atomic_write(path) as other:
+        live.write_text("live")
+        other.write_text("other")
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_text() == "live"
+
+
+def test_a_name_is_reserved_for_one_writer_and_not_for_a_file_that_exists(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    in_use = pytest.raises(FifthwheelError, match=r"log\.csv: in use by process")
+    with reserved(path, None, force=False), in_use, reserved(path, force=True):
+        pass
+    path.symlink_to("nowhere")
+    with pytest.raises(FifthwheelError, match=r"log\.csv: exists; .*--force"), reserved(path, force=False):
+        pass
+    with reserved(path, force=True):
+        assert len(list(tmp_path.iterdir())) == 2
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(FileNotFoundError) as caught, reserved(tmp_path / "absent" / "log.csv", force=False):
+        pass
+    assert caught.value.filename == str(tmp_path / "absent" / "log.csv")

@@ -81,10 +81,10 @@ def test_weighing_corrects_the_masses(run, tmp_path):  # noqa: F811
     assert (outcome.code, outcome.err) == (0, "")
     assert load("weighed.toml").parameters()["semitrailer.mass"] == pytest.approx(30000, rel=2e-3)
     assert load("weighed.toml").source.endswith("; weighed by parked")
-    printed = json.loads(run("weigh", tmp_path / "parked.csv", "-v", TRUCK, "--json").out)
+    printed = json.loads(run("weigh", tmp_path / "parked.csv", "-v", TRUCK, "-o", "other.toml", "--json").out)
     assert printed["units"]["semitrailer"]["mass"] == pytest.approx(30000, rel=2e-3)
     (tmp_path / "odd.csv").write_text("t,axle_load.dolly\n" + "".join(f"{k},1\n" for k in range(9)))
-    refused(run("weigh", tmp_path / "odd.csv", "-v", TRUCK), "axle_load.dolly: ")
+    refused(run("weigh", tmp_path / "odd.csv", "-v", TRUCK, "-o", "odd.toml"), "axle_load.dolly: ")
 
 
 def test_axle_loads_that_contradict_the_vehicle_file_are_reported(run):  # noqa: F811

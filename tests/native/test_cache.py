@@ -376,7 +376,7 @@ def test_folder_without_permission_is_no_error(cache_folder: Path) -> None:
         cache_folder.chmod(0o700)
 
 
-@pytest.mark.parametrize("call", ["touch", "write_bytes", "replace"])
+@pytest.mark.parametrize("call", ["chmod", "write_bytes", "replace"])
 def test_full_disk_is_no_error(cache_folder: Path, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "no space left")

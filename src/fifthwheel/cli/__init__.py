@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from fifthwheel import __version__
+from fifthwheel._atomic import clean_up
 from fifthwheel.cli import check, design, identify, reproduce, signals, simulate, states, vehicle, weigh  # noqa: F401 - importing a command registers it
 from fifthwheel.cli.app import app
 
@@ -31,10 +32,10 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 
 
 def main() -> None:
-    """Entry point. Exit code 0: the command ran; 2: wrong input or usage; 130: interrupted."""
+    """Entry point. Exit code 0: the command ran; 2: wrong input or usage; 130: interrupted; 143: terminated."""
     from fifthwheel.errors import FifthwheelError
 
-    previous = signal.signal(signal.SIGINT, _exit_on_interrupt)
+    previous = {number: signal.signal(number, _exit_at_once) for number in (signal.SIGINT, signal.SIGTERM)}
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:
@@ -46,7 +47,8 @@ def main() -> None:
     except OSError as error:
         _refuse(f"{error.filename or 'file'}: {error.strerror or error}; check path, permissions and free space")
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 def _refuse(message: str) -> None:
@@ -54,11 +56,12 @@ def _refuse(message: str) -> None:
     sys.exit(2)
 
 
-def _exit_on_interrupt(*_: object) -> None:
+def _exit_at_once(number: int, _: object) -> None:
     """Exit at once, also from native code; files are written atomically, so none is incomplete."""
     if "multiprocessing" in sys.modules:
         for child in sys.modules["multiprocessing"].active_children():
             child.kill()
+    clean_up()
     show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""
     os.write(2, f"{show_cursor}interrupted; files written before the interrupt are complete\n".encode())
-    os._exit(130)
+    os._exit(128 + number)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
 from fifthwheel.cli.app import command
 from fifthwheel.cli.terminal import load_records, print_files, warn_of_axle_loads
@@ -31,6 +32,7 @@ def check(
     plot: Annotated[
         Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
     ] = None,
+    force: options.ForceFileOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Predict the sigma of each parameter from these logs, and what would reduce it.
@@ -47,12 +49,13 @@ def check(
     settings = options.one_stage(
         truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor
     )
-    records = load_records(logs, signals, allow_outside=allow_outside)
-    warn_of_axle_loads(truck, records)
-    if plot is not None:
-        from fifthwheel.report.html.time_bases import write_time_offsets
+    with reserved(plot, force=force):
+        records = load_records(logs, signals, allow_outside=allow_outside)
+        warn_of_axle_loads(truck, records)
+        if plot is not None:
+            from fifthwheel.report.html.time_bases import write_time_offsets
 
-        write_time_offsets(plot, records, truck)
+            write_time_offsets(plot, records, truck)
     assessment = assess_information(records, truck, settings)
     if as_json:
         print(assessment.to_json())

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
 from fifthwheel.cli.app import command
 from fifthwheel.cli.terminal import print_files, progress_bar
@@ -52,6 +53,7 @@ def design(
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
     ] = None,
+    force: options.ForceFileOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Design the shortest test run that reaches the required accuracy.
@@ -68,19 +70,20 @@ def design(
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
     settings = options.one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
-    with progress_bar(quiet=as_json) as progress:
-        result = design_run(
-            truck,
-            options.fractions("--target", target),
-            settings,
-            channels=[name.strip() for text in channels or [] for name in text.split(",")],
-            speed=_speed("--speed", speed) if speed else None,
-            max_speed=_speed("--max-speed", max_speed),
-            max_acceleration=max_acceleration,
-            progress=progress,
-        )
-    if out:
-        write_record(result.record(), out)
+    with reserved(out, force=force):
+        with progress_bar(quiet=as_json) as progress:
+            result = design_run(
+                truck,
+                options.fractions("--target", target),
+                settings,
+                channels=[name.strip() for text in channels or [] for name in text.split(",")],
+                speed=_speed("--speed", speed) if speed else None,
+                max_speed=_speed("--max-speed", max_speed),
+                max_acceleration=max_acceleration,
+                progress=progress,
+            )
+        if out:
+            write_record(result.record(), out)
     if as_json:
         print(result.to_json(**({"files": {out.name: str(out)}} if out else {})))
     else:

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel._atomic import result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
 
@@ -75,18 +76,19 @@ def identify(
     ] = None,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
+    force: options.ForceOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Estimate cornering stiffness, yaw inertia, payload height and states from logs.
 
     Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
-    states.parquet and report.html. --free, --prior, --consider, --any-load, --sensor and --form belong to the one-stage
-    method.
+    states.parquet, report.html and run.json (digests of these files). --free, --prior, --consider, --any-load, --sensor
+    and --form belong to the one-stage method.
     """
     from fifthwheel.identify import OneStage, TwoStage, article
     from fifthwheel.report import provenance_of_run, show_identification
     from fifthwheel.report.figures.static import checked_format
-    from fifthwheel.workflow import read_vehicle, run_identification, write_results
+    from fifthwheel.workflow import IDENTIFICATION_FILES, read_vehicle, run_identification, write_results
 
     if figures:
         checked_format(figures)
@@ -103,15 +105,16 @@ def identify(
         preset = article() if method is Method.article else TwoStage()
         settings = replace(preset, fixed=tuple(fix or ()), check=check, passes=passes or preset.passes)
     inputs = [*logs, *(validate or [])]
-    records = terminal.load_records(inputs, signals, allow_outside=allow_outside)
-    terminal.warn_of_axle_loads(truck, records)
-    folder = terminal.make_folder(out)
-    with terminal.progress_bar(quiet=as_json) as progress:
-        run = run_identification(
-            records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
-        )
-    provenance = provenance_of_run(inputs, vehicle, signals, command=sys.argv[1:])
-    files = write_results(run, folder, provenance=provenance, figures=figures)
+    read = [*inputs, Path(vehicle), *([signals] if signals else [])]
+    with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
+        records = terminal.load_records(inputs, signals, allow_outside=allow_outside)
+        terminal.warn_of_axle_loads(truck, records)
+        with terminal.progress_bar(quiet=as_json) as progress:
+            run = run_identification(
+                records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
+            )
+        provenance = provenance_of_run(inputs, vehicle, signals, command=sys.argv[1:])
+        files = terminal.in_folder(out, write_results(run, folder, provenance=provenance, figures=figures))
     if as_json:
         terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
     else:

@@ -32,6 +32,11 @@ AllowOutsideOption = Annotated[
     typer.Option("--allow-outside", help="Read databases that --signals names outside of the folder of the map."),
 ]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; created if it does not exist.")]
+ForceOption = Annotated[
+    bool,
+    typer.Option("--force", help="Replace also files that are not results of an earlier run of this command."),
+]
+ForceFileOption = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
 CheckOption = Annotated[bool, typer.Option("--check/--no-check", help="Refuse logs with implausible signals.")]
 

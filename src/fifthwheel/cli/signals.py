@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fifthwheel._atomic import reserved
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import AllowOutsideOption, JsonOption, SignalsOption
+from fifthwheel.cli.options import AllowOutsideOption, ForceFileOption, JsonOption, SignalsOption
 
 if TYPE_CHECKING:
     from fifthwheel.vehicle import Vehicle
@@ -35,6 +36,7 @@ def signals(
     save: Annotated[
         Path | None, typer.Option("--save", help="With --signals: file for the record, .csv or .parquet.")
     ] = None,
+    force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the contents of a log and propose a signals.toml.
@@ -48,13 +50,14 @@ def signals(
 
     truck = read_vehicle(vehicle) if vehicle else None
     if signals is not None:
-        _show_record(log, signals, truck, save, as_json, allow_outside=allow_outside)
+        with reserved(save, force=force):
+            _show_record(log, signals, truck, save, as_json, allow_outside=allow_outside)
         return
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
     from fifthwheel.report.terminal.signals import show_survey
 
-    with terminal.reading_bar([log]) as progress:
+    with reserved(out, force=force), terminal.reading_bar([log]) as progress:
         contents = survey_file(log, truck, databases=database or [], map_file=out, progress=progress)
     if as_json:
         terminal.print_json(contents.as_dict())

@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
+from fifthwheel._atomic import reserved
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import JsonOption, VehicleOption
+from fifthwheel.cli.options import ForceFileOption, JsonOption, VehicleOption
 from fifthwheel.cli.terminal import print_json, progress_bar
 
 
@@ -70,6 +71,7 @@ def simulate(
         Path | None,
         typer.Option(help="A strip of pictures (.png, .svg) or an animation (.gif); nonlinear only."),
     ] = None,
+    force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
@@ -82,34 +84,37 @@ def simulate(
     truck, files = read_vehicle(vehicle), [str(log)]
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
-    if model is Model.linear:
-        from fifthwheel.simulate import simulate as run_linear
+    with reserved(log, film, force=force):
+        if model is Model.linear:
+            from fifthwheel.simulate import simulate as run_linear
 
-        nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
-        if refused := [option for option, value in nonlinear_only.items() if value]:
-            raise SignalError(f"{', '.join(refused)}: not available in the linear model; add --model nonlinear")
-        record = run_linear(truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given)
-    else:
-        if yaw_only:
-            raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
-        from fifthwheel.manoeuvres import course as make_course
-        from fifthwheel.plant import Plant, Properties
-        from fifthwheel.plant.film import SUFFIXES
-        from fifthwheel.plant.film import film as draw
-        from fifthwheel.plant.properties import with_changes
-        from fifthwheel.plant.sensors import read_sensors
+            nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
+            if refused := [option for option, value in nonlinear_only.items() if value]:
+                raise SignalError(f"{', '.join(refused)}: not available in the linear model; add --model nonlinear")
+            record = run_linear(
+                truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given
+            )
+        else:
+            if yaw_only:
+                raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
+            from fifthwheel.manoeuvres import course as make_course
+            from fifthwheel.plant import Plant, Properties
+            from fifthwheel.plant.film import SUFFIXES
+            from fifthwheel.plant.film import film as draw
+            from fifthwheel.plant.properties import with_changes
+            from fifthwheel.plant.sensors import read_sensors
 
-        if film and film.suffix.lower() not in SUFFIXES:  # before the simulation
-            raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
-        fitted = read_sensors(sensors) if sensors else None
-        course = make_course(manoeuvre, truck, seed=seed, **given)
-        plant = Plant(truck, with_changes(Properties(), _changes(properties or [])))
-        with progress_bar(quiet=as_json) as progress:
-            run = plant.drive(course, rate=rate, name=log.stem, progress=progress)
-        record = run.record(fitted, seed=seed, everything=all_truth)
-    write_record(record, log)
-    if film:
-        files.append(str(draw(run, film)))
+            if film and film.suffix.lower() not in SUFFIXES:  # before the simulation
+                raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
+            fitted = read_sensors(sensors) if sensors else None
+            course = make_course(manoeuvre, truck, seed=seed, **given)
+            plant = Plant(truck, with_changes(Properties(), _changes(properties or [])))
+            with progress_bar(quiet=as_json) as progress:
+                run = plant.drive(course, rate=rate, name=log.stem, progress=progress)
+            record = run.record(fitted, seed=seed, everything=all_truth)
+        write_record(record, log)
+        if film:
+            files.append(str(draw(run, film)))
     if as_json:
         signals = {"signals": list(record.signals), "reference": list(record.reference)}
         print_json({"file": str(log), "files": files, "samples": len(record), "span": record.span, **signals})

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel._atomic import one_run, result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
 
@@ -51,6 +52,7 @@ def states(
     ] = False,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
+    force: options.ForceOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Estimate sideslip, roll and articulation of a known vehicle: states.parquet and report.html.
@@ -66,22 +68,26 @@ def states(
     from fifthwheel.observe import ObserverSettings
     from fifthwheel.report import provenance_of_run, show_states
     from fifthwheel.report.figures.static import checked_format
-    from fifthwheel.workflow import load_identification, read_vehicle, run_states, write_results
+    from fifthwheel.workflow import STATES_FILES, load_identification, read_vehicle, run_states, write_results
 
     if figures:
         checked_format(figures)
-    truck = read_vehicle(vehicle)
+    with one_run(*([identification, Path(vehicle)] if identification else [])):
+        truck = read_vehicle(vehicle)
+        stored = load_identification(identification) if identification else None
     positions = options.named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
     settings = ObserverSettings(min_speed=min_speed, positions=positions, bank=INITIAL_SIGMA["bank"] if bank else None)
-    stored = load_identification(identification) if identification else None
-    records = terminal.load_records(logs, signals, allow_outside=allow_outside)
-    folder = terminal.make_folder(out)
-    with terminal.progress_bar(quiet=as_json) as progress:
-        run = run_states(records, truck, settings, identification=stored, smooth=smooth, check=check, progress=progress)
-    for note in run.notes:
-        typer.echo(note, err=True)
-    provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
-    files = write_results(run, folder, provenance=provenance, figures=figures)
+    read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
+    with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:
+        records = terminal.load_records(logs, signals, allow_outside=allow_outside)
+        with terminal.progress_bar(quiet=as_json) as progress:
+            run = run_states(
+                records, truck, settings, identification=stored, smooth=smooth, check=check, progress=progress
+            )
+        for note in run.notes:
+            typer.echo(note, err=True)
+        provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
+        files = terminal.in_folder(out, write_results(run, folder, provenance=provenance, figures=figures))
     if as_json:
         terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
     else:

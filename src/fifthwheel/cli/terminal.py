@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,24 +35,14 @@ def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:
         typer.echo(str(difference), err=True)
 
 
-def make_folder(path: Path) -> Path:
-    """Make a folder for results.
-
-    Raises:
-        FifthwheelError: it cannot be made.
-    """
-    from fifthwheel.errors import FifthwheelError
-
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FifthwheelError(f"{path}: {error.strerror}; choose another folder with --out") from error
-    return path
-
-
 def print_json(contents: Any) -> None:
     """Print data as JSON."""
     print(json.dumps(contents, indent=2))
+
+
+def in_folder(folder: Path, names: Iterable[str]) -> dict[str, Path]:
+    """The path of each result in a folder by its name."""
+    return {name: folder / name for name in names}
 
 
 def print_files(files: Mapping[str, Path]) -> None:

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
+from fifthwheel._atomic import reserved
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import AllowOutsideOption, JsonOption, SignalsOption, VehicleOption
+from fifthwheel.cli.options import AllowOutsideOption, ForceFileOption, JsonOption, SignalsOption, VehicleOption
 
 
 @command(
@@ -31,6 +32,7 @@ def weigh(
             "as a fraction of the tractor's axle loads.",
         ),
     ] = 0.02,
+    force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Set masses and CoG positions of a vehicle file from the axle loads in a log.
@@ -43,9 +45,11 @@ def weigh(
     from fifthwheel.vehicle import save
     from fifthwheel.workflow import read_vehicle, weigh_vehicle
 
-    truck, (record,) = read_vehicle(vehicle), terminal.load_records([log], signals, allow_outside=allow_outside)
-    weighed = weigh_vehicle(record, truck, tolerance=tolerance)
-    save(weighed.vehicle, out)
+    truck = read_vehicle(vehicle)
+    with reserved(out, force=force):
+        (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
+        weighed = weigh_vehicle(record, truck, tolerance=tolerance)
+        save(weighed.vehicle, out)
     files = {"vehicle": out}
     if as_json:
         terminal.print_json(weighed.as_dict() | {"files": terminal.as_text(files)})

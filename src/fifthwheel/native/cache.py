@@ -90,7 +90,7 @@ def write(key: bytes, code: bytes) -> None:
         return
     try:
         with atomic_write(cache_folder / f"{key.hex()}.o") as temporary:
-            temporary.touch(mode=0o600, exist_ok=False)
+            temporary.chmod(0o600)
             temporary.write_bytes(key + DIGEST(key + code).digest() + code)
     except OSError:
         return

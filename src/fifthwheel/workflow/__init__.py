@@ -6,13 +6,15 @@ from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle
 from fifthwheel.workflow.log_contents import LogContents, survey_file
-from fifthwheel.workflow.results import write_results
+from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 from fifthwheel.workflow.stored_identification import StoredIdentification, load_identification
 
 __all__ = [
+    "IDENTIFICATION_FILES",
     "SENSOR_PRIORS",
+    "STATES_FILES",
     "AxleLoadDifference",
     "IdentificationRun",
     "LogContents",

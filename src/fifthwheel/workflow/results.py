@@ -10,6 +10,10 @@ from fifthwheel.vehicle import save
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.states import StatesRun
 
+STATES_FILES = ("states.parquet", "report.html")
+"""Results of a run, besides figures."""
+IDENTIFICATION_FILES = ("identification.json", "vehicle.toml", *STATES_FILES)
+
 
 def write_results(
     run: IdentificationRun | StatesRun,
@@ -33,7 +37,7 @@ def write_results(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    names, report = ["states.parquet", "report.html"], folder / "report.html"
+    report = folder / "report.html"
     write_states(run.states, folder / "states.parquet")
     if isinstance(run, StatesRun):
         drawn = write_states_report(
@@ -47,7 +51,6 @@ def write_results(
             figures=figures,
         )
     else:
-        names = ["identification.json", "vehicle.toml", *names]
         with atomic_write(folder / "identification.json") as temporary:
             temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
         vehicle, covariance = run.identification.vehicle, run.identification.covariance
@@ -64,4 +67,5 @@ def write_results(
             provenance=provenance,
             figures=figures,
         )
+    names = STATES_FILES if isinstance(run, StatesRun) else IDENTIFICATION_FILES
     return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -16,6 +17,10 @@ from fifthwheel.studies.cheng_cebon_2011.comparison import Row, VariantErrors, c
 from fifthwheel.studies.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
 from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome, outcome
 from fifthwheel.vehicle import get
+
+_FIGURES = [f"figure_{number}.{kind}" for number in range(4, 10) for kind in ("png", "svg")]
+FILES = ("reproduction.md", "reproduction.csv", *_FIGURES)
+"""Files of a reproduction."""
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""
@@ -125,7 +130,16 @@ _experiments: dict[str, Experiment] = {}
 
 def _start_worker(experiments: dict[str, Experiment]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the process without a traceback
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _experiments.update(experiments)
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot end its workers, which would wait for tasks forever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _identify(name: str, arm_index: int, seed: int) -> Outcome:

@@ -1,0 +1,89 @@
+"""One file that appears complete or not at all."""
+
+import os
+import secrets
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from fifthwheel._atomic.cleanup import cleaned_up
+from fifthwheel._atomic.locks import held, try_lock
+from fifthwheel.errors import FifthwheelError
+
+
+@contextmanager
+def atomic_write(path: str | Path) -> Iterator[Path]:
+    """A temporary file to write to; when the block ends without an error it replaces `path`, otherwise it is removed.
+
+    Processes that write the same file do not collide: each has its own temporary file, and the last to finish wins.
+    The temporary file is locked, so that the next writer of `path` can remove those of processes that were killed.
+
+    Raises:
+        OSError: the file cannot be written; `filename` is `path`.
+    """
+    path = Path(path)
+    temporary = path
+    try:
+        _remove_leftovers(path)
+        temporary, lock = _temporary_file(path)
+        with cleaned_up(lambda: temporary.unlink(missing_ok=True)):
+            try:
+                yield temporary
+                os.fsync(lock)
+                if sys.platform != "win32":
+                    temporary.replace(path)
+            finally:
+                os.close(lock)
+            if sys.platform == "win32":  # does not rename an open file
+                temporary.replace(path)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(temporary), str(path.parent)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+@contextmanager
+def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
+    """Reserve the names of files that are written in the block, so that no other file is lost.
+
+    Args:
+        paths: files; None for a file that is not requested.
+        force: replace files that exist.
+
+    Raises:
+        FifthwheelError: a file exists, or another process has reserved it.
+        OSError: its folder cannot be written to; `filename` is the file.
+    """
+    with ExitStack() as stack:
+        for path in filter(None, paths):
+            try:
+                stack.enter_context(held(path.with_name(f".{path.name}.lock"), subject=path))
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(path)) from error
+            if os.path.lexists(path) and not force:
+                raise FifthwheelError(f"{path}: exists; write to another file, or replace it with --force")
+        yield
+
+
+def _temporary_file(path: Path) -> tuple[Path, int]:
+    """A new file beside `path`, and the descriptor that locks it."""
+    while True:
+        temporary = path.with_name(f"{_prefix(path)}{secrets.token_hex(4)}{_SUFFIX}")
+        if (lock := try_lock(temporary)) is not None:
+            return temporary, lock
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove the temporary files of processes that were killed while they wrote `path`."""
+    for left in path.parent.iterdir():
+        if left.name.startswith(_prefix(path)) and left.suffix == _SUFFIX and (lock := try_lock(left)) is not None:
+            left.unlink()
+            os.close(lock)
+
+
+_SUFFIX = ".part"
+
+
+def _prefix(path: Path) -> str:
+    return f".{path.name}."

@@ -1,0 +1,83 @@
+"""Advisory locks on files. A lock ends with its process, however that ends."""
+
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from fifthwheel._atomic.cleanup import cleaned_up
+from fifthwheel.errors import FifthwheelError
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: int) -> None:
+        os.lseek(file, 1 << 30, os.SEEK_SET)  # behind the content, which others can then read
+        try:
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError from error
+        os.lseek(file, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock(file: int) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def try_lock(path: Path) -> int | None:
+    """Create or open a file and lock it; its descriptor, which holds the lock until it is closed, or None if another
+    process holds it.
+
+    Raises:
+        OSError: the file cannot be created, or the file system has no locks.
+    """
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(file)
+            if os.path.samestat(os.fstat(file), path.stat()):
+                return file
+        except BlockingIOError:
+            os.close(file)
+            return None
+        except FileNotFoundError:
+            pass  # removed by its former owner between opening and locking
+        except OSError:
+            os.close(file)
+            raise
+        os.close(file)
+
+
+@contextmanager
+def held(path: Path, *, subject: Path) -> Iterator[None]:
+    """Hold the lock file `path`, which is removed at the end.
+
+    Args:
+        subject: what the lock protects, for the message.
+
+    Raises:
+        FifthwheelError: another process holds it.
+    """
+    file = try_lock(path)
+    if file is None:
+        with suppress(OSError):
+            holder = path.read_text(encoding="utf-8")
+        raise FifthwheelError(
+            f"{subject}: in use by {holder or 'another process'}; wait until it ends, or write somewhere else"
+        )
+    try:
+        with cleaned_up(lambda: _remove(path)):
+            os.ftruncate(file, 0)
+            os.write(file, f"process {os.getpid()} on {platform.node()}".encode())
+            yield
+    finally:
+        os.close(file)
+
+
+def _remove(path: Path) -> None:
+    with suppress(PermissionError):  # Windows keeps an open file
+        path.unlink(missing_ok=True)
