@@ -215,6 +215,19 @@ def test_an_implausible_speed_is_missing(guess: Vehicle, lanes: Record) -> None:
     assert status[-1] == Status.INPUT_MISSING
 
 
+@pytest.mark.parametrize("steer", [1e155, -1e300, 1.1])
+def test_an_impossible_steer_angle_is_missing(guess: Vehicle, lanes: Record, steer: float) -> None:
+    """In the first sample, and after a gap."""
+    learner = Learner(guess, lanes.signals, FIVE)
+    for k, sample in enumerate(samples(lanes.cut(0.0, 6.0))):
+        later = {**sample, "time": sample["time"] + (9.0 if k >= 300 else 0.0)}
+        answer = learner.push({**later, "steer.tractor.front": steer} if k in (0, 300) else later)
+        assert k not in (0, 300) or answer["status"] == Status.INPUT_MISSING
+        assert np.isfinite(answer["sideslip.tractor"]) == (answer["status"] == Status.OK)
+    assert np.isfinite([(e.value, e.sigma) for e in learner.parameters]).all()
+    assert learner["tractor.front.cornering_stiffness"].verdict == Verdict.CONVERGED
+
+
 def test_without_measurements_it_coasts(guess: Vehicle, lanes: Record) -> None:
     learner = Learner(guess, lanes.signals, FIVE)
     for sample in samples(lanes.cut(0.0, 1.0)):

@@ -31,6 +31,8 @@ class LearnerSettings:
     """A longer dropout of a steer angle, s, makes the state inaccurate: nothing is learned for `settling_time`."""
     hold: float = 0.5
     """A missing speed or steer angle keeps its last value for at most this time, s."""
+    max_steer: float = 1.0
+    """A steer angle beyond this, rad, counts as missing; no road wheel turns so far."""
     max_steer_rate: float = 3.0
     """A steer angle that changes faster than this, rad/s, counts as missing; no driver steers so fast."""
     max_speed_change: float = 2.0
@@ -49,6 +51,7 @@ class LearnerSettings:
             "high_pass_time",
             "max_innovation_ratio",
             "innovation_window",
+            "max_steer",
             "max_steer_rate",
             "max_speed_change",
             "coast",
