@@ -15,16 +15,18 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from tests.identify.online.conftest import HEIGHT, assert_identified, estimates, learn
+from tests.identify.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 
 
 def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
     settings = LearnerSettings(start_excitation=0.3, max_steer_dropout=0.2)
-    saved = learn(guess, lanes, OneStage(priors={}, consider={"roll_damping": 0.3}), learner=settings)
+    saved = learn(guess, lanes, CONSIDERING, learner=settings)
     saved.save(tmp_path / "learner.json")
     loaded = Learner.load(tmp_path / "learner.json")
     assert loaded.parameters == pytest.approx(saved.parameters)
-    assert loaded.sensors == saved.sensors
+    assert loaded.doubts == saved.doubts
+    for one, other in zip(estimates(loaded), estimates(saved), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
     assert loaded.vehicle() == saved.vehicle()
     assert loaded._live.learner == settings
     loaded.learn(lanes)  # a new run: its time may start again
@@ -35,7 +37,7 @@ def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, l
 def of_version(number: int) -> Callable[[str], str]:
     def change(text: str) -> str:
         document = json.loads(text)
-        assert document["format"] == "fifthwheel learner 2"
+        assert document["format"] == "fifthwheel learner 3"
         return json.dumps({**document, "format": f"fifthwheel learner {number}"})
 
     return change
@@ -50,8 +52,8 @@ def of_version(number: int) -> Callable[[str], str]:
         (lambda text: '{"parameters": []}', "not a file of a learner"),
         (lambda text: text.replace('"z": [', '"z": [1.0, ', 1), "damaged, its content does not match its checksum"),
         (lambda text: text.replace("tractor", "trucktor"), "damaged, its content does not match its checksum"),
-        (of_version(1), "has format 1 of another version of fifthwheel, expected format 2; start with a new Learner"),
-        (of_version(3), "has format 3 of another version of fifthwheel, expected format 2"),
+        (of_version(2), "has format 2 of another version of fifthwheel, expected format 3; start with a new Learner"),
+        (of_version(4), "has format 4 of another version of fifthwheel, expected format 3"),
     ],
 )
 def test_a_file_that_is_damaged_or_not_of_this_version_is_refused(

@@ -14,8 +14,8 @@ from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.parameters import Unknown
 
-KIND, VERSION = "fifthwheel learner", 2
-"""The format of a file is "fifthwheel learner 2"."""
+KIND, VERSION = "fifthwheel learner", 3
+"""The format of a file is "fifthwheel learner 3"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

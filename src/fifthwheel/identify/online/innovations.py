@@ -1,0 +1,43 @@
+"""Mean square and autocorrelation of the innovations of each channel while learning."""
+
+from collections.abc import Sequence
+
+AVERAGING_TIME = 1.0
+"""Time constant of the average whose variance shows an autocorrelation of the innovations, s."""
+WINDOWS = 10.0
+"""Innovation windows over which that variance is averaged: it has fewer independent values than the mean square."""
+
+
+class InnovationStatistics:
+    """Recursive statistics of normalised innovations, which are white with variance 1 if the model is correct.
+
+    Args:
+        count: number of channels.
+        window: time constant of the mean square, s of learning.
+        limit: larger innovations count as this.
+    """
+
+    def __init__(self, count: int, window: float, limit: float) -> None:
+        self.window, self.limit = window, limit
+        self.mean_square = [1.0] * count
+        """Of each channel; 1 is expected."""
+        self.autocorrelation = [1.0] * count
+        """Variance inflation factor of each channel: the variance of an average over that of white innovations."""
+        self._average = [0.0] * count
+
+    def update(self, dt: float, channel: int, innovation: float) -> None:
+        """Take up an innovation of a channel, normalised, dt seconds after the last one."""
+        if dt <= 0:
+            return
+        innovation = min(max(innovation, -self.limit), self.limit)
+        fraction, slow = dt / (self.window + dt), dt / (WINDOWS * self.window + dt)
+        self.mean_square[channel] += fraction * (innovation * innovation - self.mean_square[channel])
+        weight = dt / (AVERAGING_TIME + dt)
+        average = self._average[channel]
+        self._average[channel] = average = average + weight * (innovation - average)
+        factor = average * average * (2 - weight) / weight
+        self.autocorrelation[channel] += slow * (factor - self.autocorrelation[channel])
+
+    def restore(self, mean_square: Sequence[float], autocorrelation: Sequence[float]) -> None:
+        """Continue from saved statistics."""
+        self.mean_square[:], self.autocorrelation[:] = mean_square, autocorrelation

@@ -1,0 +1,58 @@
+"""Doubts of a learner, and that no estimate is confidently wrong."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.identify.doubts import DoubtKind
+from fifthwheel.identify.online import Learner
+from fifthwheel.identify.online.innovations import InnovationStatistics
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+from tests.identify.online.conftest import CONSIDERING, FIVE, learn
+
+
+def test_correct_assumptions_give_no_doubt(guess: Vehicle, lanes: Record) -> None:
+    assert learn(guess, lanes, CONSIDERING).doubts == ()
+
+
+def test_a_wrong_assumption_is_doubted(guess: Vehicle, lanes: Record) -> None:
+    """The roll axis of the trailer is 0.4 m lower in the vehicle file, 5 times its uncertainty."""
+    path = "semitrailer.roll_axis_height"
+    learner = learn(guess.replace({path: guess.parameters()[path] - 0.4}), lanes, CONSIDERING)
+    (doubt,) = (d for d in learner.doubts if d.kind is DoubtKind.ASSUMPTION)
+    assert doubt.causes[0].name == path
+    assert doubt.causes[0].changes[path] > 0.1
+    assert any(learner[name].verdict == Verdict.DOUBTFUL for name in doubt.parameters)
+
+
+def test_inconsistent_innovations_make_all_parameters_doubtful(guess: Vehicle, lanes: Record) -> None:
+    noise = 0.02 * np.random.default_rng(1).normal(size=len(lanes))
+    name = "yaw_rate.tractor"
+    learner = learn(guess, lanes.with_signals({name: lanes.signals[name] + noise}), FIVE)
+    (doubt,) = (d for d in learner.doubts if d.kind is DoubtKind.NOISE)
+    assert {e.verdict for e in learner.parameters} <= {Verdict.DOUBTFUL, Verdict.AT_BOUND}
+    assert set(doubt.parameters) == {e.name for e in learner.parameters}
+
+
+@pytest.mark.parametrize(("pole", "expected"), [(0.0, 1.0), (0.8, 9.0)])
+def test_autocorrelation_is_that_of_a_first_order_process(pole: float, expected: float) -> None:
+    """The variance inflation factor of slow averages is (1 + pole) / (1 - pole)."""
+    statistics, value, total = InnovationStatistics(1, 50.0, np.inf), 0.0, []
+    for noise in np.random.default_rng(2).normal(size=200_000):
+        value = pole * value + np.sqrt(1 - pole**2) * noise
+        statistics.update(0.01, 0, value)
+        total.append(statistics.autocorrelation[0])
+    assert np.mean(total[100_000:]) == pytest.approx(expected, rel=0.15)
+
+
+def test_an_estimate_that_is_not_a_number_is_not_taken_over(learned: Learner, lanes: Record) -> None:
+    """The step keeps the estimate, and says that the state must start again."""
+    live = pytest.importorskip("copy").deepcopy(learned)._live
+    before = live.filter.estimate()
+    start = live.filter.layout.V.start
+    live.filter.end_segment()
+    live.filter.carry[start, 0] = np.nan
+    live.push(1e3, [20.0, 0.0], [0.0] * 4)
+    np.testing.assert_array_equal(live.filter.estimate().z, before.z)
+    assert np.isfinite(live.filter.carry).all()
