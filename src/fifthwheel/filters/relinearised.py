@@ -15,7 +15,7 @@ per sample are bounded. The two filters are lanes of one compiled step.
 import copy
 import ctypes
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,17 @@ class Estimate:
     def vector(self) -> Array:
         """In the order of the carry."""
         return np.concatenate([self.z, pack_array(self.Pz), self.B.ravel(order="F"), self.gradient, self.information])
+
+    def with_variance_inflation(self, factor: float) -> "Estimate":
+        """The estimate if `factor` innovations contain the information of one; the prior is not inflated."""
+        n = len(self.z)
+        information = np.linalg.inv(self.Pz) - np.eye(n)
+        return replace(
+            self,
+            Pz=np.asarray(np.linalg.inv(np.eye(n) + information / factor)),
+            gradient=self.gradient / factor,
+            information=self.information / factor,
+        )
 
     def covariance(self) -> Array:
         """Of all parameters, the estimated ones first (n_p, n_p)."""

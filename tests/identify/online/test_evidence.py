@@ -1,5 +1,7 @@
 """Doubts of a learner, and that no estimate is confidently wrong."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,7 @@ def test_autocorrelation_is_that_of_a_first_order_process(pole: float, expected:
 
 def test_an_estimate_that_is_not_a_number_is_not_taken_over(learned: Learner, lanes: Record) -> None:
     """The step keeps the estimate, and says that the state must start again."""
-    live = pytest.importorskip("copy").deepcopy(learned)._live
+    live = copy.deepcopy(learned)._live
     before = live.filter.estimate()
     start = live.filter.layout.V.start
     live.filter.end_segment()
@@ -56,3 +58,16 @@ def test_an_estimate_that_is_not_a_number_is_not_taken_over(learned: Learner, la
     live.push(1e3, [20.0, 0.0], [0.0] * 4)
     np.testing.assert_array_equal(live.filter.estimate().z, before.z)
     assert np.isfinite(live.filter.carry).all()
+
+
+def test_autocorrelated_innovations_contain_less_information(learned: Learner) -> None:
+    """Twice the variance, while that of the prior stays."""
+    live = copy.deepcopy(learned)._live
+    live.innovations.autocorrelation[:] = [1.0] * 4
+    before = live.estimate()
+    live.innovations.autocorrelation[1] = 2.0
+    after = live.estimate()
+    ratio = np.sqrt(np.diag(after.Pz) / np.diag(before.Pz))
+    assert (ratio[:4] > 1.4).all()
+    assert (ratio <= np.sqrt(2.0) * (1 + 1e-9)).all()
+    assert (np.diag(after.Pz) < 1.0).all()

@@ -162,11 +162,11 @@ class Learner:
     def doubts(self) -> tuple[Doubt, ...]:
         """Evidence against an assumption, with the parameters that are doubtful therefore."""
         live = self._live
-        return find_doubts(live.problem, live.learner, live.filter.estimate(), live.innovations)
+        return find_doubts(live.problem, live.learner, live.estimate(), live.innovations)
 
     def _estimates(self) -> list[tuple[Unknown, LearnedValue]]:
         live, problem = self._live, self._live.problem
-        scaling, estimate = problem.scaling, live.filter.estimate()
+        scaling, estimate = problem.scaling, live.estimate()
         doubts = find_doubts(problem, live.learner, estimate, live.innovations)
         doubtful = {name for doubt in doubts for name in doubt.parameters}
         z = np.append(estimate.z, np.zeros(len(problem.considered)))

@@ -11,7 +11,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import steps
 from fifthwheel.filters import Noise, joint, variances
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
-from fifthwheel.filters.relinearised import RelinearisedFilter
+from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
 from fifthwheel.identify.initial_state import steady_state_slopes
 from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import InnovationStatistics
@@ -68,6 +68,10 @@ class LiveFilter:
         attributes, memory = state
         vars(self).update(attributes)
         self.filter.restore(memory)
+
+    def estimate(self) -> Estimate:
+        """The estimate after all samples, with the information that autocorrelated innovations contain."""
+        return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
