@@ -85,12 +85,11 @@ class Estimate:
         return np.concatenate([self.z, pack_array(self.Pz), self.B.ravel(order="F"), self.gradient, self.information])
 
     def with_variance_inflation(self, factor: float) -> "Estimate":
-        """The estimate if `factor` innovations contain the information of one; the prior is not inflated."""
-        n = len(self.z)
-        information = np.linalg.inv(self.Pz) - np.eye(n)
+        """The estimate if `factor` innovations contain the information of one; no variance exceeds the prior's."""
+        scale = np.sqrt(np.clip(1 / np.diag(self.Pz), 1.0, factor))
         return replace(
             self,
-            Pz=np.asarray(np.linalg.inv(np.eye(n) + information / factor)),
+            Pz=self.Pz * np.outer(scale, scale),
             gradient=self.gradient / factor,
             information=self.information / factor,
         )

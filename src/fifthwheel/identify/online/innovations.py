@@ -1,6 +1,6 @@
 """Mean square and autocorrelation of the innovations of each channel while learning."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 AVERAGING_TIME = 1.0
 """Time constant of the average whose variance shows an autocorrelation of the innovations, s."""
@@ -12,12 +12,13 @@ class InnovationStatistics:
     """Recursive statistics of normalised innovations, which are white with variance 1 if the model is correct.
 
     Args:
-        count: number of channels.
+        channels: their names.
         window: time constant of the mean square, s of learning.
         limit: larger innovations count as this.
     """
 
-    def __init__(self, count: int, window: float, limit: float) -> None:
+    def __init__(self, channels: Sequence[str], window: float, limit: float) -> None:
+        count, self.channels = len(channels), tuple(channels)
         self.window, self.limit = window, limit
         self.mean_square = [1.0] * count
         """Of each channel; 1 is expected."""
@@ -38,6 +39,14 @@ class InnovationStatistics:
         factor = average * average * (2 - weight) / weight
         self.autocorrelation[channel] += slow * (factor - self.autocorrelation[channel])
 
-    def restore(self, mean_square: Sequence[float], autocorrelation: Sequence[float]) -> None:
-        """Continue from saved statistics."""
-        self.mean_square[:], self.autocorrelation[:] = mean_square, autocorrelation
+    def as_dict(self) -> dict[str, dict[str, float]]:
+        """Both statistics by channel."""
+        return {
+            "mean_square": dict(zip(self.channels, self.mean_square, strict=True)),
+            "autocorrelation": dict(zip(self.channels, self.autocorrelation, strict=True)),
+        }
+
+    def restore(self, mean_square: Mapping[str, float], autocorrelation: Mapping[str, float]) -> None:
+        """Continue from those of `as_dict`; a channel that is not among them starts."""
+        self.mean_square[:] = [mean_square.get(name, 1.0) for name in self.channels]
+        self.autocorrelation[:] = [autocorrelation.get(name, 1.0) for name in self.channels]

@@ -219,6 +219,7 @@ class Learner:
         z, Pz = combine_blocks(problem.unknowns, blocks)
         live = LiveFilter(problem, self._live.learner)
         live.filter.set_estimate(_estimate(problem, z, Pz))
+        live.innovations.restore(**self._live.innovations.as_dict())
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
     def _block(self, *, of_tractor: bool) -> EstimateBlock:
@@ -250,8 +251,7 @@ class Learner:
                 "evidence": {
                     "gradient": estimate.gradient.tolist(),
                     "information": estimate.information.tolist(),
-                    "mean_square": innovations.mean_square,
-                    "autocorrelation": innovations.autocorrelation,
+                    "innovations": innovations.as_dict(),
                 },
                 "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
             },
@@ -282,7 +282,7 @@ class Learner:
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
             z, Pz = combine_blocks(live.problem.unknowns, blocks)
             live.filter.set_estimate(_estimate(live.problem, z, Pz, *scores))
-            live.innovations.restore(evidence["mean_square"], evidence["autocorrelation"])
+            live.innovations.restore(**evidence["innovations"])
             for name, block in content["uncoupled"].items():
                 learner._uncoupled[name] = EstimateBlock.from_dict(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:

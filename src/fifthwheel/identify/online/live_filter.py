@@ -44,7 +44,7 @@ class LiveFilter:
         self.view = StateView(problem, self.filter)
         self.learning = False
         """Whether it learned from the last sample."""
-        self.innovations = InnovationStatistics(len(problem.outputs), learner.innovation_window, problem.settings.gate)
+        self.innovations = InnovationStatistics(problem.outputs, learner.innovation_window, problem.settings.gate)
         """Of the samples from which it learned."""
         inputs = problem.inputs
         self._inputs = HeldInputs(len(inputs), learner, problem.settings.min_speed)
