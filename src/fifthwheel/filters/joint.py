@@ -5,9 +5,8 @@ This filter adds:
 
 * learn: z has no gain on a sample with learn = 0.
 * Considered parameters c ~ N(0, I), which keep their prior mean 0 (Schmidt 1966). `B` is the derivative of the estimate
-  of z that goes with a change of c. The covariance of z is Pz + B B', its covariance with c is B. The gains of z ignore
-  c, so that more data does not weight samples by an assumed model of the vehicle's errors; the gains of the state on
-  samples without learning take both into account.
+  of z that goes with a change of c. The covariance of z is Pz + B B', its covariance with c is B. The gains ignore c,
+  so that samples are not weighted by an assumed model of the vehicle's errors.
 * The score test of each considered parameter (Rao 1948; `identify.doubts`): with rho the derivative of an innovation
   with respect to c, and S its variance, the gradient is - sum rho e / S and the information sum rho^2 / S.
 * walk: the variance of an estimated z grows towards that of its prior with this rate, 1/s.
@@ -123,15 +122,15 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> Scan:
         rho = both[n_z:] + psi @ B
         innovation_at_base = y[i] - predicted[i] - row @ (x - before)  # with z = base_z
         innovation = innovation_at_base - psi @ (z - base_z)
-        cross, cross_z, considered = P @ row.T, Pz @ psi.T, B @ rho.T
+        cross, cross_z = P @ row.T, Pz @ psi.T
         of_state, of_parameters, of_considered = row @ cross + r[i], psi @ cross_z, ca.sumsqr(rho)
         total = of_state + of_parameters + of_considered
         accepted = gate(innovation, total, weight[i], limit)
         noise_z = ca.fmax(of_state, PRECISION * of_parameters)
         gain_z = accepted * learn * cross_z / (of_parameters + noise_z)
-        # without learning, the gain of the state is optimal for its total covariance
-        cross_total = cross + (1 - learn) * (V @ ca.vertcat(cross_z + considered, rho.T))
-        gain = accepted * cross_total / (of_state + (1 - learn) * (of_parameters + of_considered))
+        # without learning, the gain of the state is optimal for P + V Pz V'
+        uncertain = 1 - learn
+        gain = accepted * (cross + uncertain * (V[:, :n_z] @ cross_z)) / (of_state + uncertain * of_parameters)
         z = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
         V = V - gain @ both
         x = x + gain * innovation_at_base

@@ -43,21 +43,9 @@ def test_autocorrelation_is_that_of_a_first_order_process(pole: float, expected:
     statistics, value, total = InnovationStatistics(["yaw_rate.tractor"], 50.0, np.inf), 0.0, []
     for noise in np.random.default_rng(2).normal(size=200_000):
         value = pole * value + np.sqrt(1 - pole**2) * noise
-        statistics.update(0.01, 0, value)
+        statistics.update(0.01, [value], [1.0])
         total.append(statistics.autocorrelation[0])
     assert np.mean(total[100_000:]) == pytest.approx(expected, rel=0.15)
-
-
-def test_an_estimate_that_is_not_a_number_is_not_taken_over(learned: Learner, lanes: Record) -> None:
-    """The step keeps the estimate, and says that the state must start again."""
-    live = copy.deepcopy(learned)._live
-    before = live.filter.estimate()
-    start = live.filter.layout.V.start
-    live.filter.end_segment()
-    live.filter.carry[start, 0] = np.nan
-    live.push(1e3, [20.0, 0.0], [0.0] * 4)
-    np.testing.assert_array_equal(live.filter.estimate().z, before.z)
-    assert np.isfinite(live.filter.carry).all()
 
 
 def test_autocorrelated_innovations_contain_less_information(learned: Learner) -> None:

@@ -26,18 +26,19 @@ class InnovationStatistics:
         """Variance inflation factor of each channel: the variance of an average over that of white innovations."""
         self._average = [0.0] * count
 
-    def update(self, dt: float, channel: int, innovation: float) -> None:
-        """Take up an innovation of a channel, normalised, dt seconds after the last one."""
+    def update(self, dt: float, innovations: Sequence[float], present: Sequence[float]) -> None:
+        """Take up the normalised innovations of a sample, dt seconds after the last one; 0 in `present` if missing."""
         if dt <= 0:
             return
-        innovation = min(max(innovation, -self.limit), self.limit)
-        fraction, slow = dt / (self.window + dt), dt / (WINDOWS * self.window + dt)
-        self.mean_square[channel] += fraction * (innovation * innovation - self.mean_square[channel])
+        limit, fraction, slow = self.limit, dt / (self.window + dt), dt / (WINDOWS * self.window + dt)
         weight = dt / (AVERAGING_TIME + dt)
-        average = self._average[channel]
-        self._average[channel] = average = average + weight * (innovation - average)
-        factor = average * average * (2 - weight) / weight
-        self.autocorrelation[channel] += slow * (factor - self.autocorrelation[channel])
+        expected = weight / (2 - weight)  # variance of the average of white innovations
+        for i, innovation in enumerate(innovations):
+            if present[i]:
+                innovation = min(max(innovation, -limit), limit)
+                self.mean_square[i] += fraction * (innovation * innovation - self.mean_square[i])
+                self._average[i] = average = self._average[i] + weight * (innovation - self._average[i])
+                self.autocorrelation[i] += slow * (average * average / expected - self.autocorrelation[i])
 
     def as_dict(self) -> dict[str, dict[str, float]]:
         """Both statistics by channel."""

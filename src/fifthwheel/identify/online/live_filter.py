@@ -109,7 +109,8 @@ class LiveFilter:
             any_measured |= present
         accepted, diverged = self.filter.advance(excited, self.learning)
         if self.learning:
-            self._update_innovations(gap)
+            first = 2 * (1 + k + m)  # of the weights
+            self.innovations.update(gap, self.filter.out[2 * m : 4 * m : 2], row[first : first + 2 * m : 2])
         if accepted:
             self._accepted_time = time
         coasting = time - self._accepted_time > learner.coast
@@ -118,12 +119,6 @@ class LiveFilter:
             self.filter.advance(False, False)
             return Status.OK
         return Status.COASTING if coasting else Status.OK
-
-    def _update_innovations(self, gap: float) -> None:
-        k, m = 1 + 2 * len(self.problem.model.chain.inputs), len(self.problem.outputs)
-        for i in range(m):
-            if self.filter.row[2 * (k + m + i)]:
-                self.innovations.update(gap, i, self.filter.out[2 * (m + i)])
 
     def _start(self, time: float, inputs: Sequence[float]) -> None:
         """Start the state again at the steady state of these inputs; the estimates stay."""
