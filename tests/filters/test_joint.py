@@ -59,14 +59,13 @@ def rows() -> Array:
     )
 
 
-def run(rows: Array, free: Array, base: Array) -> tuple[Array, Array]:
+def run(rows: Array, base: Array, n_z: int = 2) -> tuple[Array, Array]:
     """Carries (N, n_carry, LANES) and outputs after every row, from x = 0, z = 0 with covariance 1."""
-    layout = joint.Layout(3, 2)
-    scan = joint.joint_step(MODEL, SCALING.logarithmic)
-    carry = np.concatenate([np.zeros(3), pack_array(np.eye(3)), np.zeros(2), pack_array(np.eye(2)), np.zeros(6)])
-    carry = np.column_stack([carry, carry])
-    assert len(carry) == layout.size
-    constant = joint.constants(C, NOISE, SCALING, free)
+    layout = joint.Layout(3, n_z, 2 - n_z)
+    scan = joint.joint_step(MODEL, SCALING.logarithmic, n_z)
+    carry = np.zeros((layout.size, 2))
+    carry[layout.P], carry[layout.Pz] = pack_array(np.eye(3))[:, None], pack_array(np.eye(n_z))[:, None]
+    constant = joint.constants(C, NOISE, SCALING, np.zeros(n_z))
     samples = np.repeat(np.column_stack([rows, np.tile(base, (len(rows), 1))])[:, :, None], 2, axis=2).copy()
     carries, outputs = [], []
     for sample in samples:
@@ -77,66 +76,116 @@ def run(rows: Array, free: Array, base: Array) -> tuple[Array, Array]:
     return np.array(carries), np.array(outputs)
 
 
-def augmented(carry: Array) -> tuple[Array, Array]:
-    """Mean and covariance of [x, z]."""
-    layout = joint.Layout(3, 2)
-    V = carry[layout.V].reshape(3, 2, order="F")
-    Pz = unpack_array(carry[layout.Pz], 2)
+def augmented(carry: Array, n_z: int = 2) -> tuple[Array, Array]:
+    """Mean and covariance of [x, z], with considered parameters last."""
+    layout = joint.Layout(3, n_z, 2 - n_z)
+    V, B = carry[layout.V].reshape(3, 2, order="F"), carry[layout.B].reshape(n_z, 2 - n_z, order="F")
+    Pz = np.block([[unpack_array(carry[layout.Pz], n_z) + B @ B.T, B], [B.T, np.eye(2 - n_z)]])
     P = unpack_array(carry[layout.P], 3) + V @ Pz @ V.T
-    return np.concatenate([carry[layout.x], carry[layout.z]]), np.block([[P, V @ Pz], [Pz @ V.T, Pz]])
+    z = np.append(carry[layout.z], np.zeros(2 - n_z))
+    return np.concatenate([carry[layout.x], z]), np.block([[P, V @ Pz], [Pz @ V.T, Pz]])
 
 
-def test_equals_the_kalman_filter_of_the_augmented_state_with_optional_learning(rows: Array) -> None:
-    mean, P = np.zeros(5), np.eye(5)
-    Q = np.zeros((5, 5))
+def kalman(rows: Array, variance: Array) -> list[tuple[Array, Array]]:
+    """Means and covariances of [x, z] by the Kalman filter.
+
+    The gains are those for these variances (2,) of z at the start; the covariances have the variance 1.
+    """
+    mean, P, assumed, Q = np.zeros(5), np.eye(5), np.diag([1.0, 1.0, 1.0, *variance]), np.zeros((5, 5))
     Q[:3, :3] = NOISE.process
-    carries, _ = run(rows, np.ones(2), np.zeros(2))
-    for row, carry in zip(rows, carries, strict=True):
+    results = []
+    for row in rows:
         F, b, H, e = linear(row[0], row[1])
-        mean, P = F @ mean + b, F @ P @ F.T + Q * row[0]
-        for i in range(2):
-            if row[4 + i]:
-                h, r = H[i], NOISE.measurement[i]
-                gain = P @ h / (h @ P @ h + r)
-                gain[3:] *= row[6]
-                mean = mean + gain * (row[2 + i] - h @ mean - e[i])
-                left = np.eye(5) - np.outer(gain, h)
-                P = left @ P @ left.T + r * np.outer(gain, gain)
-        actual, covariance = augmented(carry[:, 0])
+        mean = F @ mean + b
+        P, assumed = (F @ covariance @ F.T + Q * row[0] for covariance in (P, assumed))
+        for i in np.flatnonzero(row[4:6]):
+            h, r = H[i], NOISE.measurement[i]
+            gain = assumed @ h / (h @ assumed @ h + r)
+            gain[3:] *= row[6]
+            mean = mean + gain * (row[2 + i] - h @ mean - e[i])
+            left = np.eye(5) - np.outer(gain, h)
+            P, assumed = (left @ covariance @ left.T + r * np.outer(gain, gain) for covariance in (P, assumed))
+        results.append((mean, P))
+    return results
+
+
+@pytest.mark.parametrize("n_z", [2, 1])
+def test_equals_the_kalman_filter_of_the_augmented_state_with_optional_learning(rows: Array, n_z: int) -> None:
+    """The gains ignore a considered parameter, and the covariance includes it."""
+    carries, _ = run(rows, np.zeros(n_z), n_z)
+    for carry, (mean, P) in zip(carries, kalman(rows, np.arange(2) < n_z), strict=True):
+        actual, covariance = augmented(carry[:, 0], n_z)
         np.testing.assert_allclose(actual, mean, atol=1e-12)
         np.testing.assert_allclose(covariance, P, atol=1e-12)
 
 
 def test_linearisation_point_has_no_effect_on_a_linear_model(rows: Array) -> None:
-    carries, outputs = run(rows, np.ones(2), np.array([1.7, -0.6]))
+    carries, outputs = run(rows, np.array([1.7, -0.6]))
     np.testing.assert_allclose(carries[:, :, 1], carries[:, :, 0], atol=1e-12)
     np.testing.assert_allclose(outputs[..., 1], outputs[..., 0], atol=1e-12)
 
 
-def test_considered_parameter_keeps_its_value_and_its_variance(rows: Array) -> None:
+def test_score_is_that_of_all_innovations(rows: Array) -> None:
+    """The log-likelihood of the filter without c, as a function of c, has this gradient and information."""
     rows[:, 6] = 1.0
-    carries, _ = run(rows, np.array([1.0, 0.0]), np.zeros(2))
-    layout = joint.Layout(3, 2)
-    mean, covariance = augmented(carries[-1, :, 0])
-    assert mean[4] == 0.0
-    assert covariance[4, 4] == 1.0
-    without_parameters = unpack_array(carries[-1, layout.P, 0], 3)
-    assert (np.diag(covariance)[:3] > np.diag(without_parameters)).all()
-    assert (np.linalg.eigvalsh(covariance) > 0).all()
+
+    def loss(c: float) -> float:
+        total, n = 0.0, MODEL.transition.numel_in(0)
+        mean, P, Q = np.zeros(5), np.diag([1.0, 1.0, 1.0, 1.0, 0.0]), np.zeros((5, 5))
+        mean[4], Q[:n, :n] = c, NOISE.process
+        for row in rows:
+            F, b, H, e = linear(row[0], row[1])
+            mean, P = F @ mean + b, F @ P @ F.T + Q * row[0]
+            for i in np.flatnonzero(row[4:6]):
+                S = H[i] @ P @ H[i] + NOISE.measurement[i]
+                innovation, gain = row[2 + i] - H[i] @ mean - e[i], P @ H[i] / S
+                total += innovation**2 / S / 2
+                mean, P = mean + gain * innovation, P - np.outer(gain, gain) * S
+        return total
+
+    layout, step = joint.Layout(3, 1, 1), 0.1
+    last = run(rows, np.zeros(1), 1)[0][-1, :, 0]
+    lower, middle, upper = (loss(c) for c in (-step, 0.0, step))
+    assert last[layout.gradient][0] == pytest.approx((upper - lower) / (2 * step))
+    assert last[layout.information][0] == pytest.approx((upper - 2 * middle + lower) / step**2)
+
+
+def test_variance_grows_towards_that_of_the_prior(rows: Array) -> None:
+    layout = joint.Layout(3, 2, 0)
+    carry = run(rows, np.zeros(2))[0][-1].copy()
+    scan, row = joint.joint_step(MODEL, SCALING.logarithmic, 2), np.zeros(rows.shape[1] + 2)
+    row[0] = 0.01
+    sample, output = np.repeat(row[:, None], 2, axis=1).copy(), np.empty((scan.n_output, 2))
+    constant = joint.constants(C, NOISE, SCALING, np.array([0.0, 3.0]))
+    before = unpack_array(carry[layout.Pz, 0], 2)
+    scan.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
+    growth = unpack_array(carry[layout.Pz, 0], 2) - before
+    np.testing.assert_allclose(growth, np.diag([0.0, 0.03 * (1 - before[1, 1])]), atol=1e-15)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_diverged_state_is_reported_and_changes_no_parameter(rows: Array, bad: float) -> None:
     rows[:, 4:] = 1.0
-    layout = joint.Layout(3, 2)
-    scan = joint.joint_step(MODEL, SCALING.logarithmic)
-    carry = run(rows, np.ones(2), np.zeros(2))[0][-1].copy()
+    layout = joint.Layout(3, 2, 0)
+    scan = joint.joint_step(MODEL, SCALING.logarithmic, 2)
+    carry = run(rows, np.zeros(2))[0][-1].copy()
     z, Pz = carry[layout.z].copy(), carry[layout.Pz].copy()
     carry[0] = bad
     sample = np.repeat(np.concatenate([rows[0], np.zeros(2)])[:, None], 2, axis=1).copy()
-    constant, output = joint.constants(C, NOISE, SCALING, np.ones(2)), np.empty((scan.n_output, 2))
+    constant, output = joint.constants(C, NOISE, SCALING, np.zeros(2)), np.empty((scan.n_output, 2))
     scan.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
     assert (output[-1] == 1.0).all()
     assert np.isfinite(carry).all()
     np.testing.assert_array_equal(carry[layout.z], z)
     np.testing.assert_array_equal(carry[layout.Pz], Pz)
+
+
+def test_an_estimate_that_is_not_a_number_is_not_taken_over(rows: Array) -> None:
+    """A step of NaN seconds makes the state NaN; the estimate stays, and the output says so."""
+    layout = joint.Layout(3, 1, 1)
+    before = run(rows, np.zeros(1), 1)[0][-1]
+    broken = rows[:1].copy()
+    broken[0, 0] = np.nan
+    carries, outputs = run(np.vstack([rows, broken]), np.zeros(1), 1)
+    np.testing.assert_array_equal(carries[-1][layout.estimate], before[layout.estimate])
+    assert (outputs[-1, -1] == 1.0).all()

@@ -1,10 +1,15 @@
 """The joint filter of state and parameters for on-line use, with optional learning and a choice of linearisation.
 
 The dual filter of `dual` with both switches on is Friedland's (1969) separate form of the joint extended Kalman filter.
-This filter adds two inputs:
+This filter adds:
 
-* learn: z has no gain on a sample with learn = 0, and never for a considered parameter. The covariance of the state is
-  P + V Pz V' for any gain of z (Schmidt 1966), so every sigma contains the uncertainty of the parameters.
+* learn: z has no gain on a sample with learn = 0.
+* Considered parameters c ~ N(0, I), which keep their prior mean 0 (Schmidt 1966). `B` is the derivative of the estimate
+  of z that goes with a change of c. The covariance of z is Pz + B B', its covariance with c is B. The gains ignore c,
+  so that samples are not weighted by an assumed model of the vehicle's errors.
+* The score test of each considered parameter (Rao 1948; `identify.doubts`): with rho the derivative of an innovation
+  with respect to c, and S its variance, the gradient is - sum rho e / S and the information sum rho^2 / S.
+* walk: the variance of an estimated z grows towards that of its prior with this rate, 1/s.
 * zl: the point of linearisation of the second lane. The first lane linearises at its own z. The second lane repeats
   samples with a better linearisation, which is an iteration of the filter (Bell and Cathey 1993).
 """
@@ -29,85 +34,119 @@ LANES = 2
 MAX_STATE = 1e3
 """Limit of the norm of state, standard deviations and sensitivities, SI; beyond it the filter has diverged."""
 
+MAX_ESTIMATE = 1e100
+"""Limit of the norm of all numbers of an estimate; its score tests may be large."""
+
 
 class Layout:
-    """Slices of the carry [x, P, z, Pz, V]; P and Pz are packed, V (n_x, n_p) is stored by columns."""
+    """Slices of the carry [x, P, V, z, Pz, B, gradient, information].
 
-    def __init__(self, n_x: int, n_p: int) -> None:
-        self.n_x, self.n_p = n_x, n_p
-        self.lengths = (n_x, packed_size(n_x), n_p, packed_size(n_p), n_x * n_p)
+    P and Pz are packed; V (n_x, n_z + n_c) and B (n_z, n_c) are stored by columns.
+
+    Args:
+        n_x: number of states.
+        n_z: number of estimated parameters.
+        n_c: number of considered parameters.
+    """
+
+    def __init__(self, n_x: int, n_z: int, n_c: int) -> None:
+        self.n_x, self.n_z, self.n_c = n_x, n_z, n_c
+        self.lengths = (n_x, packed_size(n_x), n_x * (n_z + n_c), n_z, packed_size(n_z), n_z * n_c, n_c, n_c)
         edges = np.concatenate([[0], np.cumsum(self.lengths)]).tolist()
-        self.x, self.P, self.z, self.Pz, self.V = (slice(a, b) for a, b in pairwise(edges))
+        slices = [slice(a, b) for a, b in pairwise(edges)]
+        self.x, self.P, self.V, self.z, self.Pz, self.B, self.gradient, self.information = slices
         self.size = sum(self.lengths)
+        self.estimate = slice(self.z.start, self.size)
+        """All that does not belong to the state."""
 
 
 @functools.cache
-def joint_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
+def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> Scan:
     """The compiled step of the joint filter.
 
     carry = `Layout`; sample = [dt, d, y, weight, learn, zl]; constant = `constants`;
-    output = [accepted, squared innovation over its variance, diverged]. A filter that has diverged uses no measurement.
+    output = [accepted, innovation over its standard deviation, diverged]. A filter that has diverged uses no
+    measurement, and an estimate that is not a number is not taken over.
+
+    Args:
+        model: its first n_z free parameters are estimated, the others are considered.
+        logarithmic: as in `Scaling`.
+        n_z: number of estimated parameters.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
-    lengths = Layout(n_x, n_p).lengths
+    layout = Layout(n_x, n_z, n_p - n_z)
+    lengths = layout.lengths
     carry, sample, constant = (
         ca.SX.sym(name, size)
         for name, size in (
             ("carry", sum(lengths)),
-            ("sample", 1 + n_d + 2 * n_y + 1 + n_p),
-            ("constant", n_c + lengths[1] + n_y + 1 + 5 * n_p + 1),
+            ("sample", 1 + n_d + 2 * n_y + 1 + n_z),
+            ("constant", n_c + lengths[1] + n_y + 1 + 2 * n_p + 3 * n_z + 1),
         )
     )
-    x, P, z, Pz, V = split(carry, lengths)
-    dt, d, y, weight, learn, given_z = split(sample, [1, n_d, n_y, n_y, 1, n_p])
-    c, q, r, limit, centre, scale, lower, upper, estimated, use_given = split(
-        constant, [n_c, lengths[1], n_y, 1, *[n_p] * 5, 1]
+    x, P, V, z, Pz, B, gradient, information = split(carry, lengths)
+    previous = ca.vertcat(z, Pz, B, gradient, information)
+    dt, d, y, weight, learn, given_z = split(sample, [1, n_d, n_y, n_y, 1, n_z])
+    c, q, r, limit, centre, scale, lower, upper, walk, use_given = split(
+        constant, [n_c, lengths[1], n_y, 1, n_p, n_p, n_z, n_z, n_z, 1]
     )
-    P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
+    P, Pz = unpack(P, n_x), unpack(Pz, n_z)
+    V, B = ca.reshape(V, n_x, n_p), ca.reshape(B, n_z, n_p - n_z)
     diverged = ca.logic_not(ca.sumsqr(x) + ca.trace(P) + ca.sumsqr(V) <= MAX_STATE**2)  # also if not a number
     x, P, V = (ca.if_else(diverged, 0, value) for value in (x, P, V))  # avoids 0 times infinity below
     weight = weight * (1 - diverged)
 
     base_z = z + use_given * (given_z - z)
+    point = ca.vertcat(base_z, ca.SX.zeros(n_p - n_z))
     symbol = ca.SX.sym("z", n_p)
     p_of_z = symbolic_to_p(logarithmic, symbol, centre, scale)
-    p = ca.substitute(p_of_z, symbol, base_z)
+    p = ca.substitute(p_of_z, symbol, point)
 
     def wrt_z(function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
         """Derivatives of the outputs of a function of (*arguments, p, c) with respect to z at a fixed state."""
         outputs = function.call([*arguments, p_of_z, c])
-        return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [base_z])
+        return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [point])
 
     # the state that belongs to base_z; the end of the step returns to that of z
-    x_base = x + V @ (base_z - z)
+    x_base = x + V[:, :n_z] @ (base_z - z)
     before, P, F = predict(model, x_base, P, dt, d, p, c, unpack(q, n_x))
     V = _sensitivity(model, wrt_z, F, V, x_base, before, dt, d)
+    Pz = Pz + ca.diag(walk * dt * ca.fmax(1 - ca.diag(Pz), 0))
     predicted, H = observe(model, before, d, p, c)
     (direct,) = wrt_z(model.observation, before, d)
-    x, used, squares = before, [], []
+    x, used, normalised = before, [], []
     for i in range(n_y):
         row = H[i, :]
-        psi = row @ V + direct[i, :]
+        both = row @ V + direct[i, :]
+        psi = both[:n_z]
+        rho = both[n_z:] + psi @ B
         innovation_at_base = y[i] - predicted[i] - row @ (x - before)  # with z = base_z
         innovation = innovation_at_base - psi @ (z - base_z)
         cross, cross_z = P @ row.T, Pz @ psi.T
-        of_state, of_parameters = row @ cross + r[i], psi @ cross_z
-        accepted = gate(innovation, of_state + of_parameters, weight[i], limit)
+        of_state, of_parameters, of_considered = row @ cross + r[i], psi @ cross_z, ca.sumsqr(rho)
+        total = of_state + of_parameters + of_considered
+        accepted = gate(innovation, total, weight[i], limit)
         noise_z = ca.fmax(of_state, PRECISION * of_parameters)
-        gain_z = accepted * learn * estimated * cross_z / (of_parameters + noise_z)
-        # without learning, the gain of the state is optimal for the total covariance P + V Pz V'
-        considered = 1 - learn
-        gain = accepted * (cross + considered * (V @ cross_z)) / (of_state + considered * of_parameters)
+        gain_z = accepted * learn * cross_z / (of_parameters + noise_z)
+        # without learning, the gain of the state is optimal for P + V Pz V'
+        uncertain = 1 - learn
+        gain = accepted * (cross + uncertain * (V[:, :n_z] @ cross_z)) / (of_state + uncertain * of_parameters)
         z = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
-        V = V - gain @ psi
+        V = V - gain @ both
         x = x + gain * innovation_at_base
         P = joseph(P, cross, gain, row, r[i])
         Pz = _corrected_covariance(Pz, cross_z, gain_z, of_parameters + noise_z)
+        B = B - gain_z @ rho
+        evidence = accepted * learn * rho.T / (of_state + of_parameters)
+        gradient = gradient - evidence * innovation
+        information = information + evidence * rho.T
         used.append(accepted)
-        squares.append(weight[i] * innovation**2 / (of_state + of_parameters))
-    x = x + V @ (z - base_z)
-    carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V))
-    output = ca.densify(ca.vertcat(*used, *squares, diverged))
+        normalised.append(weight[i] * innovation / ca.sqrt(total))
+    x = x + V[:, :n_z] @ (z - base_z)
+    estimate = ca.vertcat(z, pack(Pz), ca.vec(B), gradient, information)
+    valid = ca.logic_and(ca.sumsqr(estimate) <= MAX_ESTIMATE**2, ca.mmin(ca.diag(Pz)) > 0)  # false if not a number
+    carried = ca.vertcat(x, pack(P), ca.vec(V), ca.if_else(valid, estimate, previous))
+    output = ca.densify(ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid))))
     return Scan(ca.Function("joint", [carry, sample, constant], [ca.densify(carried), output], {"cse": True}), LANES)
 
 
@@ -147,23 +186,25 @@ def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance
     return corrected
 
 
-def constants(c: Array, noise: Noise, scaling: Scaling, free: Array) -> Array:
+def constants(c: Array, noise: Noise, scaling: Scaling, walk: Array) -> Array:
     """Constant of the step, (n_constant, LANES). The first lane linearises at its own z, the second lane at zl.
 
     Args:
         c: parameters of the model that are not in z, (n_c,).
         noise: of process and measurements.
-        scaling: of the parameters z.
-        free: (n_p,) 1 for an estimated z, 0 for a considered z.
+        scaling: of all parameters, the estimated ones first.
+        walk: (n_z,) rate with which the variance of each estimated z grows towards that of its prior, 1/s.
     """
-    first = np.concatenate([c, noise.vector(), scaling.vector(), free, [0.0]])
+    n = len(walk)
+    bounds = (scaling.to_z(scaling.lower)[:n], scaling.to_z(scaling.upper)[:n])
+    first = np.concatenate([c, noise.vector(), scaling.centre, scaling.scale, *bounds, walk, [0.0]])
     second = first.copy()
     second[-1] = 1.0
     return np.column_stack([first, second])
 
 
 @functools.cache
-def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], indices: tuple[int, ...]) -> Scan:
+def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int) -> Scan:
     """The compiled outputs of `report` at the filter's state, with variances that contain those of the parameters.
 
     carry = `Layout`, unchanged; sample = d; constant = [c of the report, centre, scale];
@@ -171,27 +212,28 @@ def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], indic
 
     Args:
         model: of the filter.
-        report: a model of the same state; its free parameters are the z at `indices`, in this order.
-        logarithmic: as in `Scaling`.
-        indices: of the free parameters of the report among the z.
+        report: a model of the first states of `model`, with the same free parameters.
+        logarithmic, n_z: as in `joint_step`.
     """
     n_x, n_d, n_p, *_ = sizes(model)
-    n_c = sizes(report)[3]
-    lengths = Layout(n_x, n_p).lengths
+    n_states, n_c = sizes(report)[0], sizes(report)[3]
+    lengths = Layout(n_x, n_z, n_p - n_z).lengths
     carry, d, constant = (
         ca.SX.sym(name, size) for name, size in (("carry", sum(lengths)), ("d", n_d), ("constant", n_c + 2 * n_p))
     )
-    x, P, z, Pz, V = split(carry, lengths)
+    x, P, V, z, Pz, B, _, _ = split(carry, lengths)
     c, centre, scale = split(constant, [n_c, n_p, n_p])
-    P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
-    x_and_z = ca.SX.sym("x_and_z", n_x + n_p)
-    p = symbolic_to_p(logarithmic, x_and_z[n_x:], centre, scale)
-    reported = report.observation(x_and_z[:n_x], d, p[list(indices)], c)
-    reported, slopes = ca.substitute([reported, ca.jacobian(reported, x_and_z)], [x_and_z], [ca.vertcat(x, z)])
+    P, Pz, V, B = unpack(P, n_x), unpack(Pz, n_z), ca.reshape(V, n_x, n_p), ca.reshape(B, n_z, n_p - n_z)
+    x_and_z = ca.SX.sym("x_and_z", n_states + n_p)
+    p = symbolic_to_p(logarithmic, x_and_z[n_states:], centre, scale)
+    reported = report.observation(x_and_z[:n_states], d, p, c)
+    at = ca.vertcat(x[:n_states], z, ca.SX.zeros(n_p - n_z))
+    reported, slopes = ca.substitute([reported, ca.jacobian(reported, x_and_z)], [x_and_z], [at])
     variances = []
     for i in range(reported.shape[0]):
-        row = slopes[i, :n_x]
-        psi = row @ V + slopes[i, n_x:]
-        variances.append(row @ P @ row.T + psi @ Pz @ psi.T)
+        row = slopes[i, :n_states]
+        psi = row @ V[:n_states, :] + slopes[i, n_states:]
+        rho = psi[n_z:] + psi[:n_z] @ B
+        variances.append(row @ P[:n_states, :n_states] @ row.T + psi[:n_z] @ Pz @ psi[:n_z].T + ca.sumsqr(rho))
     output = ca.densify(ca.vertcat(reported, *variances))
     return Scan(ca.Function("view", [carry, d, constant], [carry, output], {"cse": True}), LANES)

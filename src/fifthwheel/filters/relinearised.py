@@ -12,8 +12,10 @@ to contain information in directions in which no single one does (Huang, Mouriki
 per sample are bounded. The two filters are lanes of one compiled step.
 """
 
+import copy
 import ctypes
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +43,62 @@ class RelinearisationSettings:
     """Another pass follows if a result is more standard deviations away from its point of linearisation."""
 
 
+_ARRAYS = ("carry", "sample", "output", "_begin", "_samples")
+_MEMORY = (*_ARRAYS, "_base", "_count", "_position", "_pass", "_complete")
+"""Attributes of a `RelinearisedFilter` that change."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Estimated parameters z and the effect of considered parameters c on them; see `joint`."""
+
+    z: Array  # (n_z,)
+    Pz: Array  # (n_z, n_z) covariance if c is known
+    B: Array  # (n_z, n_c) derivative of z with respect to c
+    gradient: Array  # (n_c,) of the score tests
+    information: Array  # (n_c,) of the score tests
+
+    @classmethod
+    def prior(cls, n_z: int, n_c: int) -> "Estimate":
+        """The estimate before the first sample."""
+        none = np.zeros(n_c)
+        return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=np.zeros((n_z, n_c)), gradient=none, information=none)
+
+    @classmethod
+    def of(cls, vector: Array, layout: joint.Layout) -> "Estimate":
+        """The inverse of `vector`."""
+        start, n_z = layout.estimate.start, layout.n_z
+        z, Pz, B, gradient, information = (
+            vector[part.start - start : part.stop - start]
+            for part in (layout.z, layout.Pz, layout.B, layout.gradient, layout.information)
+        )
+        return cls(
+            z=z,
+            Pz=unpack_array(Pz, n_z),
+            B=B.reshape(n_z, layout.n_c, order="F"),
+            gradient=gradient,
+            information=information,
+        )
+
+    def vector(self) -> Array:
+        """In the order of the carry."""
+        return np.concatenate([self.z, pack_array(self.Pz), self.B.ravel(order="F"), self.gradient, self.information])
+
+    def with_variance_inflation(self, factor: float) -> "Estimate":
+        """The estimate if `factor` innovations contain the information of one; no variance exceeds the prior's."""
+        scale = np.sqrt(np.clip(1 / np.diag(self.Pz), 1.0, factor))
+        return replace(
+            self,
+            Pz=self.Pz * np.outer(scale, scale),
+            gradient=self.gradient / factor,
+            information=self.information / factor,
+        )
+
+    def covariance(self) -> Array:
+        """Of all parameters, the estimated ones first (n_p, n_p)."""
+        return np.block([[self.Pz + self.B @ self.B.T, self.B], [self.B.T, np.eye(len(self.gradient))]])
+
+
 class RelinearisedFilter:
     """Both filters of a model.
 
@@ -51,22 +109,23 @@ class RelinearisedFilter:
         model: of the samples.
         c: parameters of the model that are not in z, (n_c,).
         noise: of process and measurements.
-        scaling: of the parameters z.
-        free: (n_p,) 1 for an estimated z, 0 for a considered z.
+        scaling: of the parameters, the estimated ones first.
+        walk: (n_z,) rate with which the variance of each estimated z grows towards that of its prior, 1/s.
         settings: when the second filter repeats a segment.
     """
 
     def __init__(
-        self, model: Model, *, c: Array, noise: Noise, scaling: Scaling, free: Array, settings: RelinearisationSettings
+        self, model: Model, *, c: Array, noise: Noise, scaling: Scaling, walk: Array, settings: RelinearisationSettings
     ) -> None:
         n_x, n_d, n_p, _, n_y = sizes(model)
-        self.layout = layout = joint.Layout(n_x, n_p)
-        self.scan = joint.joint_step(model, scaling.logarithmic)
+        n_z = len(walk)
+        self.layout = layout = joint.Layout(n_x, n_z, n_p - n_z)
+        self.scan = joint.joint_step(model, scaling.logarithmic, n_z)
         self.settings = settings
         self.carry = carry = np.zeros((layout.size, joint.LANES))
         self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
         self.output = output = np.zeros((self.scan.n_output, joint.LANES))
-        self._constant = joint.constants(c, noise, scaling, free)
+        self._constant = joint.constants(c, noise, scaling, walk)
         self._addresses = tuple(a.ctypes.data for a in (carry, sample, self._constant, output))
         self.row: Any = (ctypes.c_double * sample.size).from_buffer(sample.data)
         self.out: Any = (ctypes.c_double * output.size).from_buffer(output.data)
@@ -74,8 +133,8 @@ class RelinearisedFilter:
         self._learn = joint.LANES * (k - 1)
         self._diverged = joint.LANES * 2 * n_y
         # views of what is copied between the lanes
-        self._z, self._Pz = carry[layout.z, 0], carry[layout.Pz, 0]
-        self._second_z, self._second_Pz = carry[layout.z, 1], carry[layout.Pz, 1]
+        self._z, self._estimate = carry[layout.z, 0], carry[layout.estimate, 0]
+        self._second_z = carry[layout.z, 1]
         self._first_sample, self._second_sample, self._second_base = sample[:k, 0], sample[:k, 1], sample[k:, 1]
         self._d, self._second_d = sample[1 : 1 + n_d, 0], sample[1 : 1 + n_d, 1]
         self._second_weight_learn = sample[1 + n_d + n_y :, 1]
@@ -83,12 +142,12 @@ class RelinearisedFilter:
         self._begin = np.zeros(layout.size)
         self._samples = np.zeros((settings.samples, k))
         self._sample_views = list(self._samples)
-        self._variances = layout.Pz.start + np.cumsum([0, *range(n_p, 1, -1)])
-        self.set_estimate(np.zeros(n_p), np.eye(n_p))
+        self._variances = layout.Pz.start + np.cumsum([0, *range(n_z, 1, -1)])
+        self.set_estimate(Estimate.prior(n_z, n_p - n_z))
 
-    def set_estimate(self, z: Array, Pz: Array) -> None:
-        """Set the estimate z (n_p,) and its covariance Pz (n_p, n_p), and discard the segment."""
-        self._z[:], self._Pz[:] = z, pack_array(Pz)
+    def set_estimate(self, estimate: "Estimate") -> None:
+        """Set the estimate, and discard the segment."""
+        self._estimate[:] = estimate.vector()
         self._base: Array | None = None  # point of linearisation of the second filter; None for the first filter's z
         self._clear_segment()
 
@@ -109,13 +168,13 @@ class RelinearisedFilter:
         self._d[:] = d
         self._pause_second()
 
-    def estimate(self) -> tuple[Array, Array]:
-        """z (n_p,) and its covariance (n_p, n_p) after all passes over all samples.
+    def estimate(self) -> "Estimate":
+        """The estimate after all passes over all samples.
 
         Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples.
         """
-        z, Pz, _ = self._finish_passes()
-        return z, Pz
+        vector, _ = self._finish_passes()
+        return Estimate.of(vector, self.layout)
 
     def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:
         """Process the sample in the first lane of `sample`: [dt, d, y, weight].
@@ -143,6 +202,18 @@ class RelinearisedFilter:
             elif self._complete and self._position == self._count:
                 restart = self._end_pass()
         return any(out[: self._diverged // 2 : joint.LANES]), restart or out[self._diverged] > 0
+
+    def memory(self) -> dict[str, Any]:
+        """Everything that changes, for `restore`."""
+        return {name: copy.deepcopy(getattr(self, name)) for name in _MEMORY}
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Continue where a filter of the same model and settings was."""
+        for name, value in memory.items():
+            if name in _ARRAYS:
+                getattr(self, name)[...] = value  # the compiled step has their addresses
+            else:
+                setattr(self, name, value)
 
     def _store_sample(self) -> bool:
         """Add the sample to the segment, or begin a segment with it; whether the state must be started again."""
@@ -181,8 +252,7 @@ class RelinearisedFilter:
     def _end_pass(self) -> bool:
         """Begin the next pass, or continue from the result of this one; whether the state must be started again."""
         if self._is_last(self.carry, self._base, self._pass):
-            Pz = unpack_array(self._second_Pz, self.layout.n_p)
-            return self._continue_from(self._second_z.copy(), Pz, self._base)
+            return self._continue_from(self.carry[self.layout.estimate, 1].copy(), self._base)
         self._base = self._second_z.copy()
         self._position, self._pass = 0, self._pass + 1
         self.carry[:, 1] = self._begin
@@ -192,19 +262,18 @@ class RelinearisedFilter:
         """End the segment, finish its passes and continue from the result; whether the state must be started again."""
         return self._continue_from(*self._finish_passes()) if self._count else False
 
-    def _finish_passes(self) -> tuple[Array, Array, Array | None]:
-        """z, its covariance, and the point of linearisation after all passes over the segment."""
+    def _finish_passes(self) -> tuple[Array, Array | None]:
+        """Vector of the estimate, and the point of linearisation after all passes over the segment."""
         carry, position, number, base = self.carry.copy(), self._position, self._pass, self._base
         while self._count:
             samples = self._samples[position : self._count]
             if self._run_second(carry, samples, self._z if base is None else base):
                 break
-            z, Pz = carry[self.layout.z, 1].copy(), unpack_array(carry[self.layout.Pz, 1], self.layout.n_p)
             if self._is_last(carry, base, number):
-                return z, Pz, base
-            position, number, base = 0, number + 1, z
+                return carry[self.layout.estimate, 1].copy(), base
+            position, number, base = 0, number + 1, carry[self.layout.z, 1].copy()
             carry[:, 1] = self._begin
-        return self._z.copy(), unpack_array(self._Pz, self.layout.n_p), self._base
+        return self._estimate.copy(), self._base
 
     def _run_second(self, carry: Array, samples: Array, base: Array) -> bool:
         """Run the second filter over samples, in place in the second lane of `carry`; whether it diverged."""
@@ -222,17 +291,18 @@ class RelinearisedFilter:
         point, limit = (self._z, self.settings.first_pass_limit) if base is None else (base, self.settings.pass_limit)
         return number >= self.settings.max_passes or bool((np.abs(z - point) <= limit * sigma).all())
 
-    def _continue_from(self, z: Array, Pz: Array, base: Array | None) -> bool:
+    def _continue_from(self, vector: Array, base: Array | None) -> bool:
         """Set the estimate of the first filter; whether the change is too large for its state.
 
         The state changes with z to first order, and its covariance increases by the square of that change.
         """
-        layout = self.layout
-        V = self.carry[layout.V, 0].reshape(layout.n_x, layout.n_p, order="F")
-        change = V @ (z - self._z)
+        layout, estimate = self.layout, Estimate.of(vector, self.layout)
+        V = self.carry[layout.V, 0].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
+        difference = estimate.z - self._z
+        change = V @ difference
         self.carry[layout.x, 0] += change
         self.carry[layout.P, 0] += pack_array(np.outer(change, change))
-        restart = bool((np.abs(z - self._z) > self.settings.pass_limit * np.sqrt(np.diag(Pz))).any())
-        self.set_estimate(z, Pz)
-        self._base = z if base is None else base
+        restart = bool((np.abs(difference) > self.settings.pass_limit * np.sqrt(np.diag(estimate.Pz))).any())
+        self.set_estimate(estimate)
+        self._base = estimate.z if base is None else base
         return restart

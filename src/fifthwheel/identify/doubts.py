@@ -43,6 +43,7 @@ class DoubtKind(StrEnum):
     SENSOR = "sensor"  # an estimated sensor error far outside its prior
     ESTIMATE = "estimate"  # an estimate far outside its prior
     RANGE = "range"  # the range of the linear model
+    NOISE = "noise"  # the noise: innovations are larger or more autocorrelated than it explains; on line only
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,7 @@
 """Fixtures and helpers of the learner's tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,8 @@ from fifthwheel.vehicle import Vehicle
 
 FIVE = OneStage(priors={}, consider={}, nuisances=False)
 """Five parameters; all other numbers are known."""
+CONSIDERING = replace(FIVE, consider={"roll_axis_height": 0.1})
+"""The same, with two considered numbers."""
 HEIGHT = "semitrailer.payload.height"
 
 
@@ -43,8 +47,9 @@ def samples(record: Record) -> list[dict[str, float]]:
 
 
 def estimates(learner: Learner) -> tuple[Array, Array]:
-    """z and its covariance."""
-    return learner._live.filter.estimate()
+    """z of the estimated unknowns, and the covariance of all unknowns, the estimated ones first."""
+    estimate = learner._live.filter.estimate()
+    return estimate.z, estimate.covariance()
 
 
 def assert_identified(learner: Learner, truth: Vehicle, sigmas: float = 4.0) -> None:

@@ -16,7 +16,7 @@ from fifthwheel.observe import Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
-from tests.identify.online.conftest import FIVE, HEIGHT, assert_identified, estimates, learn, samples
+from tests.identify.online.conftest import CONSIDERING, FIVE, HEIGHT, assert_identified, estimates, learn, samples
 
 
 def changed(record: Record, change: Callable[[Array], Array], *quantities: str) -> Record:
@@ -43,11 +43,11 @@ def test_the_vehicle_has_the_estimates(guess: Vehicle, learned: Learner) -> None
 
 
 def test_considered_parameters_stay_and_increase_the_sigmas(guess: Vehicle, lanes: Record, learned: Learner) -> None:
-    considering = learn(guess, lanes, replace(FIVE, consider={"roll_axis_height": 0.1}))
-    unknowns = considering._live.problem.unknowns
-    z, _ = estimates(considering)
-    assert [u.considered for u in unknowns].count(True) > 0
-    assert all(z[i] == 0.0 for i, u in enumerate(unknowns) if u.considered)
+    considering = learn(guess, lanes, CONSIDERING)
+    considered = [u.name for u in considering._live.problem.unknowns if u.considered]
+    assert considered == ["tractor.roll_axis_height", "semitrailer.roll_axis_height"]
+    for name in considered:
+        assert considering[name].value == guess.parameters()[name]
     assert len(considering.parameters) == len(learned.parameters)
     assert considering[HEIGHT].sigma > 1.2 * learned[HEIGHT].sigma
 
@@ -213,6 +213,19 @@ def test_an_implausible_speed_is_missing(guess: Vehicle, lanes: Record) -> None:
     status = [learner.push({**s, "speed": 90.0})["status"] for s in samples(lanes.cut(1.01, 2.0))]
     assert status[0] == Status.OK
     assert status[-1] == Status.INPUT_MISSING
+
+
+@pytest.mark.parametrize("steer", [1e155, -1e300, 1.1])
+def test_an_impossible_steer_angle_is_missing(guess: Vehicle, lanes: Record, steer: float) -> None:
+    """In the first sample, and after a gap."""
+    learner = Learner(guess, lanes.signals, FIVE)
+    for k, sample in enumerate(samples(lanes.cut(0.0, 6.0))):
+        later = {**sample, "time": sample["time"] + (9.0 if k >= 300 else 0.0)}
+        answer = learner.push({**later, "steer.tractor.front": steer} if k in (0, 300) else later)
+        assert k not in (0, 300) or answer["status"] == Status.INPUT_MISSING
+        assert np.isfinite(answer["sideslip.tractor"]) == (answer["status"] == Status.OK)
+    assert np.isfinite([(e.value, e.sigma) for e in learner.parameters]).all()
+    assert learner["tractor.front.cornering_stiffness"].verdict == Verdict.CONVERGED
 
 
 def test_without_measurements_it_coasts(guess: Vehicle, lanes: Record) -> None:

@@ -2,10 +2,14 @@
 
 learner       Learner: push samples, read estimates, couple another trailer, save and load
 settings      LearnerSettings
-problem       the estimated unknowns, the signals and the model of a learner
+problem       the unknowns, the signals and the model of a learner
+online_model  the model with the unknowns as parameters, and with discrepancies
 live_filter   the filter: one sample in, status out
+steering      contact of the play and rate of the steer angles
 inputs        speed and steer angles, each held at its last plausible value
 excitation    whether the driver steers enough to learn from a sample
+innovations   mean square and autocorrelation of the innovations
+evidence      doubts
 persistence   estimates in a JSON file, and estimates of trailers that are not coupled
 """
 

@@ -21,7 +21,8 @@ class Excitation:
 
     A steer angle d corresponds to the steady lateral acceleration u^2 d / (L + K u^2), with the wheelbase L of the
     first unit and the understeer gradient K of the vehicle. Its mean over `high_pass_time` is subtracted; the rest is
-    squared and averaged over `excitation_window`. The steered axle with the largest result counts.
+    squared and averaged over `excitation_window`. The steered axle with the largest result counts. Beyond
+    `max_lateral_acceleration`, averaged over the same time, nothing is learned.
 
     Args:
         vehicle: the vehicle file; estimates do not change the excitation.
@@ -38,6 +39,7 @@ class Excitation:
         """Discard all samples."""
         self.mean = [math.nan] * self.axles
         self.power = [0.0] * self.axles
+        self.level = [0.0] * self.axles
         self.on = False
 
     def update(self, dt: float, inputs: Sequence[float]) -> bool:
@@ -56,8 +58,9 @@ class Excitation:
                 mean = acceleration
             self.mean[i] = mean = mean + slow * (acceleration - mean)
             self.power[i] += fast * ((acceleration - mean) ** 2 - self.power[i])
+            self.level[i] += fast * (acceleration - self.level[i])
         limit = settings.stop_excitation if self.on else settings.start_excitation
-        self.on = max(self.power) > limit * limit
+        self.on = max(self.power) > limit * limit and max(map(abs, self.level)) <= settings.max_lateral_acceleration
         return self.on
 
 

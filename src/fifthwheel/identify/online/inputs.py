@@ -46,11 +46,12 @@ class HeldInputs:
         return time - self._last_dropout >= self.settings.settling_time
 
     def _is_plausible(self, i: int, value: float, age: float) -> bool:
-        """Whether an input can follow its last value, measured `age` seconds ago.
+        """Whether an input is possible, and can follow its last value, measured `age` seconds ago.
 
         A spike of an input moves the state and its sensitivities alike, so that the filter would learn from it.
         """
-        if i == 0 and not value <= LIMITS["speed"].magnitude:
+        settings = self.settings
+        if abs(value) > (settings.max_steer if i else LIMITS["speed"].magnitude):
             return False
-        change, settings = abs(value - self._values[i]), self.settings
+        change = abs(value - self._values[i])
         return change <= (settings.max_steer_rate * age if i else settings.max_speed_change) or age > settings.hold

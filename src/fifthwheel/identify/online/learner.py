@@ -4,16 +4,20 @@ It learns while the driver steers (`excitation`), repeats the samples of each se
 point of linearisation (`filters.relinearised`), and reports states whose sigmas include the uncertainty of the truck.
 """
 
+import copy
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.filters.relinearised import RelinearisationSettings
+from fifthwheel.filters.relinearised import Estimate, RelinearisationSettings
+from fifthwheel.identify.doubts import Doubt
+from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
 from fifthwheel.identify.online.problem import OnlineProblem
@@ -25,6 +29,7 @@ from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
 from fifthwheel.observe import Status
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +77,10 @@ class Learner:
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
         self._time = math.nan  # of the last sample, s
 
+    def __copy__(self) -> "Learner":
+        """A copy that learns on its own."""
+        return copy.deepcopy(self)
+
     def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
         """Process one sample.
 
@@ -95,7 +104,7 @@ class Learner:
             raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
         self._time = time
         problem = live.problem
-        status = live.push(time, [get(n) for n in problem.model.inputs], [get(n) for n in problem.outputs])
+        status = live.push(time, [get(n) for n in problem.inputs], [get(n) for n in problem.outputs])
         answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
         names = live.view.names
         if status in (Status.OK, Status.COASTING):
@@ -117,7 +126,7 @@ class Learner:
                 unchanged.
         """
         problem = self._live.problem
-        names = (*problem.model.inputs, *problem.outputs)
+        names = (*problem.inputs, *problem.outputs)
         for name in names:
             if name not in record.signals:
                 raise SignalError(f"{name}: not in {record.name}; make a Learner with the signals that it has")
@@ -127,7 +136,7 @@ class Learner:
                 "give records in the order of time"
             )
         rows = np.column_stack([record.signals[name] for name in names]).tolist()
-        k = len(problem.model.inputs)
+        k = len(problem.inputs)
         for time, row in zip(record.time.tolist(), rows, strict=True):
             self._time = time
             self._live.push(time, row[:k], row[k:])
@@ -149,24 +158,31 @@ class Learner:
         """The estimate of an unknown by name; KeyError if there is none."""
         return {u.name: value for u, value in self._estimates()}[name]
 
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Evidence against an assumption, with the parameters that are doubtful therefore."""
+        live = self._live
+        return find_doubts(live.problem, live.learner, live.estimate(), live.innovations)
+
     def _estimates(self) -> list[tuple[Unknown, LearnedValue]]:
-        problem, learner = self._live.problem, self._live.learner
-        scaling = problem.scaling
-        z, Pz = self._live.filter.estimate()
+        live, problem = self._live, self._live.problem
+        scaling, estimate = problem.scaling, live.estimate()
+        doubts = find_doubts(problem, live.learner, estimate, live.innovations)
+        doubtful = {name for doubt in doubts for name in doubt.parameters}
+        z = np.append(estimate.z, np.zeros(len(problem.considered)))
         p = np.clip(scaling.to_p(z), scaling.lower, scaling.upper)
-        z_sigma = np.sqrt(np.diag(Pz))
+        z_sigma = np.sqrt(np.diag(estimate.covariance()))
         sigma = z_sigma * np.abs(scaling.slope(p))
-        consistent = max(self._live.innovation_ratio) <= learner.max_innovation_ratio
         estimates = []
         for i, u in enumerate(problem.unknowns):
+            numbers = (float(p[i]), float(sigma[i]))
             if u.name in problem.not_identifiable:
                 verdict = Verdict.NOT_IDENTIFIABLE
             elif not z_sigma[i] < problem.settings.excited:
                 verdict = Verdict.NOT_EXCITED
             else:
-                verdict = estimate_verdict(u, float(p[i]), float(sigma[i]), converged=consistent)
-            value = LearnedValue(name=u.name, value=float(p[i]), sigma=float(sigma[i]), verdict=verdict)
-            estimates.append((u, value))
+                verdict = estimate_verdict(u, *numbers, converged=True, doubtful=u.name in doubtful)
+            estimates.append((u, LearnedValue(name=u.name, value=numbers[0], sigma=numbers[1], verdict=verdict)))
         return estimates
 
     def vehicle(self) -> Vehicle:
@@ -202,20 +218,27 @@ class Learner:
         problem = OnlineProblem.of(combination, old.signals if signals is None else signals, old.settings)
         z, Pz = combine_blocks(problem.unknowns, blocks)
         live = LiveFilter(problem, self._live.learner)
-        live.filter.set_estimate(z, Pz)
+        live.filter.set_estimate(_estimate(problem, z, Pz))
+        live.innovations.restore(**self._live.innovations.as_dict())
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
     def _block(self, *, of_tractor: bool) -> EstimateBlock:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
         problem = self._live.problem
         tractor = problem.vehicle.units[0].name
-        places = [i for i, name in enumerate(problem.names) if (_unit_of(name) == tractor) == of_tractor]
-        return EstimateBlock.of(problem.unknowns, *self._live.filter.estimate(), places)
+        places = [i for i, name in enumerate(problem.names) if (_unit_of(name) in (tractor, "")) == of_tractor]
+        return self._block_of(places)
+
+    def _block_of(self, places: Sequence[int]) -> EstimateBlock:
+        """Estimates of the unknowns at these places."""
+        problem, estimate = self._live.problem, self._live.filter.estimate()
+        z = np.append(estimate.z, np.zeros(len(problem.considered)))
+        return EstimateBlock.of(problem.unknowns, z, estimate.covariance(), places)
 
     def save(self, path: Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
         problem = self._live.problem
-        estimates = EstimateBlock.of(problem.unknowns, *self._live.filter.estimate(), range(len(problem.unknowns)))
+        estimate, innovations = self._live.filter.estimate(), self._live.innovations
         write_learner(
             path,
             {
@@ -224,7 +247,12 @@ class Learner:
                 "settings": problem.settings.as_dict(),
                 "learner": asdict(self._live.learner),
                 "trailer": self._trailer,
-                "estimates": estimates.as_dict(),
+                "estimates": self._block_of(range(len(problem.unknowns))).as_dict(),
+                "evidence": {
+                    "gradient": estimate.gradient.tolist(),
+                    "information": estimate.information.tolist(),
+                    "innovations": innovations.as_dict(),
+                },
                 "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
             },
         )
@@ -249,7 +277,11 @@ class Learner:
                 trailer=content["trailer"],
             )
             blocks = [(EstimateBlock.from_dict(content["estimates"]), str(path))]
-            learner._live.filter.set_estimate(*combine_blocks(learner._live.problem.unknowns, blocks))
+            live, evidence = learner._live, content["evidence"]
+            scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
+            z, Pz = combine_blocks(live.problem.unknowns, blocks)
+            live.filter.set_estimate(_estimate(live.problem, z, Pz, *scores))
+            live.innovations.restore(**evidence["innovations"])
             for name, block in content["uncoupled"].items():
                 learner._uncoupled[name] = EstimateBlock.from_dict(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -261,7 +293,10 @@ class Learner:
 
 
 def _unit_of(unknown: str) -> str:
-    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters."""
+    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters; "" for
+    the mass scale of all units."""
+    if unknown == MASS_SCALE:
+        return ""
     error = SensorErrorName.of(unknown)
     return SignalName.of(error.signal).unit if error else ParameterPath.of(unknown).unit
 
@@ -288,3 +323,18 @@ def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
 def _with_tuples(content: Mapping[str, Any]) -> dict[str, Any]:
     """The content of JSON with tuples instead of lists."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}
+
+
+def _estimate(
+    problem: OnlineProblem, z: Array, Pz: Array, gradient: Array | None = None, information: Array | None = None
+) -> Estimate:
+    """The estimate of a filter from z (n_p,), its covariance (n_p, n_p) and score tests, which start again if None."""
+    n, none = len(problem.estimated), np.zeros(len(problem.considered))
+    B = Pz[:n, n:]
+    return Estimate(
+        z=z[:n],
+        Pz=Pz[:n, :n] - B @ B.T,
+        B=B,
+        gradient=none if gradient is None else gradient,
+        information=none if information is None else information,
+    )

@@ -1,21 +1,25 @@
 """The filter of a learner: takes one sample, and updates states and estimates."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._types import Array
 from fifthwheel.dynamics import steps
 from fifthwheel.filters import Noise, joint, variances
-from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA
-from fifthwheel.filters.relinearised import RelinearisedFilter
-from fifthwheel.filters.step_rows import StepRows
-from fifthwheel.identify.initial_state import initial_state_with_sensitivity
+from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
+from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
+from fifthwheel.identify.initial_state import steady_state_slopes
 from fifthwheel.identify.online.excitation import Excitation
+from fifthwheel.identify.online.innovations import InnovationStatistics
 from fifthwheel.identify.online.inputs import HeldInputs
-from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.problem import OnlineProblem, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.identify.online.steering import Steering
+from fifthwheel.names import SignalName
 from fifthwheel.observe import Status
 from fifthwheel.observe.observer_step import reported_signals
 
@@ -40,10 +44,13 @@ class LiveFilter:
         self.view = StateView(problem, self.filter)
         self.learning = False
         """Whether it learned from the last sample."""
-        self.innovation_ratio = [1.0] * len(problem.outputs)
-        """Mean square of each channel's innovations while learning, relative to the predicted variance."""
-        inputs = problem.model.inputs
+        self.innovations = InnovationStatistics(problem.outputs, learner.innovation_window, problem.settings.gate)
+        """Of the samples from which it learned."""
+        inputs = problem.inputs
         self._inputs = HeldInputs(len(inputs), learner, problem.settings.min_speed)
+        self._steering = Steering(len(inputs) - 1)
+        estimated = [u.name for u in problem.estimated]
+        self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
         self._excitation = Excitation(problem.vehicle, len(inputs) - 1, learner)
         self._step_limit = steps.StepLimit(problem.vehicle, roll=True)
         self._running = False  # whether there is a state
@@ -51,6 +58,20 @@ class LiveFilter:
         self._start_time = -math.inf  # of the state, s
         self._accepted_time = -math.inf  # of the last accepted measurement, s
         self._last_inputs: Sequence[float] = ()  # of the last sample
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Compiled code is not copied: filters of one structure share it."""
+        state = {name: value for name, value in vars(self).items() if name not in ("filter", "view")}
+        return LiveFilter, (self.problem, self.learner), (state, self.filter.memory())
+
+    def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
+        attributes, memory = state
+        vars(self).update(attributes)
+        self.filter.restore(memory)
+
+    def estimate(self) -> Estimate:
+        """The estimate after all samples, with the information that autocorrelated innovations contain."""
+        return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
@@ -66,30 +87,30 @@ class LiveFilter:
         if status != Status.OK:
             self._running = self.learning = False
             return status
-        row, k, m = self.filter.row, len(inputs), len(measured)
         if not self._running or gap > learner.max_gap:
             gap = 0.0
             self._start(time, held)
         excited = self._excitation.update(gap, held) and time - self._start_time >= learner.settling_time
         self.learning = excited and self._inputs.has_settled(time)
         last, max_step = self._last_inputs, self._step_limit.safe_step_by_speed
+        before, after = self._steering.update(gap, last, held, self._play())
         if gap > max_step[int(held[0])] or gap > max_step[int(last[0])]:
-            self._divide_step(previous, time, held, excited)
+            before = self._divide_step(previous, time, before, after, excited)
         elif gap:
-            row[0] = gap
-            for i, value in enumerate(last, 1):
-                row[2 * i] = value
-        for i, value in enumerate(held, 1 + k):
+            self.filter.row[0] = gap
+        row, k, m = self.filter.row, 2 * len(after), len(measured)
+        for i, value in enumerate((*before, *after), 1):
             row[2 * i] = value
         self._last_inputs = held
         any_measured = False
-        for i, reading in enumerate(measured, 1 + 2 * k):
+        for i, reading in enumerate(measured, 1 + k):
             present = reading is not None and math.isfinite(reading)
             row[2 * i], row[2 * (i + m)] = (reading if present else 0.0), present
             any_measured |= present
         accepted, diverged = self.filter.advance(excited, self.learning)
         if self.learning:
-            self._update_innovation_ratio(gap)
+            first = 2 * (1 + k + m)  # of the weights
+            self.innovations.update(gap, self.filter.out[2 * m : 4 * m : 2], row[first : first + 2 * m : 2])
         if accepted:
             self._accepted_time = time
         coasting = time - self._accepted_time > learner.coast
@@ -99,49 +120,40 @@ class LiveFilter:
             return Status.OK
         return Status.COASTING if coasting else Status.OK
 
-    def _update_innovation_ratio(self, gap: float) -> None:
-        fraction = gap / (self.learner.innovation_window + gap)
-        k, m = 1 + 2 * len(self.problem.model.inputs), len(self.problem.outputs)
-        limit = self.problem.settings.gate**2
-        for i in range(m):
-            if self.filter.row[2 * (k + m + i)]:
-                squared = min(self.filter.out[2 * (m + i)], limit)
-                self.innovation_ratio[i] += fraction * (squared - self.innovation_ratio[i])
-
     def _start(self, time: float, inputs: Sequence[float]) -> None:
         """Start the state again at the steady state of these inputs; the estimates stay."""
-        problem, empty = self.problem, np.zeros(0)
-        rows = StepRows(
-            rows=empty,
-            time=empty,
-            sample_indices=empty.astype(np.int64),
-            first=dict(zip(problem.model.inputs, inputs, strict=True)),
-            steer_sigma=TYPICAL_STEER_SIGMA,
-        )
         self.filter.end_segment()
-        z, _ = self.filter.estimate()
-        x, P, V = initial_state_with_sensitivity(problem.vehicle, problem.names, problem.scaling, z, rows, roll=True)
-        if problem.model.bank:
-            x, P, V = np.append(x, 0.0), np.pad(P, (0, 1)), np.pad(V, ((0, 1), (0, 0)))
-            P[-1, -1] = problem.settings.bank_prior**2
-        self.filter.start(x, P, V, np.array([*inputs, *inputs]))
+        estimate = self.filter.estimate()
+        first = dict(zip(self.problem.inputs, inputs, strict=True))
+        x, P, V = _initial_state(self.problem, self.learner, estimate.z, first)
+        before, after = self._steering.update(0.0, inputs, inputs, self._play())
+        self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
         self._start_time = self._accepted_time = time
         self._last_inputs = inputs
         self._running, self.learning = True, False
 
-    def _divide_step(self, previous: float, time: float, inputs: Sequence[float], excited: bool) -> None:
-        """Advance by short steps without measurements; the last one remains in the filter's sample."""
-        last = self._last_inputs
-        limits = self._step_limit(np.array([last[0], inputs[0]]))
-        times, columns, _ = steps.subdivide(np.array([previous, time]), np.array([last, inputs]), limits)
+    def _play(self) -> list[float]:
+        """Estimates of the plays of the steerings, rad."""
+        scaling, row = self.problem.scaling, self.filter.carry
+        first = self.filter.layout.z.start
+        return [scaling.scale[i] * row[first + i, 0] for i in self._plays]
+
+    def _divide_step(
+        self, previous: float, time: float, before: Sequence[float], after: Sequence[float], excited: bool
+    ) -> list[float]:
+        """Advance by short steps without measurements; the last one remains for the sample, with these first inputs."""
+        limits = self._step_limit(np.array([before[0], after[0]]))
+        times, columns, _ = steps.subdivide(np.array([previous, time]), np.array([before, after]), limits)
         dt, d = steps.step_inputs(times, columns)
-        sample, k, m = self.filter.sample, len(inputs), len(self.problem.outputs)
-        sample[1 + 2 * k : 1 + 2 * k + 2 * m, 0] = 0.0
+        sample, k, m = self.filter.sample, 2 * len(after), len(self.problem.outputs)
+        sample[1 + k : 1 + k + 2 * m, 0] = 0.0
         for i in range(1, len(times)):
-            sample[0, 0], sample[1 : 1 + 2 * k, 0] = dt[i], d[i]
+            sample[0, 0], sample[1 : 1 + k, 0] = dt[i], d[i]
             if i < len(times) - 1:
                 self.filter.advance(excited, False)
+        first: list[float] = d[-1][: len(after)].tolist()
+        return first
 
 
 class StateView:
@@ -154,15 +166,14 @@ class StateView:
 
     def __init__(self, problem: OnlineProblem, joint_filter: RelinearisedFilter) -> None:
         vehicle, scaling = problem.vehicle, problem.scaling
-        signals = reported_signals(vehicle, roll=True, bank=problem.model.bank)
+        signals = reported_signals(vehicle, roll=True, bank=problem.model.chain.bank)
         self.names = [(name, f"{name}.sigma") for name in signals]
         """Names of each reported state and of its sigma."""
-        effective = {*vehicle.parameters(), *dynamics.steer_parameters(vehicle)}
-        places = tuple(i for i, name in enumerate(problem.names) if name in effective)
-        free = [problem.names[i] for i in places]
-        report = dynamics.model(vehicle, signals, roll=True, bank=problem.model.bank, free=free)
-        self._step = joint.state_view(problem.model, report, scaling.logarithmic, places)
-        c = report.known_values(dynamics.all_parameters(vehicle, signals))
+        bank = problem.model.chain.bank
+        report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
+        self._step = joint.state_view(problem.model, report, scaling.logarithmic, len(problem.estimated))
+        values = dynamics.all_parameters(vehicle, signals, extended=True)
+        c = report.constant(values, problem.unknowns, math.inf)
         constant = np.concatenate([c, scaling.centre, scaling.scale])
         self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
         self._output = np.zeros((self._step.n_output, joint.LANES))
@@ -181,16 +192,48 @@ class StateView:
 def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> RelinearisedFilter:
     settings, vehicle, model = problem.settings, problem.vehicle, problem.model
     table = variances.PROCESS_VARIANCE | {"bank": settings.bank_walk**2}
+    factor = max(settings.process_noise, MIN_PROCESS_NOISE)
+    discrepancies = _discrepancy_variances(problem, learner)
+    of_states = variances.process_covariance(model.chain.states, table, factor)
+    process = _block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
     noise = Noise(
-        process=variances.process_covariance(model.states, table, max(settings.process_noise, MIN_PROCESS_NOISE)),
+        process=process,
         measurement=np.array([variances.sensor_variance(vehicle, name, settings.noise) for name in problem.outputs]),
         gate=settings.gate,
     )
+    values = dynamics.all_parameters(vehicle, problem.outputs, extended=True)
     return RelinearisedFilter(
         model,
-        c=model.known_values(dynamics.all_parameters(vehicle, problem.outputs)),
+        c=model.constant(values, problem.unknowns, learner.discrepancy_time),
         noise=noise,
         scaling=problem.scaling,
-        free=np.array([float(not u.considered) for u in problem.unknowns]),
+        walk=np.array([2 / (learner.offset_time if u.per_log else learner.parameter_time) for u in problem.estimated]),
         settings=learner.relinearisation,
     )
+
+
+def _discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> Array:
+    """Of each discrepancy among the states, SI squared."""
+    names = problem.outputs if problem.model.discrepancies else ()
+    return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
+
+
+def _initial_state(
+    problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
+    vehicle, chain, unknowns = problem.vehicle, problem.model.chain, problem.unknowns
+    p = problem.scaling.to_p(np.append(z, np.zeros(len(unknowns) - len(z))))
+    values = dynamics.all_parameters(vehicle, problem.outputs, extended=True)
+    values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
+    bank = problem.settings.bank_prior if chain.bank else None
+    x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
+    slopes = steady_state_slopes(chain, vehicle, first, values, unknowns) * problem.scaling.slope(p)[:, None]
+    discrepancies = _discrepancy_variances(problem, learner)
+    m = len(discrepancies)
+    return np.pad(x, (0, m)), _block_diagonal(P, np.diag(discrepancies)), np.pad(slopes.T, ((0, m), (0, 0)))
+
+
+def _block_diagonal(first: Array, second: Array) -> Array:
+    n, m = len(first), len(second)
+    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])

@@ -15,8 +15,8 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.input_files import read_json
 
-KIND, VERSION = "fifthwheel learner", 2
-"""The format of a file is "fifthwheel learner 2"."""
+KIND, VERSION = "fifthwheel learner", 3
+"""The format of a file is "fifthwheel learner 3"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

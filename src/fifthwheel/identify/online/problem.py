@@ -1,12 +1,13 @@
 """What a learner estimates: the unknowns, the signals that it uses, and the model."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.dual import Scaling
+from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model
 from fifthwheel.identify.parameters import (
     Unknown,
     estimated_parameters,
@@ -34,10 +35,11 @@ class OnlineProblem:
     outputs: tuple[str, ...]
     """The measured signals that the filter compares with the model."""
     unknowns: tuple[Unknown, ...]
+    """The estimated ones first."""
     not_identifiable: frozenset[str]
     """Estimated parameters of roll without a roll rate of their unit; they are considered at the value of the file."""
-    model: ChainModel
-    """The yaw-roll model, with the road's bank as a state if sensor errors are estimated."""
+    model: OnlineModel
+    """With the road's bank and the discrepancies as states if sensor errors are estimated."""
     scaling: Scaling
     """From z to the unknowns."""
 
@@ -45,6 +47,30 @@ class OnlineProblem:
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns."""
         return tuple(u.name for u in self.unknowns)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The measured signals that drive the model: the speed and the steer angles."""
+        return ("speed", *self.vehicle.steer_signals())
+
+    @property
+    def estimated(self) -> tuple[Unknown, ...]:
+        """The unknowns that are not considered."""
+        return tuple(u for u in self.unknowns if not u.considered)
+
+    @property
+    def considered(self) -> tuple[Unknown, ...]:
+        """The unknowns that keep their prior mean."""
+        return tuple(u for u in self.unknowns if u.considered)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the estimated parameters, without sensor errors."""
+        return tuple(u.name for u in self.estimated if not u.nuisance)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Compiled code is not copied: models of one structure are shared."""
+        return OnlineProblem.of, (self.vehicle_file, self.signals, self.settings)
 
     @classmethod
     def of(cls, vehicle: Vehicle, signals: Iterable[str], settings: OneStage) -> "OnlineProblem":
@@ -68,21 +94,30 @@ class OnlineProblem:
         estimated = estimated_parameters(vehicle, settings)
         not_identifiable = frozenset(name for name in estimated if lacks_roll_rate(name, outputs))
         values = vehicle.parameters()
-        unknowns = tuple(
+        unknowns = [
             replace(u, centre=values[u.name], considered=True) if u.name in not_identifiable else u
-            for u in one_stage_unknowns(vehicle, outputs, settings, extended=False)
-        )
+            for u in one_stage_unknowns(vehicle, outputs, settings)
+        ]
+        unknowns.sort(key=lambda u: u.considered)
         if all(u.considered for u in unknowns):
             raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
-        names = tuple(u.name for u in unknowns)
         return cls(
             vehicle_file=vehicle_file,
             vehicle=vehicle,
             signals=signals,
             settings=settings,
             outputs=outputs,
-            unknowns=unknowns,
+            unknowns=tuple(unknowns),
             not_identifiable=not_identifiable,
-            model=dynamics.model(vehicle, outputs, roll=True, bank=settings.nuisances, free=names),
+            model=model_of(vehicle, outputs, unknowns, bank=settings.nuisances, discrepancies=settings.nuisances),
             scaling=scaling(unknowns),
         )
+
+
+def model_of(
+    vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[Unknown], *, bank: bool, discrepancies: bool
+) -> OnlineModel:
+    """The extended yaw-roll model of a vehicle with these outputs and unknowns."""
+    free = chain_parameters(unknowns, tuple(dynamics.all_parameters(vehicle, outputs, extended=True)))
+    chain = dynamics.model(vehicle, outputs, roll=True, bank=bank, extended=True, free=free)
+    return online_model(chain, unknowns, discrepancies=discrepancies)

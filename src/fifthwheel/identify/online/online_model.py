@@ -1,0 +1,92 @@
+"""The model of a learner: the yaw-roll model with the unknowns as parameters, and a discrepancy for each channel."""
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.identify.parameters import Unknown
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnlineModel:
+    """A `filters.model.Model` whose parameters p are the values of unknowns; built by `online_model`.
+
+    The output of a channel is that of the chain plus its discrepancy, a first-order process (`noise_model`). The states
+    are those of the chain, then the discrepancies. c = [known parameters of the chain, given values of the parameters
+    that several unknowns change, their slopes, time constant of the discrepancies].
+    """
+
+    chain: ChainModel
+    slopes: tuple[tuple[str, int], ...]
+    """Parameter and index of the unknown of each slope."""
+    given: tuple[str, ...]
+    """Parameters that have no unknown of their own, but are changed by others."""
+    discrepancies: int
+    """Their number: that of the channels, or 0."""
+    transition: ca.Function
+    observation: ca.Function
+    state_jacobian: ca.Function
+    rates: ca.Function
+
+    def constant(self, values: Mapping[str, float], unknowns: Sequence[Unknown], time_constant: float) -> Array:
+        """c from the values of all parameters of the chain, SI, and the time constant of the discrepancies, s."""
+        slopes = [unknowns[i].slopes[name] for name, i in self.slopes]
+        given = [values[name] for name in self.given]
+        return np.concatenate([self.chain.known_values(values), given, slopes, [time_constant]])
+
+
+def chain_parameters(unknowns: Sequence[Unknown], parameters: Sequence[str]) -> tuple[str, ...]:
+    """Those of the parameters that unknowns change, each once."""
+    return tuple(dict.fromkeys(name for u in unknowns for name in u.slopes if name in parameters))
+
+
+def online_model(chain: ChainModel, unknowns: Sequence[Unknown], *, discrepancies: bool) -> OnlineModel:
+    """The model with unknowns as parameters; the same object for the same structure.
+
+    Args:
+        chain: with the `chain_parameters` of the unknowns free.
+        unknowns: those that change no parameter of the chain have no effect.
+        discrepancies: whether every channel has one.
+    """
+    structure = tuple((bool(u.moves), tuple(name for name in u.slopes if name in chain.free)) for u in unknowns)
+    return _online_model(chain, structure, discrepancies)
+
+
+@functools.cache
+def _online_model(
+    chain: ChainModel, unknowns: tuple[tuple[bool, tuple[str, ...]], ...], discrepancies: bool
+) -> OnlineModel:
+    own = {names[0]: i for i, (moves, names) in enumerate(unknowns) if names and not moves}
+    slopes = tuple((name, i) for i, (moves, names) in enumerate(unknowns) if moves for name in names)
+    given = tuple(dict.fromkeys(name for name, _ in slopes if name not in own))
+    n, n_d, n_known = len(chain.states), 2 * len(chain.inputs), len(chain.known)
+    m = len(chain.outputs) if discrepancies else 0
+    p, dt, d = ca.SX.sym("p", len(unknowns)), ca.SX.sym("dt"), ca.SX.sym("d", n_d)
+    c = ca.SX.sym("c", n_known + len(given) + len(slopes) + 1)
+    value = {name: p[i] for name, i in own.items()} | {name: c[n_known + k] for k, name in enumerate(given)}
+    for k, (name, i) in enumerate(slopes):
+        value[name] += c[n_known + len(given) + k] * p[i]
+    chain_p, chain_c = ca.vertcat(*[value[name] for name in chain.free]), c[:n_known]
+    x, later = ca.SX.sym("x", n + m), ca.SX.sym("later", n + m)
+    decay = ca.exp(-dt / c[-1])
+    first, last = chain.rates(x[:n], later[:n], dt, d, chain_p, chain_c)
+    none = ca.SX.zeros(m, 1)
+    y = chain.observation(x[:n], d, chain_p, chain_c)
+    F = ca.diagcat(chain.state_jacobian(x[:n], dt, d, chain_p, chain_c), decay * ca.SX.eye(m))
+    transition = ca.vertcat(chain.transition(x[:n], dt, d, chain_p, chain_c), decay * x[n:])
+    arguments = [x, dt, d, p, c]
+    return OnlineModel(
+        chain=chain,
+        slopes=slopes,
+        given=given,
+        discrepancies=m,
+        transition=ca.Function("transition", arguments, [transition]),
+        observation=ca.Function("observation", [x, d, p, c], [y + x[n:] if m else y]),
+        state_jacobian=ca.Function("state_jacobian", arguments, [F]),
+        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.vertcat(first, none), ca.vertcat(last, none)]),
+    )
