@@ -20,12 +20,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.limits import MAX_COLUMNS, MAX_NAME, MEMORY
-from fifthwheel.logs.readers.messages import receive, send
+from fifthwheel.logs.readers.messages import as_batch, receive, send
 from fifthwheel.logs.source import Column, LogSource, reason
 
 CURE = "copy it again from the logger, or save it again in the tool that wrote it"
@@ -41,7 +40,6 @@ def run_child() -> None:
     os.dup2(null, 1)  # what libraries print is no message
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.set_threshold(100_000)  # a library that makes an object for each frame makes no cycles
-    pa.array(np.empty(0))  # imports pandas, where it is installed: once for all forks
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             request = receive(requests)[0]
@@ -110,8 +108,8 @@ def _read_log(request: Mapping[str, Any], incoming: "queue.SimpleQueue[Any]", re
             if not incoming.empty():
                 break
             arrays = dict(piece.values) | ({} if piece.time is None else {None: piece.time})
-            batch = pa.RecordBatch.from_arrays(list(map(pa.array, arrays.values())), list(map(str, range(len(arrays)))))
-            _reply(replies, head | {"names": list(arrays), "clock": piece.clock, "done": piece.done}, batch)
+            head_of_piece = head | {"names": list(arrays), "clock": piece.clock, "done": piece.done}
+            _reply(replies, head_of_piece, as_batch(arrays.values()))
             _arm(seconds)
         _reply(replies, head | {"notes": [*log.notes, *omitted], "unusable": log.unusable})
     if not _FORK:  # a fork ends now

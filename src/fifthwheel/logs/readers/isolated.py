@@ -19,13 +19,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.child import CURE
 from fifthwheel.logs.readers.limits import MEMORY, SAMPLES, SECONDS, Limits, limit
-from fifthwheel.logs.readers.messages import TooMuchError, receive, send
+from fifthwheel.logs.readers.messages import TooMuchError, as_arrays, receive, send
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress
 
 _IDLE_CHILDREN = 2
@@ -101,7 +100,7 @@ class IsolatedLog(LogSource):
                 self._child.busy = False
                 self.notes[:], self.unusable = head["notes"], head["unusable"]
                 return
-            values = dict(zip(head["names"], map(np.array, batch.columns), strict=True))
+            values = dict(zip(head["names"], as_arrays(batch), strict=True))
             yield Chunk(values=values, time=values.pop(None, None), clock=head["clock"], done=head["done"])
         raise SignalError(f"{self.name}: closed or read again before this reading was finished")
 

@@ -3,10 +3,13 @@
 import json
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+
+from fifthwheel._types import Array
 
 _HEAD = struct.Struct("<IQ")
 
@@ -35,6 +38,18 @@ def receive(pipe: int, most: float = 0.0) -> tuple[dict[str, Any], pa.RecordBatc
     if body > most:
         raise TooMuchError
     return head, pa.ipc.open_stream(_read(pipe, body)).read_next_batch() if body else None, body
+
+
+def as_batch(arrays: Iterable[Array]) -> pa.RecordBatch:
+    """A batch of columns (n,). `pyarrow.array` would import pandas."""
+    buffers = [pa.py_buffer(np.ascontiguousarray(array, np.float64)) for array in arrays]
+    columns = [pa.Array.from_buffers(pa.float64(), buffer.size // 8, [None, buffer]) for buffer in buffers]
+    return pa.RecordBatch.from_arrays(columns, list(map(str, range(len(columns)))))
+
+
+def as_arrays(batch: pa.RecordBatch) -> list[Array]:
+    """The columns of a batch as arrays (n,) that can be written to."""
+    return [np.array(np.ndarray(len(column), np.float64, column.buffers()[1] or b"")) for column in batch.columns]
 
 
 def _read(pipe: int, size: int) -> bytearray:
