@@ -37,9 +37,10 @@ CONTROL = "\x1b]0;title\x07 \x9b2J \u202egnp \r \x7f \udcff \u2028"
 
 def test_a_message_has_no_control_characters() -> None:
     shown = str(SignalError(f"a\tb\n{CONTROL}"))
-    assert shown.startswith("a\tb\n\\x1b]0;title\\x07 \\x9b2J \\u202egnp \\r \\x7f \\udcff")
+    assert shown.startswith("a\tb\n\\u001b]0;title\\u0007 \\u009b2J \\u202egnp \\u000d \\u007f \\udcff")
     assert all(c.isprintable() for c in shown.replace("\n", "").replace("\t", ""))
     shown.encode()
+    assert printable("a\nb") == "a\\u000ab"
     assert printable("γ ± 1 °/s, 車") == "γ ± 1 °/s, 車"
 
 

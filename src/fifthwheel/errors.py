@@ -6,15 +6,15 @@ from difflib import get_close_matches
 
 MAX_MESSAGE = 10_000
 """Characters of a message that are shown: a name in a damaged file may be of any length."""
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ud800-\udfff]")
-"""Control characters except tab and line feed, marks of text direction, and bytes of a file name that are not UTF-8."""
+_CONTROL = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ud800-\udfff]")
+"""Control characters except the tab, marks of text direction, and bytes of a file name that are not UTF-8."""
 
 
 class FifthwheelError(ValueError):
     """Base of every error that a user's input can cause. Its text is safe for a terminal."""
 
     def __str__(self) -> str:
-        text = printable(super().__str__())
+        text = printable_lines(super().__str__())
         return (
             text if len(text) <= MAX_MESSAGE else f"{text[:MAX_MESSAGE]}... ({len(text) - MAX_MESSAGE} more characters)"
         )
@@ -46,9 +46,14 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 
 def printable(text: str) -> str:
-    r"""A text from a file with control characters as escapes, so that it cannot control a terminal.
+    r"""A text from a file as one line that cannot control a terminal: control characters become escapes.
 
-    >>> printable("yaw\x1b[2J rate")
-    'yaw\\\\x1b[2J rate'
+    >>> print(printable("yaw\x1b[2J rate"))
+    yaw\u001b[2J rate
     """
-    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
+    return _CONTROL.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
+
+
+def printable_lines(text: str) -> str:
+    """The same for a text of several lines, which stay."""
+    return "\n".join(map(printable, text.split("\n")))

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from fifthwheel.formatting import plain_ascii, with_sigma
 from fifthwheel.report import show_identification, show_states
-from fifthwheel.report.terminal.page import COLOURS
+from fifthwheel.report.terminal.page import COLOURS, TerminalPage
 from fifthwheel.report.text.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY
 
@@ -81,3 +81,17 @@ def test_states(result):
 def test_without_a_console(result, capsys):
     show_identification(result.identification)
     assert "All 5 parameters are identified" in capsys.readouterr().out
+
+
+def test_a_name_cannot_control_the_terminal() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=200)
+    page = TerminalPage(console)
+    hostile = "x\x1b]0;title\x07\x1b[2J\u202e"
+    page.headline(hostile)
+    page.line(hostile)
+    page.table((f"{hostile}\nsecond line>",), [(hostile,)])
+    page.lists(("Title", [hostile]))
+    printed = console.file.getvalue()
+    assert printed.count(r"x\u001b]0;title\u0007\u001b[2J\u202e") == 5
+    assert "\x1b]" not in printed
+    assert "\x1b[2J" not in printed

@@ -2,9 +2,11 @@
 
 import json
 import pickle
+import tomllib
 from pathlib import Path
 
 import pytest
+import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -225,3 +227,18 @@ def test_unreadable_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text(TEXT.replace("fifth_wheel", "Fifth wheel"), encoding="utf-8")
     with pytest.raises(VehicleError, match=r"bad\.toml: .*name: expected a name of lower-case"):
         load(tmp_path / "bad.toml")
+
+
+def test_the_size_of_a_vehicle_is_limited() -> None:
+    """The time to compile a model grows quickly with its number of states."""
+    tables = tomllib.loads(TEXT)
+    axles = [{"name": f"a{k}", "position": f"{-k} m"} for k in range(17)]
+    group = {
+        key: value for key, value in tables["unit"][0]["axle_group"][0].items() if key not in ("position", "steerable")
+    }
+    with pytest.raises(VehicleError, match=r"axles: expected at most 16, got 17"):
+        loads(tomli_w.dumps({**tables, "unit": [{**tables["unit"][0], "axle_group": [{**group, "axles": axles}]}]}))
+    many = {"unit": [{**tables["unit"][1], "name": f"u{k}"} for k in range(9)]}
+    many["coupling"] = [{**tables["coupling"][0], "name": f"c{k}", "leading_position": "-9 m"} for k in range(8)]
+    with pytest.raises(VehicleError, match=r"^units: expected at most 8, got 9"):
+        loads(tomli_w.dumps(tables | many))

@@ -52,6 +52,9 @@ def main() -> None:
 
 
 def _refuse(message: str) -> None:
+    from fifthwheel.errors import printable_lines
+
+    message = printable_lines(message)
     typer.secho(f"error: {message}", fg="red", err=True)
     sys.exit(2)
 

@@ -70,14 +70,17 @@ def progress_bar(*, quiet: bool) -> "Iterator[Callable[[str, int, int], None]]":
         yield lambda title, done, total: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
+
+    from fifthwheel.errors import printable
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         tasks: dict[str, Any] = {}
 
         def show(title: str, done: int, total: int) -> None:
             if title not in tasks:
-                tasks[title] = bar.add_task(title, total=total)
+                tasks[title] = bar.add_task(escape(printable(title)), total=total)
             bar.update(tasks[title], completed=done, total=total)
 
         yield show

@@ -10,7 +10,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.checks.samples import impossible_samples
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import Channel, SignalMap
 from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
 from fifthwheel.names import SignalName
@@ -87,7 +87,7 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
         signals=signals,
         reference=reference,
         name=name,
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
     )
     start, stop = signal_map.span

@@ -8,7 +8,7 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.signal_map import SignalMap
@@ -45,7 +45,7 @@ def read_log(
                 "to signals in a signals.toml, which `fifthwheel signals` proposes:\n"
                 f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
             )
-        return assemble(log, complete, name=name or path.stem, progress=progress)
+        return assemble(log, complete, name=printable(name or path.stem), progress=progress)
 
 
 def _listed(names: Iterable[str], limit: int = 40) -> str:

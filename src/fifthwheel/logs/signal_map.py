@@ -24,7 +24,7 @@ clock = "trailer logger"            # which clock gave them
 """
 
 from collections.abc import Iterable, Mapping
-from itertools import combinations, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -170,9 +170,11 @@ class SignalMap(BaseModel):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        plain = [(name, c) for name, c in self.signals.items() if c.column is not None]
-        for (name, channel), (other, same) in combinations(plain, 2):
-            if (channel.column, channel.time) == (same.column, same.time):
+        names: dict[tuple[str, str | None], str] = {}
+        for other, channel in self.signals.items():
+            if channel.column is None:
+                continue
+            if (name := names.setdefault((channel.column, channel.time), other)) != other:
                 raise ValueError(
                     f"column {channel.column!r} is mapped to {name} and to {other}; map one of them to another"
                 )

@@ -228,7 +228,7 @@ def _sensor(name: str, table: Mapping[str, Any]) -> Sensor:
             raise SignalError(f"{name}: expected noise or variance, got both; keep one")
         if values["noise"] < 0:
             raise SignalError(f"{name}.noise: expected a standard deviation of 0 or more, got {table['noise']}")
-        values["variance"] = values.pop("noise") ** 2
+        values["variance"] = values["noise"] * values.pop("noise")  # a power can overflow
     try:
         sensor = Sensor(**values)
         _check_name(name, sensor)

@@ -55,8 +55,6 @@ _WHOLE_VEHICLE = ("time", "speed")
 """Quantities without a unit name."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
-_HEADER = re.compile(r"\s*(?P<name>.*?)\s*(\[(?P<unit>[^\[\]]*)\])?\s*")
-_PARENTHESES = re.compile(r"(?P<name>.*?)\s*\((?P<unit>[^()]+)\)")
 
 
 def si_unit(name: str) -> str | None:
@@ -103,10 +101,11 @@ def split_header(text: str) -> tuple[str, str | None]:
 
     The headers of dSPACE have "|" for "/" in the unit, "v_x_Vehicle_CoG[km|h]": it is replaced.
     """
-    match = _HEADER.fullmatch(text.replace("\n", " "))
-    if match is None:  # impossible, since every part of the pattern may be empty
-        return text, None
-    name, unit = match["name"], match["unit"]
-    if unit is None and (parentheses := _PARENTHESES.fullmatch(name)) and is_unit(parentheses["unit"]):
-        name, unit = parentheses["name"], parentheses["unit"]
-    return name, (unit or "").strip().replace("|", "/") or None
+    name, unit = text.replace("\n", " ").strip(), ""
+    for opening, closing in ("[]", "()"):
+        start = name.rfind(opening)
+        last = name[start + 1 : -1]
+        if start >= 0 and name.endswith(closing) and closing not in last and (closing == "]" or is_unit(last)):
+            name, unit = name[:start].rstrip(), last
+            break
+    return name, unit.strip().replace("|", "/") or None

@@ -71,6 +71,8 @@ def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
                 expected = "a finite number"
             case "float_type" | "float_parsing":
                 expected = "a number"
+            case "too_long":
+                expected, value = f"at most {context['max_length']}", context["actual_length"]
             case "string_pattern_mismatch":
                 expected = "a name of lower-case letters, digits and _, a letter first"
             case "missing":

@@ -12,6 +12,11 @@ from pydantic import Field, model_validator
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.component import Component, Name, NonNegative, Number, Positive
 
+MAX_AXLE_GROUPS = 8
+"""Axle groups of a unit: the time to compile the model grows with their number."""
+MAX_AXLES = 16
+"""Axles of a group."""
+
 
 class Axle(Component):
     """One axle."""
@@ -29,7 +34,7 @@ class AxleGroup(Component):
     """
 
     name: Name = Field(default="axles", description="Unique in the unit; not in the paths if it is the only group.")
-    axles: tuple[Axle, ...] = Field(min_length=1, description="From front to rear.")
+    axles: tuple[Axle, ...] = Field(min_length=1, max_length=MAX_AXLES, description="From front to rear.")
     cornering_stiffness: Positive = Field(
         ge=1e3, le=1e8, description="Side force per slip angle of all axles together, N/rad."
     )
@@ -116,7 +121,9 @@ class Unit(Component):
     accelerometer: Accelerometer | None = Field(
         default=None, description="Place of lateral_acceleration.<unit>; under the CoG on the roll axis by default."
     )
-    axle_groups: tuple[AxleGroup, ...] = Field(min_length=1, description="From front to rear.")
+    axle_groups: tuple[AxleGroup, ...] = Field(
+        min_length=1, max_length=MAX_AXLE_GROUPS, description="From front to rear."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:

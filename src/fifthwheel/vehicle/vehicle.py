@@ -15,6 +15,8 @@ from fifthwheel.vehicle.paths import SI_UNITS
 from fifthwheel.vehicle.payload import laden
 from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit, require_unique
 
+MAX_UNITS = 8
+"""The time to compile the model of more would be hours."""
 MAX_COUPLING_OVERHANG = 10.0
 """Largest distance of a coupling behind the last axle of the unit in front, m."""
 MAX_COUPLING_LEAD = 25.0
@@ -40,7 +42,7 @@ class Vehicle(Component):
 
     name: str
     source: str = Field(default="", description="Origin of the numbers.")
-    units: tuple[Unit, ...] = Field(min_length=1)
+    units: tuple[Unit, ...] = Field(min_length=1, max_length=MAX_UNITS)
     couplings: tuple[Coupling, ...] = ()
     stated: NonNegatives = Field(
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."

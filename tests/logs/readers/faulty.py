@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import time
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
@@ -40,22 +41,25 @@ def open_log(path: Path, databases=(), progress=lambda done: None) -> LogSource:
     opening, reading = path.read_text().split("\n")[:2]
     path.with_suffix(".pid").write_text(f"{os.getpid()} {os.getppid()}")
     progress(0.5)
+    while opening == "crawl":  # progress without end
+        progress(0.5)
+        time.sleep(0.01)
     act(opening)
     progress(1.0)
-    return FaultyLog(path.name, reading)
+    return FaultyLog(path.name, reading, unit="m" * 2000 if opening == "names" else "m")
 
 
 class FaultyLog(LogSource):
     """Ten pieces of a thousand rows of x = 2 t, and a table y without time."""
 
-    def __init__(self, name: str, reading: str) -> None:
+    def __init__(self, name: str, reading: str, unit: str) -> None:
         super().__init__(name)
-        self.reading = reading
+        self.reading, self.unit = reading, unit
         self.notes.append("opened")
 
     @property
     def columns(self) -> Mapping[str, Column]:
-        return {"x": Column(name="x", unit="m", clock="c", about="ä\n"), "y": Column(name="y")}
+        return {"x": Column(name="x", unit=self.unit, clock="c", about="ä\n" * 900), "y": Column(name="y")}
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         for k in range(10):

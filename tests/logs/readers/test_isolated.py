@@ -14,7 +14,7 @@ import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import read_log
-from fifthwheel.logs.readers import isolated, open_log
+from fifthwheel.logs.readers import isolated, limits, open_log
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="limits and forks of Linux")
 
@@ -50,7 +50,7 @@ def test_samples_columns_and_notes_come_through(log):
     told = []
     with log(progress=told.append) as source:
         assert told[-1] == 1.0
-        assert (source.columns["x"].unit, source.columns["x"].about) == ("m", "ä\n")
+        assert (source.columns["x"].unit, source.columns["x"].about) == ("m", "ä\n" * 500)  # cut
         assert source.notes == ["opened"]
         pieces = list(source.pieces(["x"]))
         assert [piece.done for piece in pieces] == [k / 10 for k in range(1, 11)]
@@ -88,7 +88,7 @@ def test_an_error_names_the_file_and_the_cure(log, fault):
 
 @LINUX
 def test_a_file_that_needs_too_much_memory(log, monkeypatch):
-    monkeypatch.setenv(isolated.MEMORY, "1000")
+    monkeypatch.setenv(limits.MEMORY, "1000")
     with pytest.raises(SignalError, match=r"needs more than 1000 MB; if it is intact, set FIFTHWHEEL_READER_MEMORY to"):
         log("memory")
 
@@ -96,14 +96,51 @@ def test_a_file_that_needs_too_much_memory(log, monkeypatch):
 @pytest.mark.parametrize("commands", [("hang",), ("", "block")])
 def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
     rows(log())  # the process has started, which is slow on a busy machine
-    monkeypatch.setenv(isolated.SECONDS, "0.6")
+    monkeypatch.setenv(limits.SECONDS, "0.6")
     with pytest.raises(
         SignalError, match=r"stopped after 1 s without progress.*If it is intact, set FIFTHWHEEL_READER_SECONDS"
     ):
         rows(log(*commands))
 
 
-@pytest.mark.parametrize(("name", "value"), [(isolated.SECONDS, "soon"), (isolated.MEMORY, "-1")])
+def test_a_reader_that_makes_progress_without_end_is_stopped(log, monkeypatch):
+    rows(log())
+    monkeypatch.setattr(limits, "_TOTAL", 2)
+    monkeypatch.setenv(limits.SECONDS, "0.6")
+    with pytest.raises(SignalError, match=r"stopped after 1 s\. The file is probably damaged"):
+        log("crawl")
+
+
+def test_the_program_may_take_its_time(log, monkeypatch):
+    rows(log())
+    monkeypatch.setattr(limits, "_TOTAL", 1)
+    monkeypatch.setenv(limits.SECONDS, "2")
+    with log() as source:
+        pieces = source.pieces(["x"])
+        next(pieces)
+        time.sleep(2.1)
+        assert len(list(pieces)) == 9
+
+
+def test_more_samples_than_permitted(log, monkeypatch):
+    monkeypatch.setenv(limits.SAMPLES, "0.1")
+    with pytest.raises(SignalError, match=r"log\.faulty: its samples need more than 0 MB; map fewer .*SAMPLES to more"):
+        rows(log())
+    monkeypatch.setenv(limits.SAMPLES, "0.5")
+    with log() as source:
+        assert rows(source) == rows(source) == 10_030  # the limit is that of one reading
+
+
+def test_a_column_with_a_long_name_is_left_out(log):
+    with log("names") as source:
+        assert list(source.columns) == ["y"]
+        assert rows(source, "y") == 30
+        assert source.notes[-1] == (
+            "1 columns left out: a name, unit or group of more than 1000 characters, or not of characters"
+        )
+
+
+@pytest.mark.parametrize(("name", "value"), [(limits.SECONDS, "soon"), (limits.MEMORY, "-1")])
 def test_a_limit_that_is_no_number_is_refused(log, monkeypatch, name, value):
     monkeypatch.setenv(name, value)
     with pytest.raises(SignalError, match=f"{name} is '{value}', a positive number expected"):
@@ -200,7 +237,7 @@ def test_the_child_ends_with_its_parent(tmp_path, end, fault):
     code = (
         "import os; from pathlib import Path; from fifthwheel.logs.readers.isolated import open_isolated\n"
         "def log(name): return open_isolated(Path(name), 'tests.logs.readers.faulty', '', [], lambda done: None)\n"
-        f"log('good').close(); os.environ['{isolated.SECONDS}'] = '1'; log('log.faulty')"
+        f"log('good').close(); os.environ['{limits.SECONDS}'] = '1'; log('log.faulty')"
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "TMPDIR": str(tmp_path)}
     parent = subprocess.Popen([sys.executable, "-c", code], env=environment, stderr=subprocess.DEVNULL, cwd=tmp_path)

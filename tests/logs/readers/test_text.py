@@ -120,7 +120,8 @@ def test_what_is_packed_is_called_so(tmp_path, head):
 def test_a_large_table_comes_in_pieces_that_fit_together(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_BLOCK", 4000)
     rows = np.column_stack([np.arange(5000) * 0.01, np.random.default_rng(0).normal(size=5000)]).round(6)
-    log = opened(tmp_path, "t,r\n" + "".join(f"{t},{r}\n" for t, r in rows))
+    (tmp_path / "log.csv").write_text("t,r\n" + "".join(f"{t},{r}\n" for t, r in rows))
+    log = module.open_log(tmp_path / "log.csv")
     pieces = list(log.pieces(["t", "r"]))
     assert len(pieces) > 10
     assert [piece.done for piece in pieces] == sorted(piece.done for piece in pieces)

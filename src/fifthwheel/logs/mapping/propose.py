@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel.checks.findings import Finding
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, printable, printable_lines
 from fifthwheel.logs.assemble import assemble, time_column
 from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
 from fifthwheel.logs.mapping.name_rules import REFERENCE_QUANTITIES, ColumnHint, classify_columns
@@ -100,7 +100,7 @@ def propose_map(
 def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
     """The proposal as a signals.toml for the user to edit, with its reasons as comments."""
     proposed = proposal.signals
-    lines = [f"# Proposed for {survey.name} by names, units and samples. Check every line."]
+    lines = _comments([f"Proposed for {printable(survey.name)} by names, units and samples. Check every line."])
     if proposed.databases:
         lines.append(f"databases = [{', '.join(_quoted(str(path)) for path in proposed.databases)}]")
     if proposed.time is not None:
@@ -127,11 +127,12 @@ def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
 
 
 def _comments(texts: Iterable[str]) -> list[str]:
-    return [f"# {text}" for text in texts]
+    return [f"# {line}" for text in texts for line in printable_lines(text).split("\n")]
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+    """A text as a string of TOML."""
+    return printable(json.dumps(text, ensure_ascii=False))
 
 
 def _candidates(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.errors import printable
 from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress
 from fifthwheel.record.timestamps import typical_step
@@ -71,7 +72,7 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
     for name, column in log.columns.items():
         step = float(np.median(steps[column.clock])) if column.clock in steps else np.nan
         contents[name] = moments[name].content(column, 1 / step if step > 0 else np.nan, log.unusable.get(name))
-    return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(log.notes))
+    return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(map(printable, log.notes)))
 
 
 class _Moments:

@@ -1,12 +1,11 @@
 """One reader for each format. The content of a file decides which; its name does not count."""
 
-import importlib
-import stat
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.input_files import require_regular
 from fifthwheel.logs.can.frames import trace_kind
 from fifthwheel.logs.readers.isolated import open_isolated
 from fifthwheel.logs.source import LogSource, ReadProgress, no_progress
@@ -24,12 +23,10 @@ class Format:
     """Module of this package; its open_log(path, databases, progress) gives the LogSource."""
     begins: Callable[[bytes], bool]
     """Whether a file that begins with these bytes has this format."""
-    isolated: bool = True
-    """Whether it is read in a child process, because its library may crash on a damaged file."""
 
 
 FORMATS = (
-    Format(name="Parquet", module="parquet", begins=lambda head: head.startswith(b"PAR1"), isolated=False),
+    Format(name="Parquet", module="parquet", begins=lambda head: head.startswith(b"PAR1")),
     Format(name="ASAM MDF", module="mdf", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF ")),
     Format(
         name="MATLAB",
@@ -38,7 +35,7 @@ FORMATS = (
     ),
     Format(name="MCAP", module="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
     Format(name="CAN trace", module="can", begins=lambda head: trace_kind(head) is not None),
-    Format(name="CSV", module="text", begins=lambda head: True, isolated=False),
+    Format(name="CSV", module="text", begins=lambda head: True),
 )
 """In the order in which they are tried; what nothing else recognises is text."""
 
@@ -54,7 +51,7 @@ PACKED = {
 
 
 def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
-    """Open a log of any format.
+    """Open a log of any format, in a child process with limits of time, memory and samples.
 
     Args:
         path: the file.
@@ -62,14 +59,16 @@ def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: R
         progress: receives the fraction read where opening needs the whole file.
 
     Raises:
-        SignalError: not a regular file, cannot be read, is no log, or needs a library that is not installed.
+        SignalError: not a regular file, cannot be read, is no log, exceeds a limit, or needs a library that is not
+            installed.
     """
     path = Path(path)
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise SignalError(f"{path}: cannot be read, it is not a regular file; give the path of a log file")
+        require_regular(path)
         with path.open("rb") as file:
             head = file.read(_HEAD_SIZE)
+    except FifthwheelError as error:
+        raise SignalError(str(error)) from None
     except OSError as error:
         raise SignalError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     if not head:
@@ -78,8 +77,4 @@ def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: R
         if head.startswith(magic):
             raise SignalError(f"{path.name}: {what}")
     kind = next(candidate for candidate in FORMATS if candidate.begins(head))
-    module = f"{__name__}.{kind.module}"
-    if kind.isolated:
-        return open_isolated(path, module, kind.name, databases, progress)
-    log: LogSource = importlib.import_module(module).open_log(path, databases, progress)
-    return log
+    return open_isolated(path, f"{__name__}.{kind.module}", kind.name, databases, progress)

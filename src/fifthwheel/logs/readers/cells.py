@@ -12,6 +12,7 @@ from fifthwheel._types import Array
 
 BLANK = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "?")
 """Cells that stand for a missing sample, in lower case."""
+_BLANK_CELLS = pa.array(BLANK)  # imports pandas, where it is installed: now, and not again for every file
 _TIME = r"(?P<H>\d{1,2}):(?P<M>\d{2}):(?P<S>\d{2}(?:[.,]\d+)?)(?: ?(?P<half>[AaPp])[Mm])?"
 _ZONE = r"(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
 _DATES = (
@@ -148,7 +149,7 @@ class Cells:
             return np.asarray(values, dtype=np.float64)
         except pa.ArrowInvalid:  # blanks, words, or a number that only Python reads, such as "+1"
             text = pc.utf8_trim_whitespace(text)
-        blank = pc.is_in(pc.utf8_lower(text), value_set=pa.array(BLANK, text.type))
+        blank = pc.is_in(pc.utf8_lower(text), value_set=_BLANK_CELLS.cast(text.type))
         cells = pc.if_else(blank, pa.scalar(None, text.type), text).to_pylist()
         values = np.array([_number(cell) for cell in cells], dtype=np.float64)
         wrong = [cell for cell, value in zip(cells, values, strict=True) if cell is not None and value != value]

@@ -208,9 +208,10 @@ class _Tree:
         nodes: dict[str, Node] = {}
         for name in group:
             try:
-                if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
                     self.outside.append(name)
-                elif not name.startswith("#"):
+                elif isinstance(link, h5py.HardLink) and not name.startswith("#"):  # a soft link may lead through one
                     nodes[name] = self.node(name, group[name], within)
             except MemoryError:
                 raise

@@ -22,6 +22,8 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         fields = list(file.schema_arrow)
         names = [split_header(field.name)[0] for field in fields]
         units = [_unit(field) for field in fields]
+    except MemoryError:  # a kind of ArrowException too
+        raise
     except _DAMAGE as error:
         raise SignalError(
             f"{path.name}: a Parquet file that is cut short or damaged; copy it again, or export it as CSV"
@@ -61,6 +63,8 @@ class ParquetLog(LogSource):
                 values = {name: cells[name].numbers(batch.column(self._headers[name])) for name in cells}
                 rows += batch.num_rows
                 yield Chunk(values=values, done=rows / total)
+        except MemoryError:  # a kind of ArrowException too
+            raise
         except _DAMAGE as error:
             if not rows:
                 raise SignalError(

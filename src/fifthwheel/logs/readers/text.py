@@ -15,7 +15,9 @@ from fifthwheel.logs.readers.layout import Layout, find_layout
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
-_HEAD = 1 << 18
+_HEAD = 1 << 19
+_LONGEST_HEADER = 1 << 17
+"""Characters of a line of the head, which must hold the header and some rows."""
 _BLOCK = 1 << 20
 _LONGEST_LINE = 1 << 22
 _MOST_CONTROL = 0.01
@@ -29,7 +31,11 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         head = lines.read(_HEAD) or lines.unfinished.encode()
     if len(_CONTROL.findall(head)) > _MOST_CONTROL * len(head):
         raise SignalError(f"{path.name}: not a table, it holds binary data; expected CSV or another known format")
-    if len(head) == _HEAD and b"\n" in head:
+    longest = max(map(len, head.split(b"\n")))
+    if longest > _LONGEST_HEADER:
+        most = f"at most {_LONGEST_HEADER / 1e3:.0f} kB expected in the header and the first rows"
+        raise SignalError(f"{path.name}: a line of {longest / 1e3:.0f} kB or more, {most}; export fewer columns")
+    if len(head) == _HEAD:
         head = head[: head.rindex(b"\n") + 1]
     return TextLog(path, find_layout(head.decode("utf-8", "replace"), path.name))
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from fifthwheel.errors import printable_lines
 from fifthwheel.formatting import plain_ascii
 from fifthwheel.identify import Verdict
 
@@ -33,9 +34,10 @@ class TerminalPage:
         self.ascii = not (console.is_terminal and console.encoding.lower().startswith("utf"))
 
     def text(self, text: str) -> str:
-        """A text for this console, with brackets that are no markup."""
+        """A text for this console, with brackets that are no markup and without control characters."""
         from rich.markup import escape
 
+        text = printable_lines(text)
         return escape(plain_ascii(text) if self.ascii else text)
 
     def headline(self, text: str, *, good: bool = True) -> None:
