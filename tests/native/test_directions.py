@@ -1,5 +1,8 @@
 """The compiled derivatives of small steps against CasADi's interpreter."""
 
+import copy
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -59,3 +62,11 @@ def test_other_shapes_and_steps_are_refused() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(TypeError, match="expected a step from"):
         DirectionScan(ca.Function("plain", [x], [x]))
+
+
+def test_copies_compute_the_same() -> None:
+    scan, arguments = DirectionScan(with_directions()), (np.ones(2), np.ones((5, 2)), np.ones(3), *np.ones((2, 3, 2)))
+    expected = scan(*arguments)
+    for other in (copy.copy(scan), copy.deepcopy(scan), pickle.loads(pickle.dumps(scan))):
+        for actual, values in zip(other(*arguments), expected, strict=True):
+            np.testing.assert_array_equal(actual, values)
