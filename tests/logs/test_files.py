@@ -153,12 +153,12 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, weaving, monkeypatch):
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_file_cut_at_any_byte(tmp_path, suffix):
+def test_a_file_cut_anywhere(tmp_path, suffix):
     complete = read_content(tmp_path, GOOD)
     write_record(complete, tmp_path / f"complete{suffix}")
     data = (tmp_path / f"complete{suffix}").read_bytes()
     kept = 0
-    for size in range(len(data)):
+    for size in range(0, len(data), 1 + len(data) // 500):
         try:
             record = read_content(tmp_path, data[:size], name="short")
         except SignalError:

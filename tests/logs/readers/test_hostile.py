@@ -17,11 +17,12 @@ from asammdf import MDF, Signal
 from scipy.io import savemat
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs import read_log
+from fifthwheel.logs import read_log, write_record
 from fifthwheel.logs.mapping.propose import as_toml, propose_map
 from fifthwheel.logs.mapping.survey import survey_log
 from fifthwheel.logs.readers import limits, open_log
 from fifthwheel.logs.signal_map import SignalMap
+from fifthwheel.record import Record
 from fifthwheel.record.signal_names import split_header
 
 ROWS = 3_000_000
@@ -186,3 +187,12 @@ def test_names_do_not_write_into_a_proposed_map(tmp_path: Path) -> None:
     assert "etc" in text
     assert all(c.isprintable() or c == "\n" for c in "".join([text, *notes]))
     assert read_log(path, SignalMap.parse(text)).name.isprintable()
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_small_limit_of_memory_is_sufficient(tmp_path: Path, ending: str) -> None:
+    """What the libraries reserve and do not use is within the limit."""
+    path = tmp_path / f"log.{ending}"
+    write_record(Record(time=np.arange(50.0), signals={"speed": np.arange(50.0)}), path)
+    assert len(read_log(path)) == 50

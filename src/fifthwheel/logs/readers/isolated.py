@@ -32,6 +32,7 @@ _SIGNALS = {int(number): number.name for number in signal.Signals}
 _START = "from fifthwheel.logs.readers.child import run_child; run_child()"
 _ENVIRONMENT = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1") | {
     "HDF5_PLUGIN_PRELOAD": "::",  # HDF5 loads no code
+    "ARROW_DEFAULT_MEMORY_POOL": "system",  # others reserve 1 GB, which counts as memory
     "JE_ARROW_MALLOC_CONF": "background_thread:false",  # a process with one thread is safe to fork
 }
 
