@@ -26,7 +26,9 @@ def copy(record: Record) -> Record:
 
 
 @pytest.mark.parametrize(
-    "settings", [OneStage(), OneStage(form="prediction_error"), TwoStage()], ids=["oe", "pe", "two"]
+    "settings",
+    [OneStage(), pytest.param(OneStage(form="prediction_error"), marks=pytest.mark.slow), TwoStage()],
+    ids=["oe", "pe", "two"],
 )
 def test_identification_changes_none_of_its_arguments(truck: Vehicle, settings: OneStage | TwoStage) -> None:
     """And so the same call has the same result, bit by bit."""
@@ -126,7 +128,9 @@ def test_a_steered_trailer(truck: Vehicle) -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [OneStage(), OneStage(form="prediction_error"), TwoStage()], ids=["oe", "pe", "two"]
+    "settings",
+    [OneStage(), pytest.param(OneStage(form="prediction_error"), marks=pytest.mark.slow), TwoStage()],
+    ids=["oe", "pe", "two"],
 )
 def test_a_channel_without_samples_counts_as_absent(truck: Vehicle, settings: OneStage | TwoStage) -> None:
     """It made the payload height converged, which its roll rate alone determines."""

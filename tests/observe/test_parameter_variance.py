@@ -21,7 +21,7 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     model, report = o.model, o.report
     pairs = o.pairs(Uncertainty(names=NAMES, covariance=np.diag(SIGMA**2)))
     points, constant = SigmaPoints.of(o, pairs), o.constant(gate=np.inf)
-    _, (segment, *_) = observer_segments(LANE_CHANGES.cut(0, 3), model, o.settings, o.step_limit)
+    _, (segment, *_) = observer_segments(LANE_CHANGES.cut(0, 1.5), model, o.settings, o.step_limit)
     start, rows = o.start(segment.first), segment.rows
     n, n_d, _, n_c, m = sizes(model)
     reported = len(report.outputs)
