@@ -15,9 +15,8 @@ class FifthwheelError(ValueError):
 
     def __str__(self) -> str:
         text = printable_lines(super().__str__())
-        return (
-            text if len(text) <= MAX_MESSAGE else f"{text[:MAX_MESSAGE]}... ({len(text) - MAX_MESSAGE} more characters)"
-        )
+        more = len(text) - MAX_MESSAGE
+        return text if more <= 0 else f"{text[:MAX_MESSAGE]}... ({more} more characters)"
 
 
 class VehicleError(FifthwheelError):

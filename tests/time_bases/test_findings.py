@@ -1,7 +1,9 @@
 """Findings on time bases, clocks and exchanged gyros, their words and cures."""
 
 import re
+import tracemalloc
 from dataclasses import replace
+from time import process_time
 
 import numpy as np
 import pytest
@@ -97,3 +99,17 @@ def test_a_late_gyro_of_the_tractor_is_not_an_exchange():
     for delay in (0.3, 0.6, 1.0):
         findings = found(resampled(BASE, BASE.time - delay, YAW), TRUCK)
         assert [(f.fault, f.signal) for f in findings] == [(Fault.TIME_OFFSET, YAW)]
+
+
+@pytest.mark.parametrize("gap", [1e4, 1e5, 1e9])
+def test_a_corrupted_timestamp_or_a_long_gap_costs_no_memory_and_time(gap):
+    half = len(BASE) // 2
+    time = BASE.time + np.where(np.arange(len(BASE)) < half, 0.0, gap)
+    split = Record(time=time, signals=BASE.signals, name="gap")
+    found(BASE, TRUCK)  # compiled
+    tracemalloc.start()
+    start = process_time()
+    found(split, TRUCK)
+    assert process_time() - start < 5
+    assert tracemalloc.get_traced_memory()[1] < 100e6
+    tracemalloc.stop()

@@ -29,6 +29,10 @@ _MAX_LEAD = 0.4
 """s; a yaw rate that leads the expected one by more is not that of a towed unit."""
 _MAX_INSTANTS = 1e7
 """Instants of a common time, 6 days; more result from a corrupted timestamp only."""
+_GAP = 10.0
+"""s; a longer time step is a gap."""
+_MIN_COVERED = 0.05
+"""Fraction of a record's span outside of gaps; less results from a gap of hours or a corrupted timestamp."""
 _TOWED_LENGTH = 8.0
 """m; length of a towed unit from coupling to axles, where none is known."""
 _ROLL_GRADIENT = 0.03
@@ -195,9 +199,16 @@ def _leading_yaw_rate(record: Record) -> str | None:
 
 
 def common_time(record: Record, step: float) -> Array:
-    """Instants (N,) from the record's first to its last, `step` s apart; none where a timestamp is implausible."""
+    """Instants (N,) from the record's first to its last, `step` s apart; none where `is_mostly_gaps`."""
     start, stop = record.span
-    return np.arange(start, stop, step) if (stop - start) / step < _MAX_INSTANTS else np.empty(0)
+    usable = (stop - start) / step < _MAX_INSTANTS and not is_mostly_gaps(record)
+    return np.arange(start, stop, step) if usable else np.empty(0)
+
+
+def is_mostly_gaps(record: Record) -> bool:
+    """Whether almost all of the record's span is in gaps, so that a uniform time base would be almost empty."""
+    steps = np.diff(record.time)
+    return float(steps[steps <= _GAP].sum()) < _MIN_COVERED * float(record.time[-1] - record.time[0])
 
 
 def at_common_time(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:

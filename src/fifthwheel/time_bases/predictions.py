@@ -9,6 +9,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.checks.kinematics import is_mostly_gaps
 from fifthwheel.checks.plausibility import MIN_SPEED
 from fifthwheel.checks.samples import LIMITS, remove_input_spikes
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
@@ -73,7 +74,7 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
             length vary over the range of usual ones.
 
     Returns:
-        None where the record has no speed or steer angle that can be used, or no such channel.
+        None where the record has no speed or steer angle that can be used, no such channel, or almost only gaps.
     """
     variants = _generic_variants() if vehicle is None else _stiffness_variants(vehicle)
     units = [unit.name for unit in variants[0].units]
@@ -89,6 +90,8 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     roll = any(SignalName.of(name).quantity in NEEDS_ROLL for name in names)
     variants = [variant for variant in variants if _is_stable(variant, fastest, roll=roll)]
     if not names or not variants or fastest > LIMITS["speed"].magnitude or len(record) < _START * RATE:
+        return None
+    if is_mostly_gaps(record):
         return None
     time, values = decimate(record.time, np.column_stack([record.signals[name] for name in names]), RATE)
     rows = np.rint(time * RATE).astype(int)

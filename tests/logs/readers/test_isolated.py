@@ -93,6 +93,20 @@ def test_a_file_that_needs_too_much_memory(log, monkeypatch):
         log("memory")
 
 
+@LINUX
+def test_a_lower_limit_of_the_system_stays(tmp_path):
+    (tmp_path / "log.faulty").write_text("\n\n")
+    code = (
+        "import resource; resource.setrlimit(resource.RLIMIT_DATA, (2 * 10**9,) * 2)\n"
+        "from pathlib import Path; from fifthwheel.logs.readers.isolated import open_isolated\n"
+        "with open_isolated(Path('log.faulty'), 'tests.logs.readers.faulty', '', [], lambda done: None) as log:\n"
+        "    print(*log.columns)"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("x y\n", "")
+
+
 @pytest.mark.parametrize("commands", [("hang",), ("", "block")])
 def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
     rows(log())  # the process has started, which is slow on a busy machine

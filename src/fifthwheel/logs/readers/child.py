@@ -153,6 +153,8 @@ def _restrict(memory: float, written: float) -> None:
     """Limit the memory of this process, MB, and the size of temporary files, bytes; write no core file."""
     import resource
 
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(written),) * 2)
-    resource.setrlimit(resource.RLIMIT_DATA, (int(memory * 1e6),) * 2)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    wanted = {resource.RLIMIT_FSIZE: written, resource.RLIMIT_DATA: memory * 1e6, resource.RLIMIT_CORE: 0}
+    for kind, most in wanted.items():
+        hard = resource.getrlimit(kind)[1]  # may be lower already, and cannot be raised
+        value = int(most) if hard == resource.RLIM_INFINITY else min(int(most), hard)
+        resource.setrlimit(kind, (value, value))
