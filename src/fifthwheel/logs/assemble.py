@@ -52,6 +52,8 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     Raises:
         SignalError: a column does not exist, holds no numbers, or has no usable time; the message names it.
     """
+    if not signal_map.signals and not signal_map.reference:
+        raise SignalError(f"{log.name}: no column is mapped to a signal; map columns in signals.toml")
     parts = {"signals": signal_map.signals, "reference": signal_map.reference}
     channels = {(part, signal): channel for part, mapped in parts.items() for signal, channel in mapped.items()}
     sources = {key: _sources(log, signal_map, key[1], channel) for key, channel in channels.items()}
