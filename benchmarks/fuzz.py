@@ -40,15 +40,12 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.can.database import load as load_database
-from fifthwheel.logs.mapping.propose import as_toml, propose_map
-from fifthwheel.logs.mapping.survey import survey_log
-from fifthwheel.logs.readers import open_log
 from fifthwheel.plant import read_sensors
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue, dump, get, load
 from fifthwheel.vehicle.files import loads
-from fifthwheel.workflow import load_identification
+from fifthwheel.workflow import load_identification, survey_file
 
 OUTCOMES = ("read", "refused", "time limit", "memory limit", "crash of the child", "foreign", "hang")
 LIMITS = {"SECONDS": "10", "MEMORY": "1000", "SAMPLES": "100"}
@@ -146,10 +143,7 @@ def read_as_log(path: Path, signal_map: SignalMap) -> None:
     """Record, survey and proposed map; a log without signals is surveyed all the same."""
     with contextlib.suppress(FifthwheelError):
         read_log(path, signal_map)
-    with open_log(path, signal_map.databases) as log:
-        survey = survey_log(log)
-        text = as_toml(propose_map(log, survey), survey)
-    SignalMap.parse(text)
+    SignalMap.parse(survey_file(path, databases=signal_map.databases).signals_toml)
 
 
 def read_vehicle(path: Path) -> None:
@@ -221,6 +215,21 @@ def hostile_tables(folder: Path, *, kind: str) -> Iterator[bytes]:
             yield (folder / "hostile").read_bytes()
 
 
+def hostile_records(record: Record, rng: np.random.Generator) -> Iterator[bytes]:
+    """A table in which times or values of every kind are replaced."""
+    extremes = [0.0, -0.0, 1e300, -1e300, 5e-324, 1e15, 2.0**63, -1e6, np.nan, np.inf, 1e6]
+    for column in range(1 + len(record.signals)):
+        for extreme in extremes:
+            for count in (1, len(record) // 2):
+                table = np.column_stack([record.time, *record.signals.values()])
+                rows = rng.choice(len(record), count, replace=False)
+                table[rows, column] = rng.choice([extreme, extreme * rng.random()])
+                if rng.random() < 0.3:
+                    table[count // 2 :, column] += extreme
+                text = "\n".join(",".join(map(repr, row)) for row in table.tolist())
+                yield (",".join(["time", *record.signals]) + "\n" + text + "\n").encode()
+
+
 def cases(folder: Path, chosen: list[str]) -> Iterator[tuple[str, bytes | Iterator[bytes], Callable[[Path], object]]]:
     """Kind, valid content to damage or hostile contents, and how it is read."""
     truck = get("cheng_cebon_2011")
@@ -256,11 +265,16 @@ def cases(folder: Path, chosen: list[str]) -> Iterator[tuple[str, bytes | Iterat
         yield "identification.json", stored_json.read_bytes(), load_identification
     for kind in ("csv", "parquet"):
         if wanted(f"hostile names, {kind}"):
-            yield (
-                f"hostile names, {kind}",
-                hostile_tables(folder, kind=kind),
-                lambda path: read_as_log(path, SignalMap()),
-            )
+            contents = hostile_tables(folder, kind=kind)
+            yield f"hostile names, {kind}", contents, lambda path: read_as_log(path, SignalMap())
+    if wanted("hostile samples"):
+        contents = hostile_records(record, np.random.default_rng(0))
+        yield "hostile samples", contents, lambda path: read_as_log(path, SignalMap())
+    if wanted("hostile map"):
+        table = folder / "plain.csv"
+        rows = np.column_stack([short.time, *short.signals.values()])
+        np.savetxt(table, rows, delimiter=",", header=",".join("tabcdefgh"[: rows.shape[1]]), comments="")
+        yield "hostile map", hostile_toml(LOG_MAP), lambda path: read_log(table, SignalMap.load(path))
 
 
 def main() -> None:

@@ -90,3 +90,12 @@ def test_a_slow_column_in_a_fast_table_keeps_its_samples():
     slow = np.isfinite(result[:, 1])
     assert slow.sum() == 100
     assert result[slow, 1] == pytest.approx(2 * grid[slow])
+
+
+def test_infinite_and_huge_values_give_no_warning():
+    time = np.arange(1000) / 1000
+    values = np.column_stack([np.where(time == 0.5, np.inf, 1.0), np.where(time % 0.1 < 0.05, np.inf, -np.inf)])
+    _, result = decimate(time, np.column_stack([values, np.full(1000, 1e308)]), 100.0)
+    finite = np.isfinite(result[:, 0])
+    assert finite.sum() > 80
+    assert result[finite, 0] == pytest.approx(1.0)

@@ -26,6 +26,8 @@ _TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
 _MIN_EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
+_MAX_TIME = 1e100
+"""s; a larger magnitude is no timestamp, and differences would overflow."""
 _LOGGER = "logger"
 """Name of the logger's own clock, where the steer angle has another one."""
 _SAME_INSTANT = 1e-6
@@ -50,6 +52,8 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     Raises:
         SignalError: a column does not exist, holds no numbers, or has no usable time; the message names it.
     """
+    if not signal_map.signals and not signal_map.reference:
+        raise SignalError(f"{log.name}: no column is mapped to a signal; map columns in signals.toml")
     parts = {"signals": signal_map.signals, "reference": signal_map.reference}
     channels = {(part, signal): channel for part, mapped in parts.items() for signal, channel in mapped.items()}
     sources = {key: _sources(log, signal_map, key[1], channel) for key, channel in channels.items()}
@@ -157,13 +161,15 @@ class _TimeBase:
     def push(self, chunk: Chunk) -> None:
         """Add the next samples."""
         values, column = chunk.values, self._timestamps.column
-        time = values[column] * self._seconds if column else chunk.time
+        with np.errstate(over="ignore"):  # damaged values may overflow
+            time = values[column] * self._seconds if column else chunk.time
         if time is None:
             raise SignalError(f"{self._label}: no timestamps; name their column with time = ... in signals.toml")
+        time = np.where(np.abs(time) < _MAX_TIME, time, np.nan)
         if self._timestamps.of_rows:
             time = np.where(implausible_timestamps(time), np.nan, time)
         elif column:  # a repeated timestamp marks a repeated sample
-            new = np.isfinite(time) & np.isfinite(sum(values[name] for name in self._columns))
+            new = np.isfinite(time) & np.isfinite([values[name] for name in self._columns]).all(axis=0)
             new_time = time[new]
             new[new] = np.diff(new_time, prepend=self._last_time) != 0
             self._last_time = float(new_time[-1]) if new_time.size else self._last_time

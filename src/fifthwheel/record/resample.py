@@ -77,6 +77,7 @@ def decimate(time: Array, values: Array, rate: float, steps: Array | None = None
     return grid / rate, result
 
 
+@np.errstate(all="ignore")  # damaged values may be infinite; where there is no weight, 0 / 0
 def _convolved(time: Array, values: Array, grid: Array, rate: float, step: float) -> Array:
     steps = np.minimum(np.diff(time), 3 * step)
     weight = rate * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0)) / 2
@@ -90,8 +91,7 @@ def _convolved(time: Array, values: Array, grid: Array, rate: float, step: float
         on_grid = grid[place] == below[first] + shift
         total[place[on_grid]] += sums[on_grid]
     covered = total[:, -1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(np.abs(covered - 1) < _MAX_GAP_WEIGHT, total[:, :-1] / covered, np.nan)
+    return np.where(np.abs(covered - 1) < _MAX_GAP_WEIGHT, total[:, :-1] / covered, np.nan)
 
 
 def snap_to_grid(time: Array, values: Array, rate: float) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """Hostile files: small files that expand, that block, or that have names and headers of any length."""
 
+import contextlib
 import io
 import struct
 import time
@@ -196,3 +197,16 @@ def test_a_small_limit_of_memory_is_sufficient(tmp_path: Path, ending: str) -> N
     path = tmp_path / f"log.{ending}"
     write_record(Record(time=np.arange(50.0), signals={"speed": np.arange(50.0)}), path)
     assert len(read_log(path)) == 50
+
+
+@pytest.mark.parametrize("extreme", ["inf", "-inf", "1e308", "nan", "5e-324"])
+@pytest.mark.parametrize("column", [0, 1])
+def test_extreme_times_and_values_give_no_warning(tmp_path: Path, extreme: str, column: int) -> None:
+    rows = [[f"{k / 1000:g}", "10"] for k in range(2000)]
+    for k in range(500, 700):
+        rows[k][column] = extreme if k % 2 else f"-{extreme.removeprefix('-')}"
+    (tmp_path / "log.csv").write_text("time,speed\n" + "".join(",".join(row) + "\n" for row in rows))
+    for unit in ("s", "h"):
+        with contextlib.suppress(SignalError):
+            read_log(tmp_path / "log.csv", SignalMap.parse(f"[time]\nunit = '{unit}'"))
+    surveyed(tmp_path / "log.csv")
