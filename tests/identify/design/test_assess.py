@@ -54,6 +54,7 @@ def sigmas(assessment: InformationAssessment) -> np.ndarray:
     return np.array([p.sigma for p in assessment.parameters])
 
 
+@pytest.mark.slow
 def test_errors_of_fits_scatter_as_predicted(truck):
     """60 fits of one lane change each against the mean prediction from three of the logs; 9 % is chance."""
     logs = [simulate(truck, count=1, seed=seed) for seed in range(60)]

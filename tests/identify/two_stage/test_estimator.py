@@ -195,6 +195,7 @@ def test_the_settings_of_the_article_keep_the_bias_of_its_stage_1(truck: Vehicle
     assert all(abs(errors(same, truck)[name]) < 0.01 for name in stage_1_names(truck))
 
 
+@pytest.mark.slow
 def test_a_chain_of_three_units(truck: Vehicle) -> None:
     fields = truck.model_dump()
     lead, last = fields["units"][1], {**fields["units"][1], "name": "last_trailer"}
