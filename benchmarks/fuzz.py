@@ -169,9 +169,7 @@ def outcome(read: Callable[[Path], object], path: Path) -> tuple[str, str]:
             read(path)
     except FifthwheelError as error:
         text = str(error)
-        kinds = {
-            "time limit": "was stopped after", "memory limit": "more than", "crash of the child": "crashed ("
-        }  # fmt: skip
+        kinds = {"crash of the child": "crashed (", "time limit": "was stopped after", "memory limit": "more than"}
         for kind, words in kinds.items():
             if words in text and "FIFTHWHEEL_READER" in text:
                 return kind, ""
