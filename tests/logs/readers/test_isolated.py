@@ -261,6 +261,7 @@ def test_the_child_ends_with_its_parent(tmp_path, end, fault):
     parent.send_signal(end)
     parent.wait(5)
     assert all(gone(int(pid)) for pid in (tmp_path / "log.pid").read_text().split())
+    assert not list(tmp_path.glob("fifthwheel-*"))
 
 
 @LINUX
