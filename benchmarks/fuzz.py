@@ -6,8 +6,8 @@
 
 A valid file is damaged by flipped bits, cuts, moved, repeated and zeroed blocks, extreme numbers and, in text, words of
 other kinds. A log is read as a record; every tenth is also surveyed, and the map proposed for it is read again. Hostile
-files are TOML with an unexpected value for every key, and logs with hostile names, times and values. Warnings count as foreign exceptions. Needs the test
-extra; run it from the root of the project.
+files are TOML with an unexpected value for every key, and logs with hostile names, times and values. Warnings count as
+foreign exceptions. Needs the test extra; run it from the root of the project.
 """
 
 import argparse
