@@ -263,6 +263,9 @@ def test_the_range_of_a_quantity(name, value, fault):
     record = replace(record, signals={n: v for n, v in record.signals.items() if n in (name, "speed")})
     faults = {f.fault for f in check(record) if f.signal == name}
     assert faults == ({fault} if fault else set())
+    for finding in check(record):
+        of_wheel = finding.fault is Fault.DEGREES and name.startswith("steer")
+        assert ("gain = 1 / steering ratio if it is" in finding.message) == of_wheel
     few = np.where(np.arange(TIME.size) % 110 == 0, values, 1.0 if name != "speed" else 20.0)
     assert not {Fault.OUT_OF_RANGE, Fault.DEGREES, Fault.UNIT} & {
         f.fault for f in check(record.with_signals({name: few}))
