@@ -99,6 +99,14 @@ def test_measured_channels_on_the_grid():
     assert np.isfinite(prediction.predicted[0, np.abs(prediction.time - 6.0) < 1.3, i]).all()
 
 
+def test_a_record_that_starts_later_has_the_same_channels():
+    prediction = predict_channels(RECORD, TRUCK)
+    later = predict_channels(replace(RECORD, time=RECORD.time + 100.0), TRUCK)
+    np.testing.assert_allclose(later.time, prediction.time + 100.0)
+    np.testing.assert_allclose(later.measured, prediction.measured, atol=1e-9)
+    np.testing.assert_allclose(later.predicted, prediction.predicted, atol=1e-9)
+
+
 def test_records_that_cannot_be_predicted():
     other = {"speed": RECORD.signals["speed"], STEER: RECORD.signals[STEER]}
     for names in ((), (f"{YAW2}2",), ("articulation.tractor",), ("lateral_velocity.tractor",)):
