@@ -16,6 +16,7 @@ from fifthwheel.checks.samples import (
     spikes,
     stuck,
 )
+from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
@@ -308,3 +309,42 @@ def test_the_same_samples_twice():
         few = np.where(np.arange(n) < count, rate, np.nan)
         assert len(found(few, few)) == expected
     assert found(np.ones(n), np.ones(n)) == []
+
+
+QUANTITIES = {
+    # signal: magnitude, jump, and change in a turn, SI
+    "speed": (45.0, 2.0, None),
+    STEER: (1.2, 0.15, 0.01),
+    RATE2: (1.5, 0.15, 0.03),
+    "articulation.semitrailer": (1.7, 0.06, 0.02),
+    "lateral_acceleration.tractor": (12.0, 3.0, 1.0),
+    "lateral_velocity.tractor": (10.0, 1.0, None),
+    "sideslip.tractor": (1.0, 0.1, None),
+    "roll.tractor": (0.5, 0.05, 0.02),
+    "roll_rate.tractor": (2.0, 0.4, None),
+    "wheel_speed.tractor.front.left": (45.0, 2.0, None),
+    "longitudinal_acceleration.tractor": (12.0, 3.0, None),
+    "axle_load.tractor.drive": (5e5, 1e5, None),
+}
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_magnitude_jump_and_turn_of_each_quantity(name):
+    """What a truck can reach, what it can reach within 0.1 s, and what tells a turn from straight driving."""
+    assert {SignalName.of(n).quantity for n in QUANTITIES} == set(LIMITS)
+    magnitude, jump, turn = QUANTITIES[name]
+    ranges = {Fault.OUT_OF_RANGE, Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL}
+    for factor, beyond in ((0.999, False), (1.001, True)):
+        values = factor * magnitude * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
+        record = Record(time=TIME, signals={name: values})
+        assert bool(ranges & {f.fault for f in check(record)}) == beyond
+        spike = np.zeros(TIME.size)
+        spike[700] = factor * jump
+        assert bool(list(spikes(Record(time=TIME, signals={name: spike}), name))) == beyond
+        other = RATE if name != RATE else RATE2
+        turning = {name: (turn or magnitude) * factor / 0.8 * np.clip((TIME - 20) / 4, 0, 1)}
+        still = {"roll_rate.semitrailer": np.where(np.abs(TIME - 22) <= 2, 0.0, 0.01 * np.sin(TIME)), other: 0 * TIME}
+        record = Record(time=TIME, signals={"speed": np.full(TIME.size, 20.0), **still, **turning})
+        if name != "speed":
+            found = bool(list(stuck(record, "roll_rate.semitrailer", 5.0)))
+            assert found == (beyond and turn is not None)
