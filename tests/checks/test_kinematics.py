@@ -83,6 +83,7 @@ def test_both_sides_of_every_limit(name, fields, field, limit, below, above):
         (STEER, {"gain": 3}, Fault.GAIN, None),
         (RATE2, {"gain": 3}, None, None),
         (HITCH, {"gain": 57}, Fault.DEGREES, Fault.DEGREES),
+        (HITCH, {"gain": 57, "correlation": -0.9}, Fault.SWAPPED_SIGN, Fault.DEGREES),
         (ACCELERATION, {"gain": 57}, None, None),
         (STEER, {"offset": 1.0}, Fault.OFFSET, None),
         (STEER, {"gain": 0.01}, Fault.DEGREES, Fault.DEGREES),
