@@ -294,3 +294,29 @@ def test_limits_of_a_common_rate():
     assert articulated(0.0) == articulated(0.02) == articulated(-0.02) == []
     assert articulated(0.06, noise=0.05) == []
     assert articulated(0.0, gain=0.0) == []
+
+
+@pytest.mark.parametrize("missing", [0, 300])
+def test_sigma_is_that_of_scores_in_blocks_of_four_seconds(missing):
+    """The equation of `LagCurve.best`, with least squares by NumPy; of few blocks wider by sqrt(B / (B - 3))."""
+    predicted = SOURCES[YAW2]
+    measured = 1.3 * shifted(predicted, 0.2) + 0.4 * WHITE[YAW2]
+    measured[400 : 400 + missing] = np.nan
+    curve = lag_curve(measured, predicted)
+    lag, sigma = curve.best()
+    k, rows = int(curve.explained.argmax()) - 55, curve.rows
+    assert lag == pytest.approx(k / RATE, abs=0.5 / RATE)
+    p = predicted[rows - k]
+    slope = (predicted[rows - k + 1] - predicted[rows - k - 1]) / (2 / RATE)
+    regressors = np.column_stack([p, np.ones(rows.size)])
+    (gain, _), *_ = np.linalg.lstsq(regressors, measured[rows], rcond=None)
+    slope = slope - regressors @ np.linalg.lstsq(regressors, slope, rcond=None)[0]
+    every = np.column_stack([regressors, slope])
+    residual = measured[rows] - every @ np.linalg.lstsq(every, measured[rows], rcond=None)[0]
+    blocks = {}
+    for row, score in zip(rows, gain * slope * residual, strict=True):
+        blocks[row // 100] = blocks.get(row // 100, 0.0) + score
+    few = len(blocks) / (len(blocks) - 3)
+    variance = few * sum(score**2 for score in blocks.values()) / (gain**2 * (slope @ slope)) ** 2
+    assert sigma == pytest.approx(np.sqrt(variance))
+    assert len(blocks) == 15 - missing // 100
