@@ -8,6 +8,7 @@ import pytest
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality, predicted_logs, white_noise_sigma
 from fifthwheel.diagnose.run_summary import summarise_records, summarise_runs
 from fifthwheel.diagnose.state_summary import innovation_size, summarise_states, valid_fraction
+from fifthwheel.identify import SensorError
 from fifthwheel.observe import States
 from fifthwheel.record import Record
 from tests.report.conftest import NASTY
@@ -154,3 +155,38 @@ def test_the_size_of_innovations():
     assert innovation_size(states_of(range(5), **none), "a").rejected == 1.0
     missing = {**columns, "innovation": {"a": np.full(5, np.nan)}}
     assert innovation_size(states_of(range(5), **missing), "a").rejected == 0.0
+
+
+def test_the_runs_of_an_identification(result):
+    """With the offset of the gyro of each log removed, at speeds of the model, and without a record by its fit."""
+    record, identification = result.records[0], result.identification
+    n = len(record)
+    speed = np.where(np.arange(n) < n // 2, 20.0, 4.9)
+    steady = record.with_signals({"speed": speed, "yaw_rate.tractor": np.full(n, 0.06)})
+    first, other = steady, replace(steady, name="b")
+    plain = summarise_records([first, other], "tractor", {"b": 0.01})
+    assert [run.acceleration for run in plain] == pytest.approx([1.2, 1.0])
+    assert {run.speed for run in plain} == {(20.0, 20.0)}
+    assert summarise_records([first], min_speed=4.0)[0].speed == (4.9, 20.0)
+    assert summarise_records([first], min_speed=20.0)[0].speed == (20.0, 20.0)
+    assert np.isnan(summarise_records([first], "semitrailer2")[0].acceleration)
+    without = replace(first, signals={"speed": speed})
+    assert np.isnan(summarise_records([without])[0].acceleration)
+    assert summarise_records([without])[0].speed == (20.0, 20.0)
+    assert np.isnan(summarise_records([replace(first, signals={"yaw_rate.tractor": speed})])[0].speed).all()
+    renamed = replace(steady, signals={"speed": speed, "roll_rate.a": speed, "yaw_rate.a": np.full(n, 0.06)})
+    assert summarise_records([renamed])[0].acceleration == pytest.approx(1.2)
+
+    log = identification.logs[0]
+    fit = next(f for f in identification.fits if f.signal == "yaw_rate.tractor" and f.log == log.name)
+    constant = replace(fit, measured=np.full(len(fit.measured), 0.05))
+    offset = SensorError(name="yaw_rate.tractor.offset", value=0.01, sigma=0.001, unit="rad/s", log=log.name)
+    bare = replace(identification, fits=(constant,), sensors=(offset,), logs=(log,))
+    (run,) = summarise_runs(bare, [])
+    assert run.acceleration == pytest.approx(log.speed[1] * 0.04)
+    assert (run.name, run.speed) == (log.name, log.speed)
+    (run,) = summarise_runs(bare, [replace(steady, name=log.name)])
+    assert run.acceleration == pytest.approx(20.0 * 0.05)
+    unnamed = replace(offset, log=None)
+    assert summarise_runs(replace(bare, sensors=(unnamed,)), [])[0].acceleration == pytest.approx(log.speed[1] * 0.05)
+    assert np.isnan(summarise_runs(replace(bare, fits=()), [])[0].acceleration)
