@@ -115,6 +115,7 @@ def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle, f
         assert abs(errors[name].value - value) < 3.5 * errors[name].sigma, name
     assert errors[f"{STEER}.delay"].sigma < 0.015  # the latency of each gyro is considered with 0.01 s
     assert {e.verdict for e in result.uncertain} == {Verdict.FIXED}
+    assert (result.logs[0].bank is None) == (form == "prediction_error")  # there the bank varies
 
 
 def test_offsets_of_several_logs(truck: Vehicle, guess: Vehicle) -> None:
