@@ -12,6 +12,7 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.filters.model import sample_rows
+from fifthwheel.filters.spline import Spline
 from fifthwheel.names import SignalName
 from fifthwheel.native import Scan
 from fifthwheel.record import Record
@@ -97,14 +98,12 @@ def _shifted(time: Array, values: Array, delay: float) -> tuple[Array, Array]:
 
     A cubic spline is differentiable with respect to the delay; linear interpolation has kinks, at which a search stops.
     """
-    from scipy.interpolate import CubicSpline  # slow to import
-
     if len(time) < 4:
         return np.interp(time + delay, time, values), np.zeros_like(time)
-    spline, at = CubicSpline(time, values), time + delay
+    at = time + delay
     inside = (at >= time[0]) & (at <= time[-1])
-    at = np.clip(at, time[0], time[-1])
-    return (values if delay == 0 else np.asarray(spline(at))), np.where(inside, spline(at, 1), 0.0)
+    shifted, rate = Spline(time, values)(np.clip(at, time[0], time[-1]))
+    return (values if delay == 0 else shifted), np.where(inside, rate, 0.0)
 
 
 def step_rows(
