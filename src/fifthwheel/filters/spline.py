@@ -1,12 +1,10 @@
 """Cubic spline through the samples of a signal."""
 
-import functools
-
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 
 
 class Spline:
@@ -52,19 +50,19 @@ class Spline:
         return ((third * t + second) * t + first) * t + self.values[i], (3 * third * t + 2 * second) * t + first
 
 
-@functools.cache
-def _elimination() -> Scan:
+@compiled(Scan)
+def _elimination() -> ca.Function:
     """carry = output = [above, right] of the row with diagonal 1; sample = [below, diagonal, above, right]."""
     before, row, nothing = ca.SX.sym("before", 2), ca.SX.sym("row", 4), ca.SX.sym("nothing", 0)
     below, diagonal, above, right = ca.vertsplit(row)
     pivot = diagonal - below * before[0]
     later = ca.vertcat(above / pivot, (right - below * before[1]) / pivot)
-    return Scan(ca.Function("elimination", [before, row, nothing], [later, later]))
+    return ca.Function("elimination", [before, row, nothing], [later, later])
 
 
-@functools.cache
-def _substitution() -> Scan:
+@compiled(Scan)
+def _substitution() -> ca.Function:
     """carry = output = the unknown of the row; sample = [above, right], from the last row to the first."""
     after, row, nothing = ca.SX.sym("after"), ca.SX.sym("row", 2), ca.SX.sym("nothing", 0)
     unknown = row[1] - row[0] * after
-    return Scan(ca.Function("substitution", [after, row, nothing], [unknown, unknown]))
+    return ca.Function("substitution", [after, row, nothing], [unknown, unknown])

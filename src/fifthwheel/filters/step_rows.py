@@ -1,6 +1,5 @@
 """Rows of a compiled step from a record."""
 
-import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +13,7 @@ from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.filters.spline import Spline
 from fifthwheel.names import SignalName
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -53,12 +52,12 @@ def play_contact(steer: Array, play: float) -> Array:
     return np.concatenate([[0.0], contacts[:, 0]])
 
 
-@functools.cache
-def _contact_step() -> Scan:
+@compiled(Scan)
+def _contact_step() -> ca.Function:
     """carry = the contact; sample = the change of the steer angle; constant = the play."""
     contact, change, width = (ca.SX.sym(name) for name in ("contact", "change", "width"))
     later = ca.fmin(0.5, ca.fmax(-0.5, contact + change / width))
-    return Scan(ca.Function("contact", [contact, change, width], [later, later]))
+    return ca.Function("contact", [contact, change, width], [later, later])
 
 
 def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:

@@ -55,7 +55,13 @@ def write_states(states: Sequence[States], path: Path) -> None:
     tables = []
     for record in states:
         sigma = {f"{name}.sigma": values for name, values in record.sigma.items()}
-        columns = {"time": record.time, **record.values, **sigma, "status": record.status, "nis": record.nis}
+        columns: dict[str, NDArray[Any]] = {
+            "time": record.time,
+            **record.values,
+            **sigma,
+            "status": record.status,
+            "nis": record.nis,
+        }
         arrays = {name: _arrow(values) for name, values in columns.items()}
         name = record.name.encode()
         offsets = pa.py_buffer(np.array([0, len(name)], dtype=np.int32))
