@@ -193,8 +193,10 @@ def model(
     for name in outputs:
         if name == chain.BANK and bank:
             continue
-        sensors.unit_index(vehicle, name)
-        if not roll and SignalName.of(name).quantity in sensors.NEEDS_ROLL:
+        unit, quantity = sensors.unit_index(vehicle, name), SignalName.of(name).quantity
+        if unit == 0 and quantity in sensors.NEEDS_COUPLING:
+            raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
+        if not roll and quantity in sensors.NEEDS_ROLL:
             raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
     key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended)
     if key not in _models:
