@@ -23,7 +23,7 @@ from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
 from fifthwheel.native import DirectionScan, compiled
 from fifthwheel.observe.sigma_points import SigmaPoints
 
-CHUNK = 4_000
+CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""
 
 
@@ -102,6 +102,6 @@ def parameter_variance(
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
         result = scan(carry, chunk, constant, carry_dot, directions, threads=os.cpu_count() or 1)
-        variances.append((result.output_dot**2).sum(axis=-1))
+        variances.append(np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot))
         carry, carry_dot = result.carry, result.carry_dot
     return np.concatenate(variances)
