@@ -9,8 +9,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native.direction_ir import direction_module
-from fifthwheel.native.scan import compiling, load, workers
-from fifthwheel.native.step import Step
+from fifthwheel.native.scan import load, workers
+from fifthwheel.native.step import Step, compiling
 
 BUFFER = 400_000
 """Bytes of the values that pass from the nominal step to the derivatives; they stay in the processor's cache."""

@@ -3,7 +3,6 @@
 import ctypes
 import functools
 import os
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -15,13 +14,10 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native import cache, llvm_ir
-from fifthwheel.native.step import Step
+from fifthwheel.native.step import Step, compiling
 
 _OPTIMISATION = 1
 """Level of LLVM's code generator, 0 to 3; above 1 compilation takes longer and the code is not faster."""
-compiling = threading.RLock()
-"""Held while LLVM is used, and while the process forks: a child never starts with a lock of LLVM that a thread of its
-parent holds, and that nobody releases."""
 
 
 class Scan:

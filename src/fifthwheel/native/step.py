@@ -8,6 +8,7 @@ keeps, by the digest of all these, the sizes of the step and the key of its mach
 import functools
 import json
 import platform
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
@@ -21,6 +22,10 @@ from fifthwheel.native import cache
 
 P = ParamSpec("P")
 S = TypeVar("S")
+
+compiling = threading.RLock()
+"""Held while a step is built, while LLVM is used, and while the process forks: a child never starts with a lock of LLVM
+that a thread of its parent holds, and that nobody releases."""
 
 PLAIN = (str, bool, int, type(None))
 """Types of arguments that are their own identity."""
@@ -37,16 +42,20 @@ class Step:
 
     def __init__(self, build: Callable[..., ca.Function], arguments: Sequence[Any] = ()) -> None:
         self._build, self._arguments = build, tuple(arguments)
+        self._function: ca.Function | None = None
 
     @classmethod
     def of(cls, step: "ca.Function | Step") -> "Step":
         """A step, also of a function that is already built."""
         return step if isinstance(step, Step) else cls(lambda function: function, (step,))
 
-    @lazy
+    @property
     def function(self) -> ca.Function:
         """The CasADi function."""
-        return self._build(*self._arguments)
+        with compiling:
+            if self._function is None:
+                self._function = self._build(*self._arguments)
+            return self._function
 
     @lazy
     def sizes(self) -> tuple[int, ...]:
