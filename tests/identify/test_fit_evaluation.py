@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import linear_response
-from fifthwheel.identify import Fit, OneStage, TwoStage, parameters
+from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation, parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import _is_unexplained, _speed_notes, evaluate_fits, free_run_fits
 from fifthwheel.record import Record
@@ -70,6 +70,19 @@ def test_outliers_and_gaps_do_not_change_the_prediction(steered: Vehicle) -> Non
     for name in OUTPUTS:
         assert result[name].predicted == pytest.approx(clean[name].predicted, abs=2e-4)
     assert np.isnan(result["yaw_rate.semitrailer"].measured[210])
+
+
+def test_blocks_and_decayed_responses_do_not_change_the_prediction(
+    steered: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = response(steered)
+    signals = {"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + 0.002}
+    signals["yaw_rate.semitrailer"] = np.where(record.time < 1, np.nan, record.signals["yaw_rate.semitrailer"])
+    whole = fits(steered, record.with_signals(signals))
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)  # the last block is shorter, and some responses end before it
+    result = fits(steered, record.with_signals(signals))
+    for name in OUTPUTS:
+        np.testing.assert_allclose(result[name].predicted, whole[name].predicted, rtol=0, atol=1e-9)
 
 
 def test_a_channel_that_is_missing_or_constant_has_no_fit(steered: Vehicle) -> None:

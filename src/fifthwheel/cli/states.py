@@ -64,6 +64,9 @@ def states(
     With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
     for the identification, its sensor errors are estimated from the log itself.
     """
+    from fifthwheel.logs import start_reader
+
+    start_reader()
     from fifthwheel.filters.initial_state import INITIAL_SIGMA
     from fifthwheel.observe import ObserverSettings
     from fifthwheel.report import provenance_of_run, show_states

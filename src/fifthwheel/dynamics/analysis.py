@@ -1,7 +1,7 @@
 """Numerical properties of the chain: matrices, modes, critical speed, steady state, rearward amplification."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -11,6 +11,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.model import topology
 from fifthwheel.errors import VehicleError
+from fifthwheel.native import Scan, compiled
 from fifthwheel.vehicle import Vehicle
 
 
@@ -26,21 +27,25 @@ class Matrices:
     B: Array  # (n, k)
 
 
-_functions: dict[tuple[object, ...], ca.Function] = {}
+@dataclass(frozen=True)
+class _Structure:
+    """The structure of a vehicle; equal for vehicles of equal topology."""
+
+    vehicle: Vehicle = field(compare=False)
+    identity: tuple[object, ...]
 
 
-def _function(vehicle: Vehicle, roll: bool) -> ca.Function:
-    """(parameters, speed) -> (E, F, G, A, B), one function for all vehicles of equal topology."""
-    key = (topology(vehicle), roll)
-    if key not in _functions:
-        names = tuple(vehicle.parameters())
-        p, u = ca.SX.sym("p", len(names)), ca.SX.sym("u")
-        equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll)
-        A, B = equations.state_space(u)
-        F = equations.A0 + equations.A1 / u + equations.A2 * u
-        outputs = [ca.densify(m) for m in (equations.E(), F, equations.B0 + equations.B2 * u, A, B)]
-        _functions[key] = ca.Function("matrices", [p, u], outputs)
-    return _functions[key]
+@compiled(Scan)
+def _function(structure: _Structure, roll: bool) -> ca.Function:
+    """sample = speed; constant = parameters; output = [E, F, G, A, B], by columns. There is no carry."""
+    vehicle = structure.vehicle
+    names = tuple(vehicle.parameters())
+    nothing, u, p = ca.SX.sym("nothing", 0), ca.SX.sym("u"), ca.SX.sym("p", len(names))
+    equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll)
+    A, B = equations.state_space(u)
+    F = equations.A0 + equations.A1 / u + equations.A2 * u
+    outputs = [ca.vec(ca.densify(m)) for m in (equations.E(), F, equations.B0 + equations.B2 * u, A, B)]
+    return ca.Function("matrices", [nothing, u, p], [nothing, ca.vertcat(*outputs)])
 
 
 def matrices(vehicle: Vehicle, speed: float, *, roll: bool, changed: Mapping[str, float] | None = None) -> Matrices:
@@ -58,8 +63,13 @@ def matrices(vehicle: Vehicle, speed: float, *, roll: bool, changed: Mapping[str
     if not speed > 0:
         raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")
     values = vehicle.parameters() | dict(changed or {})
-    E, F, G, A, B = (np.array(m) for m in _function(vehicle, roll)(list(values.values()), speed))
-    return Matrices(states=chain.state_names(vehicle, roll=roll), E=E, F=F, G=G, A=A, B=B)
+    states, k = chain.state_names(vehicle, roll=roll), len(vehicle.steer_signals())
+    n = len(states)
+    scan = _function(_Structure(vehicle, topology(vehicle)), roll)
+    _, output = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
+    E, F, G, A, B = np.split(output[0], np.cumsum([n * n, n * n, n * k, n * n]))
+    E, F, G, A, B = (matrix.reshape(n, -1, order="F") for matrix in (E, F, G, A, B))
+    return Matrices(states=states, E=E, F=F, G=G, A=A, B=B)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,15 +54,11 @@ def _lateral_acceleration(inputs: SensorInputs, i: int, name: str) -> ca.SX:
 
 
 def _articulation(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    if i == 0:
-        raise SignalError(f"{name}: the first unit has no articulation angle; name a unit behind a coupling")
     return inputs.motion.heading[i] - inputs.motion.heading[i - 1]
 
 
 def _coupling_force(inputs: SensorInputs, i: int, name: str) -> ca.SX:
     """Side force of the coupling on the unit behind it, N: inertia forces less tyre forces of all units behind it."""
-    if i == 0:
-        raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     total = ca.SX(0)
     for k in range(i, len(inputs.vehicle.units)):
         unit, motion = inputs.vehicle.units[k], inputs.motion
@@ -99,6 +95,9 @@ QUANTITIES: dict[str, Quantity] = {
 
 RATES = frozenset({"yaw_rate", "roll_rate"})
 """Quantities that a gyro measures."""
+
+NEEDS_COUPLING = frozenset({"articulation", "coupling_force"})
+"""Quantities that only a unit behind a coupling has."""
 
 NEEDS_ROLL = frozenset({"roll_rate", "roll"})
 """Quantities that only the yaw-roll model has."""

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.parameters import estimated_parameters
@@ -43,5 +42,6 @@ def estimate_sensor_errors(
     if known is None or sensors is None:
         return settings, None
     parameters = known.among([name for name in known.names if not is_sensor_error(name)])
-    covariance = np.asarray(block_diag(parameters.covariance, sensors.covariance), dtype=np.float64)
+    k, m = len(parameters.names), len(sensors.names)
+    covariance = np.block([[parameters.covariance, np.zeros((k, m))], [np.zeros((m, k)), sensors.covariance]])
     return settings, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)

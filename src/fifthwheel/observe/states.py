@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +55,26 @@ def write_states(states: Sequence[States], path: Path) -> None:
     tables = []
     for record in states:
         sigma = {f"{name}.sigma": values for name, values in record.sigma.items()}
-        log = pa.array([record.name] * len(record.time)).dictionary_encode()
-        columns = {"time": record.time, **record.values, **sigma, "status": record.status, "nis": record.nis}
-        tables.append(pa.table({**columns, "log": log}))
+        columns: dict[str, NDArray[Any]] = {
+            "time": record.time,
+            **record.values,
+            **sigma,
+            "status": record.status,
+            "nis": record.nis,
+        }
+        arrays = {name: _arrow(values) for name, values in columns.items()}
+        name = record.name.encode()
+        offsets = pa.py_buffer(np.array([0, len(name)], dtype=np.int32))
+        names = pa.StringArray.from_buffers(1, offsets, pa.py_buffer(name))
+        arrays["log"] = pa.DictionaryArray.from_arrays(_arrow(np.zeros(len(record.time), dtype=np.int32)), names)
+        tables.append(pa.table(arrays))
     with atomic_write(path) as temporary:
         parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)
+
+
+def _arrow(values: NDArray[Any]) -> Any:
+    """Values (N,) as an array of Arrow. The conversion of objects of Python would import pandas."""
+    import pyarrow as pa
+
+    buffer = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, buffer])
