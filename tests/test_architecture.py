@@ -20,6 +20,7 @@ ROOMS = (
     "names",
     "_atomic",
     "input_files",
+    "plots",
     "record",
     "checks",
     "logs",
