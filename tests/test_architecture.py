@@ -12,6 +12,7 @@ import fifthwheel
 SOURCE = Path(fifthwheel.__file__).parent
 
 ROOMS = (
+    "_callable",
     "_lazy",
     "_types",
     "errors",
