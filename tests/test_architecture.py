@@ -16,6 +16,8 @@ ROOMS = (
     "_lazy",
     "_types",
     "errors",
+    "_extras",
+    "_html",
     "units",
     "formatting",
     "names",

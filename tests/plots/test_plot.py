@@ -1,9 +1,8 @@
 """A plot as data, and its two renderers."""
 
-import builtins
-import importlib.util
 import json
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -156,15 +155,7 @@ def test_a_notebook_shows_an_image():
 
 
 def test_without_matplotlib(monkeypatch, tmp_path):
-    original, found = builtins.__import__, importlib.util.find_spec
-
-    def without(name, *args, **others):
-        if name.partition(".")[0] == "matplotlib":
-            raise ImportError(name)
-        return original(name, *args, **others)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    monkeypatch.setattr("fifthwheel.plots.plot.find_spec", lambda name: None if name == "matplotlib" else found(name))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):
         example().save(tmp_path / "plot.png")
     bundle = example()._repr_mimebundle_()

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fifthwheel.errors import FifthwheelError
+from fifthwheel._extras import require
 from fifthwheel.plots import downsample
 from fifthwheel.plots.description import Axis, Description, Panel
 from fifthwheel.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, as_array
@@ -33,14 +33,6 @@ STYLE: Any = {
 }
 
 
-def require_matplotlib() -> None:
-    """Raise a FifthwheelError that names the extra if matplotlib is not installed."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise FifthwheelError("matplotlib is needed but not installed; pip install 'fifthwheel[figures]'") from None
-
-
 def figure(plot: Description, size: tuple[float, float] | None = None) -> "Figure":
     """The plot as a figure of matplotlib that no window or global state belongs to.
 
@@ -48,8 +40,7 @@ def figure(plot: Description, size: tuple[float, float] | None = None) -> "Figur
         plot: what to draw.
         size: width and height, inches.
     """
-    require_matplotlib()
-    import matplotlib as mpl
+    mpl = require("matplotlib", "figures")
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
