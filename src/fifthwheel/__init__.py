@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from fifthwheel.identify.design import design_experiment as design_experiment
     from fifthwheel.identify.online import Learner as Learner
     from fifthwheel.identify.online import LearnerSettings as LearnerSettings
+    from fifthwheel.logs import LiveMap as LiveMap
     from fifthwheel.logs import SignalMap as SignalMap
     from fifthwheel.logs import read_log as read_log
     from fifthwheel.logs import write_record as write_record
@@ -52,6 +53,7 @@ _MODULES = {
     "Identification": "identify",
     "Learner": "identify.online",
     "LearnerSettings": "identify.online",
+    "LiveMap": "logs",
     "Observer": "observe",
     "ObserverSettings": "observe",
     "OneStage": "identify",
