@@ -2,8 +2,9 @@
 
 import os
 import sys
-from importlib import metadata
 from pathlib import Path
+
+import fifthwheel
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
@@ -11,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
 project = "fifthwheel"
 author = "the fifthwheel authors"
 project_copyright = f"2026, {author}"
-release = version = metadata.version("fifthwheel")
+release = version = fifthwheel.__version__
 
 extensions = [
     "myst_parser",
@@ -21,6 +22,7 @@ extensions = [
     "command_reference",
     "contents",
     "mathml",
+    "python_reference",
 ]
 exclude_patterns = ["_build", "gallery/*.md5", "gallery/*.ipynb", "sg_execution_times.rst"]
 suppress_warnings = ["config.cache"]  # the gallery's settings contain a function, which Sphinx cannot compare
@@ -29,8 +31,9 @@ myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]  # the notation of code hosts for equations
 myst_heading_anchors = 4
 
-nitpicky = True
+
 autodoc_typehints = "description"
+autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
 
 html_theme = "furo"

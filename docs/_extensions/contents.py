@@ -7,7 +7,7 @@ from sphinx.application import Sphinx
 
 SECTION = re.compile(r"^## (.+?)$(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 PAGE = re.compile(r"\]\(([\w\-/]+)\.(?:md|rst)\)")
-OUTSIDE = re.compile(r"\]\(((?:\.\./)+benchmarks/\w+\.md)\)")
+OUTSIDE = re.compile(r"\]\(((?:\.\./)+(?:benchmarks/\w+|CHANGELOG)\.md)\)")
 SCRIPT = re.compile(r"\.\./examples/gallery/(\w+)\.(?:py|rst)\)")
 
 
