@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from fifthwheel.time_bases import check_record as check_record
     from fifthwheel.vehicle import Vehicle as Vehicle
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _MODULES = {
     "FifthwheelError": "errors",
