@@ -11,6 +11,7 @@ import pytest
 
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification, OneStage, article, identify
+from fifthwheel.identify.online import Learner
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 
@@ -115,6 +116,18 @@ def test_an_observer_of_the_result(result):
     assert few.settings.min_speed == 7.0
 
 
+def test_a_learner_of_the_result(result):
+    learner = result.learner()
+    direct = Learner(result.vehicle, RUN.signals, result.settings)
+    learner.learn(RUN)
+    direct.learn(RUN)
+    assert learner.parameters == direct.parameters
+
+
+def test_a_learner_has_settings_of_one_stage(published):
+    assert published.learner(["speed", "steer.tractor.front", "yaw_rate.tractor"]).parameters
+
+
 def test_the_text_is_short_and_the_summary_complete(result):
     assert len(repr(result)) < 200
     assert "parameters converged, from run" in repr(result)
@@ -158,9 +171,9 @@ def test_the_plot_of_parameters(result):
     guess, estimates = panel.items
     row = list(panel.y.ticks.values()).index("tractor.front.cornering_stiffness")
     front = result["tractor.front.cornering_stiffness"]
-    assert guess.x[row] == 1.0
-    assert estimates.x[row] == pytest.approx(front.value / 4.0e5)
-    assert estimates.x_sigma[row] == pytest.approx(front.sigma / 4.0e5)
+    assert guess.x[row] == pytest.approx(4.0e5 / front.value)
+    assert estimates.x[row] == 1.0
+    assert estimates.x_sigma[row] == pytest.approx(front.sigma / front.value)
     assert "kN/rad" in estimates.texts[row]
 
 

@@ -14,6 +14,7 @@ from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.parameters import TIME_BASE
 from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
@@ -133,6 +134,18 @@ class Identification:
         return Observer(
             self.vehicle, self.signals if signals is None else signals, self.observer_settings(log, **changes)
         )
+
+    def learner(self, signals: Iterable[str] | None = None, *, learner: LearnerSettings | None = None) -> Learner:
+        """A learner that begins at the identified vehicle, with the priors of the settings.
+
+        Its prior is not the covariance of this result, so that it can follow a change of the vehicle.
+
+        Args:
+            signals: available signals; those of the identification by default.
+            learner: when it learns, and how it treats faults of the signals.
+        """
+        settings = self.settings if isinstance(self.settings, OneStage) else None
+        return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
 
     def summary(self) -> str:
         """A table of parameters with sigma and verdict, derived quantities and fits, and the notes."""

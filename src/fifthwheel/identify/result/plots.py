@@ -16,24 +16,23 @@ TIME = Axis(label="time", unit="s")
 
 
 def parameter_plot(estimates: Sequence[Estimate], title: str) -> Plot:
-    """Every estimate with its sigma, and the value of the vehicle file, as a fraction of the latter."""
-    shown_estimates = [e for e in estimates if e.initial]
-    rows = np.arange(len(shown_estimates), 0, -1.0)
-    scale = np.array([abs(e.initial) for e in shown_estimates])
-    values = np.array([e.value for e in shown_estimates]) / scale
-    sigma = np.array([e.sigma or 0.0 for e in shown_estimates]) / scale
-    texts = tuple(
-        f"{e.name}: {with_sigma(e.value, e.sigma, e.unit)}, {e.verdict.replace('_', ' ')}" for e in shown_estimates
-    )
-    guess = np.array([e.initial for e in shown_estimates]) / scale
-    items = [
-        Points(guess, rows, name="initial value", colour=GREY, marker="diamond"),
-        Points(values, rows, x_sigma=sigma, name="estimate ± 1 sigma", colour=BLUE, texts=texts),
+    """Every estimate with its sigma, and the initial value, as fractions of the estimate."""
+    drawn = [e for e in estimates if e.value]
+    rows = np.arange(len(drawn), 0, -1.0)
+    value = np.array([e.value for e in drawn])
+    sigma = np.array([e.sigma or 0.0 for e in drawn])
+    initial = np.array([e.initial for e in drawn])
+    texts = tuple(f"{e.name}: {with_sigma(e.value, e.sigma, e.unit)}, {e.verdict.replace('_', ' ')}" for e in drawn)
+    items: list[Item] = [
+        Points(initial / value, rows, name="initial value", colour=GREY, marker="diamond"),
+        Points(value / value, rows, x_sigma=sigma / abs(value), name="estimate ± 1 sigma", colour=BLUE, texts=texts),
     ]
-    ticks = dict(zip(rows.tolist(), [e.name for e in shown_estimates], strict=True))
+    ticks = dict(zip(rows.tolist(), [e.name for e in drawn], strict=True))
     names = Axis(ticks=ticks, range=(0.4, len(rows) + 0.6))
     height = max(1.0, len(rows) / 8)
-    return Plot(title=title, panels=[Panel(items=items, x=Axis(label="value / initial value"), y=names, height=height)])
+    return Plot(
+        title=title, panels=[Panel(items=items, x=Axis(label="fraction of the estimate"), y=names, height=height)]
+    )
 
 
 def fit_plot(fits: Sequence[Fit], title: str) -> Plot:
