@@ -10,7 +10,6 @@ from fifthwheel.dynamics.analysis import (
     understeer_gradient,
 )
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.linear_system import LinearSystem, linear_system
 from fifthwheel.dynamics.matrices import Matrices, matrices
 from fifthwheel.dynamics.model import (
     CONTACT,
@@ -23,6 +22,7 @@ from fifthwheel.dynamics.model import (
     rate_input,
     steer_parameters,
 )
+from fifthwheel.dynamics.state_space import LinearSystem, linear_system
 
 __all__ = [
     "CONTACT",

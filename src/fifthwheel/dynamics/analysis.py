@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.linear_system import COG_ACCELERATION, linear_system
 from fifthwheel.dynamics.matrices import matrices
+from fifthwheel.dynamics.state_space import COG_ACCELERATION, linear_system
 from fifthwheel.vehicle import Vehicle
 
 

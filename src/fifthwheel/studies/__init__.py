@@ -10,8 +10,8 @@ from fifthwheel.studies.estimators import (
     StatesOf,
     observer,
 )
+from fifthwheel.studies.monte_carlo import study
 from fifthwheel.studies.scenarios import SimulatedRun, exact_guess, initial_guess
-from fifthwheel.studies.study import study
 
 __all__ = [
     "Estimates",

@@ -5,7 +5,6 @@
 d are the steer angles, x the states of `chain`. Range: as the equations of motion, with constant speed.
 """
 
-import importlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,12 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
+from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.matrices import matrices
 from fifthwheel.dynamics.model import all_parameters, topology
 from fifthwheel.dynamics.unit_equations import group_roll
-from fifthwheel.errors import FifthwheelError, SignalError, suggestion
+from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import SignalName
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import AxleGroup, Vehicle
@@ -100,12 +100,7 @@ class LinearSystem:
         Raises:
             FifthwheelError: python-control is not installed.
         """
-        try:
-            control = importlib.import_module("control")
-        except ImportError:
-            raise FifthwheelError(
-                "to_control needs python-control, which is not installed; pip install control"
-            ) from None
+        control = require("control", "control")
         names = {
             key: [name.replace(".", "_") for name in getattr(self, key)] for key in ("inputs", "states", "outputs")
         }
