@@ -1,6 +1,7 @@
 """The state-space system against the single-track model in closed form, balances of forces, and the simulation."""
 
 import sys
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -81,6 +82,18 @@ def test_response_equals_the_simulation(relaxation: float, roll: bool) -> None:
     _, expected = linear_response(model, dynamics.all_parameters(vehicle, outputs), time, inputs)
     for i, name in enumerate(outputs):
         assert response[name] == pytest.approx(expected[:, i], abs=1e-6 * np.abs(expected[:, i]).max())
+
+
+def test_step_equals_the_response() -> None:
+    states = dynamics.state_names(ARTICLE, roll=True)
+    system, time = linear_system(ARTICLE, SPEED, states), np.arange(0, 1, 0.05)
+    steer = np.random.default_rng(0).normal(size=(len(time), len(system.inputs)))
+    F, G, H = system.step(0.05)
+    response = system.response(time, dict(zip(system.inputs, steer.T, strict=True)))
+    x = np.zeros(len(states))
+    for before, after in pairwise(steer):
+        x = F @ x + G @ before + H @ after
+    assert x == pytest.approx([response[name][-1] for name in states], rel=1e-8)
 
 
 def test_states_are_outputs() -> None:

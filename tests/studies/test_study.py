@@ -141,6 +141,25 @@ def test_a_failed_run_is_a_row(tmp_path: Path) -> None:
     assert all(row["error"] == "" for row in others)
 
 
+def test_what_another_process_cannot_import(tmp_path: Path) -> None:
+    with pytest.raises(FifthwheelError, match="jobs=1"):
+        run(tmp_path / "a.parquet", {"own": lambda record, vehicle: Estimates()}, jobs=2)
+
+
+class Killed(MeanYawRate):
+    def __call__(self, record: Record, vehicle: Vehicle, /) -> Estimates:
+        if vehicle.parameters()[STIFFNESS] > get(TRUCK).parameters()[STIFFNESS]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().__call__(record, vehicle)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed(tmp_path: Path) -> None:
+    with pytest.raises(FifthwheelError, match="worker process ended"):
+        run(tmp_path / "a.parquet", {"own": Killed()}, seeds=range(6), jobs=2)
+    assert (tmp_path / "a.parquet").exists()
+
+
 def test_an_interrupt_keeps_finished_runs(tmp_path: Path) -> None:
     out = tmp_path / "study.parquet"
 
@@ -236,6 +255,16 @@ def test_states_of_a_known_truck_equal_the_observer(tmp_path: Path) -> None:
     states = Observer(get(TRUCK), record.signals).batch(replace(record, reference={})).values
     error = states["sideslip.semitrailer"] - record.reference["sideslip.semitrailer"]
     assert table.column("rms.sideslip.semitrailer")[0].as_py() == pytest.approx(np.sqrt(np.nanmean(error**2)))
+
+
+def test_the_settling_time_is_left_out(tmp_path: Path) -> None:
+    estimators = {"kalman": StatesOf(observer)}
+    options = {"guess": exact_guess, "seeds": [3]}
+    whole, settled = (
+        run(tmp_path / "study.parquet", estimators, settling_time=s, **options).column("rms.sideslip.semitrailer")
+        for s in (0.0, 1.0)
+    )
+    assert settled[0].as_py() < 0.5 * whole[0].as_py()  # the observer does not know that the run starts straight
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import signal
+from scipy.linalg import expm
 
 from fifthwheel._extras import require
 from fifthwheel._types import Array
@@ -81,6 +82,21 @@ class LinearSystem:
         d = np.column_stack([inputs.get(name, np.zeros_like(time)) for name in self.inputs])
         _, y, _ = signal.lsim(self.to_scipy(), d, time)
         return dict(zip(self.outputs, np.reshape(y, (len(time), -1)).T, strict=True))
+
+    def step(self, dt: float) -> tuple[Array, Array, Array]:
+        """Exact step of dt seconds for inputs that change linearly: x+ = F x + G d + H d+.
+
+        Van Loan (1978), Computing integrals involving the matrix exponential.
+
+        Returns:
+            F (n, n), G (n, k) and H (n, k), for the inputs d before and d+ after the step.
+        """
+        n, k = self.B.shape
+        M = np.zeros((n + 2 * k, n + 2 * k))
+        M[:n, :n], M[:n, n : n + k], M[n : n + k, n + k :] = self.A * dt, self.B * dt, np.eye(k)
+        E = expm(M)
+        H = E[:n, n + k :]
+        return E[:n, :n], E[:n, n : n + k] - H, H
 
     def input_index(self, name: str) -> int:
         """Index of an input; a SignalError where there is none."""

@@ -14,11 +14,10 @@ import pyarrow as pa
 
 from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
-from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import OneStage, TwoStage
 from fifthwheel.plant import Sensor
-from fifthwheel.studies.estimators import Estimates, Estimator, as_estimator
+from fifthwheel.studies.estimators import Estimator, ParameterEstimate, as_estimator
 from fifthwheel.studies.pool import run_all
 from fifthwheel.studies.result_table import ResultTable, Row, RunName
 from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated
@@ -37,6 +36,7 @@ class _Setup:
     scenarios: Mapping[tuple[str, str, str], Scenario]
     estimators: Mapping[str, Estimator]
     guess: Guess
+    settling_time: float
     digests: Mapping[RunName, str]
 
 
@@ -49,16 +49,17 @@ def study(
     sensors: Mapping[str, Mapping[str, Sensor] | None] | None = None,
     seeds: Iterable[int] = range(20),
     guess: Guess = initial_guess,
+    settling_time: float = 0.0,
     jobs: int | None = None,
     progress: Progress = lambda *_: None,
 ) -> pa.Table:
     """Simulate and estimate every combination of truck, manoeuvre, sensors, estimator and seed.
 
-    The result has a row for each run and parameter: the names of the run, parameter, unit, truth, truth_low and
+    The result has a row for each run and parameter, all SI: the names of the run, parameter, unit, truth, truth_low and
     truth_high (the range of effective stiffness of nonlinear tyres, else equal), estimate, sigma, verdict, error (the
-    message of a run that failed, else empty), seconds, and `rms.<state>`: the rms error of every estimated state that
-    the model has a true value of. A run without parameters has one row with an empty parameter. All SI. Equal arguments
-    give equal numbers, apart from `seconds`.
+    message of a run that failed, else empty), seconds (CPU time of the estimator), and `rms.<state>`: the rms error of
+    every estimated state that the model has a true value of. A run without parameters has one row with an empty
+    parameter. Equal arguments give equal numbers, apart from `seconds`.
 
     A run that `out` already has is not computed again, if truck, manoeuvre, sensors, estimator and version of this
     package are the same. Finished runs are kept when the study is interrupted or killed; call it again to continue.
@@ -74,6 +75,7 @@ def study(
         seeds: each draws the sensor noise and the initial values; the same in all combinations.
         guess: the vehicle that each estimator starts from; by default `initial_guess`. For estimators of states
             only, `exact_guess`.
+        settling_time: time at the start of each run that the rms errors of the states leave out, s.
         jobs: processes; by default one per core. More than one needs functions at the top level of a module.
         progress: called while trucks are simulated and runs end.
 
@@ -89,8 +91,9 @@ def study(
     methods = {name: as_estimator(given) for name, given in estimators.items()}
     runs = manoeuvres or {"lane_changes": SimulatedRun()}
     fitted = sensors or {"article": None}
+    rule = (guess, settling_time)
     described = {
-        (truck, run, sensor, method): _digest(vehicles[truck], runs[run], fitted[sensor], methods[method], guess)
+        (truck, run, sensor, method): _digest(vehicles[truck], runs[run], fitted[sensor], methods[method], *rule)
         for truck in vehicles
         for run in runs
         for sensor in fitted
@@ -104,7 +107,9 @@ def study(
         try:
             if todo:
                 scenarios = _simulate(todo, vehicles, runs, fitted, progress)
-                setup = _Setup(scenarios=scenarios, estimators=methods, guess=guess, digests=digests)
+                setup = _Setup(
+                    scenarios=scenarios, estimators=methods, guess=guess, settling_time=settling_time, digests=digests
+                )
                 for k, (name, rows) in enumerate(run_all(_run, setup, todo, jobs=jobs), start=1):
                     results.add(name, rows)
                     progress("estimating", k, len(todo))
@@ -138,39 +143,41 @@ def _run(setup: _Setup, name: RunName) -> list[Row]:
     """The rows of one run."""
     scenario = setup.scenarios[name.truck, name.manoeuvre, name.sensors]
     base = {**name._asdict(), "digest": setup.digests[name]}
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         record = scenario.record(name.seed)
         given = setup.guess(scenario.vehicle, name.seed)
-        start = time.perf_counter()
+        start = time.process_time()
         estimates = setup.estimators[name.estimator](replace(record, reference={}), given)
     except FifthwheelError as error:
-        return [base | {"parameter": "", "error": str(error), "seconds": time.perf_counter() - start}]
-    seconds = time.perf_counter() - start
-    return run_rows(base | {"error": "", "seconds": seconds}, estimates, scenario.truth, record.reference)
+        return [base | {"parameter": "", "error": str(error), "seconds": time.process_time() - start}]
+    seconds = time.process_time() - start
+    settled = record.time >= record.time[0] + setup.settling_time
+    states = {
+        name: float(np.sqrt(np.nanmean((values - record.reference[name])[settled] ** 2)))
+        for name, values in estimates.states.items()
+        if name in record.reference and np.isfinite(values[settled]).any()
+    }
+    return run_rows(base | {"error": "", "seconds": seconds}, estimates.parameters, scenario.truth, states)
 
 
 def run_rows(
     base: Mapping[str, Any],
-    estimates: Estimates,
+    parameters: Iterable[ParameterEstimate],
     truth: Callable[[str], tuple[float, float, float] | None],
-    true_signals: Mapping[str, Array],
+    states: Mapping[str, float],
 ) -> list[Row]:
     """A row for each parameter of a run.
 
     Args:
         base: what all rows of the run have.
-        estimates: of the run.
+        parameters: estimates.
         truth: true value of a parameter, and the ends of its range; None if there is none.
-        true_signals: (N,) each.
+        states: rms error of each state.
     """
-    rms = {
-        f"rms.{name}": float(np.sqrt(np.nanmean((values - true_signals[name]) ** 2)))
-        for name, values in estimates.states.items()
-        if name in true_signals and np.isfinite(values).any()
-    }
+    rms = {f"rms.{name}": error for name, error in states.items()}
     rows: list[Row] = []
-    for estimate in estimates.parameters:
+    for estimate in parameters:
         value, low, high = truth(estimate.name) or (None, None, None)
         columns: dict[str, Any] = {"truth": value, "truth_low": low, "truth_high": high, "estimate": estimate.value}
         columns |= {"sigma": estimate.sigma, "verdict": str(estimate.verdict), "unit": _unit(estimate.name)}

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -34,13 +35,14 @@ def run_all(
         jobs: processes; by default one per core, up to `MAX_PROCESSES`. 1 computes in this process.
 
     Raises:
-        FifthwheelError: a process was ended from outside.
+        FifthwheelError: `shared` or the function cannot be pickled, or a process was ended from outside.
     """
     jobs = min(os.cpu_count() or 1, MAX_PROCESSES) if jobs is None else jobs
     if jobs <= 1 or len(tasks) <= 1:
         for task in tasks:
             yield task, function(shared, task)
         return
+    _require_picklable(function, shared)
     pool = ProcessPoolExecutor(
         min(jobs, len(tasks)),
         mp_context=multiprocessing.get_context("spawn"),
@@ -58,6 +60,16 @@ def run_all(
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _require_picklable(*objects: object) -> None:
+    try:
+        pickle.dumps(objects)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise FifthwheelError(
+            f"jobs: cannot send an object to another process ({error}); define functions and classes at the top level"
+            " of a module, or compute with jobs=1"
+        ) from error
 
 
 def _start_worker(shared: Any) -> None:
