@@ -31,6 +31,7 @@ ROOMS = (
     "native",
     "dynamics",
     "manoeuvres",
+    "plot",
     "filters",
     "simulate",
     "time_bases",

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     vehicle = get
 
+    from fifthwheel import plot as plot
+    from fifthwheel.dynamics import LinearSystem as LinearSystem
+    from fifthwheel.dynamics import linear_system as linear_system
     from fifthwheel.errors import FifthwheelError as FifthwheelError
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
@@ -43,16 +46,25 @@ if TYPE_CHECKING:
     from fifthwheel.plots import Plot as Plot
     from fifthwheel.record import Record as Record
     from fifthwheel.report import write_report as write_report
+    from fifthwheel.studies import Estimates as Estimates
+    from fifthwheel.studies import Estimator as Estimator
+    from fifthwheel.studies import SimulatedRun as SimulatedRun
+    from fifthwheel.studies import StateEstimator as StateEstimator
+    from fifthwheel.studies import StatesOf as StatesOf
+    from fifthwheel.studies import study as study
     from fifthwheel.time_bases import check_record as check_record
     from fifthwheel.vehicle import Vehicle as Vehicle
 
 __version__ = "0.2.0"
 
 _MODULES = {
+    "Estimates": "studies",
+    "Estimator": "studies",
     "FifthwheelError": "errors",
     "Identification": "identify",
     "Learner": "identify.online",
     "LearnerSettings": "identify.online",
+    "LinearSystem": "dynamics",
     "LiveMap": "logs",
     "Observer": "observe",
     "ObserverSettings": "observe",
@@ -61,7 +73,10 @@ _MODULES = {
     "Record": "record",
     "SignalError": "errors",
     "SignalMap": "logs",
+    "SimulatedRun": "studies",
+    "StateEstimator": "studies",
     "States": "observe",
+    "StatesOf": "studies",
     "Status": "observe",
     "TwoStage": "identify",
     "Uncertainty": "observe",
@@ -73,13 +88,16 @@ _MODULES = {
     "check_record": "time_bases",
     "design_experiment": "identify.design",
     "identify": "",
+    "linear_system": "dynamics",
+    "plot": "",
     "read_log": "logs",
     "simulate": "",
+    "study": "studies",
     "vehicle": "",
     "write_record": "logs",
     "write_report": "report",
 }
-"""Public name -> its module; "" for a module that is called like a function (`_callable`)."""
+"""Public name -> its module; "" for a module, which may be called like a function (`_callable`)."""
 
 __all__ = [
     "__version__",
