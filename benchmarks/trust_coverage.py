@@ -26,7 +26,7 @@ from fifthwheel.observe import Observer
 from fifthwheel.plant import Sensor, measure
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.studies.cheng_cebon_2011.experiments import initial_guess
+from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import changes
 from trust_runs import RUNS, TRUCK, Range, driven, exact_values, table, true_ranges

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._callable import make_callable
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
@@ -76,3 +77,6 @@ def simulate(
         reference={n: y[:, len(sensors) + i] for i, n in enumerate(states)},
         name=name,
     )
+
+
+make_callable(__name__, simulate)

@@ -15,7 +15,6 @@ import numpy as np
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
-from fifthwheel.errors import SignalError
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -193,11 +192,7 @@ def model(
     for name in outputs:
         if name == chain.BANK and bank:
             continue
-        unit, quantity = sensors.unit_index(vehicle, name), SignalName.of(name).quantity
-        if unit == 0 and quantity in sensors.NEEDS_COUPLING:
-            raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
-        if not roll and quantity in sensors.NEEDS_ROLL:
-            raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
+        sensors.require_available(vehicle, name, roll=roll)
     key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended)
     if key not in _models:
         names = tuple(all_parameters(vehicle, outputs, extended=extended))
@@ -257,21 +252,10 @@ def _build(model: ChainModel) -> _Functions:
     rates = (A @ x + B @ (before + correction), A @ later + B @ (after + correction))
     matrix = transition_matrix(A, duration, order)
 
-    speed = d[k]
-    A, B = equations.state_space(speed)
-    rate = A @ x + B @ after
-    motion = chain.motion(value, vehicle, x, speed, roll=roll, bank=bank)
-    velocity_rates = rate[list(equations.velocities)]
-    centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
-    sensed = sensors.SensorInputs(
-        p=value,
-        vehicle=vehicle,
-        motion=motion,
-        acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
-        speed=speed,
-        steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
-        roll=roll,
-        changing=(ca.vertcat(x, measured_after), ca.vertcat(rate, d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m))),
+    sensed = sensors.sensor_inputs(value, vehicle, equations, x, d[k], after, roll=roll, bank=bank)
+    steer_rate = d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m)
+    sensed = sensed._replace(
+        changing=(ca.vertcat(x, measured_after), ca.vertcat(sensed.changing[1], steer_rate)),
     )
     y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
     return _Functions(

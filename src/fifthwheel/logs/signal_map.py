@@ -125,6 +125,15 @@ class Channel(BaseModel):
             self.unit or si, si
         )
 
+    def converted(self, columns: Iterable[tuple[Array, str | None]], si: str) -> Array:
+        """The signal (n,) in the SI unit `si`, without the delay.
+
+        Args:
+            columns: values (n,) of each column, and its unit in the log.
+        """
+        total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
+        return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
+
     @property
     def columns(self) -> tuple[str, ...]:
         """The column, or the columns of the sum."""

@@ -1,5 +1,6 @@
 """The description of a vehicle: units, axles, suspensions, couplings and payload, with a path to every number."""
 
+from fifthwheel._callable import make_callable
 from fifthwheel.vehicle import catalogue
 from fifthwheel.vehicle.catalogue import get, names
 from fifthwheel.vehicle.files import dump, load, save
@@ -35,3 +36,5 @@ __all__ = [
     "unit_of",
     "with_axle_loads",
 ]
+
+make_callable(__name__, get)
