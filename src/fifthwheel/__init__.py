@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     vehicle = get
 
+    from fifthwheel.dynamics.summary import summarize as summarize
     from fifthwheel.errors import FifthwheelError as FifthwheelError
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
@@ -75,6 +76,7 @@ _MODULES = {
     "identify": "",
     "read_log": "logs",
     "simulate": "",
+    "summarize": "dynamics.summary",
     "vehicle": "",
     "write_record": "logs",
     "write_report": "report",
