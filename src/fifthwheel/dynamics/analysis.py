@@ -29,13 +29,13 @@ class Matrices:
 _functions: dict[tuple[object, ...], ca.Function] = {}
 
 
-def _function(vehicle: Vehicle, roll: bool) -> ca.Function:
+def _function(vehicle: Vehicle, roll: bool, bank: bool) -> ca.Function:
     """(parameters, speed) -> (E, F, G, A, B), one function for all vehicles of equal topology."""
-    key = (topology(vehicle), roll)
+    key = (topology(vehicle), roll, bank)
     if key not in _functions:
         names = tuple(vehicle.parameters())
         p, u = ca.SX.sym("p", len(names)), ca.SX.sym("u")
-        equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll)
+        equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll, bank=bank)
         A, B = equations.state_space(u)
         F = equations.A0 + equations.A1 / u + equations.A2 * u
         outputs = [ca.densify(m) for m in (equations.E(), F, equations.B0 + equations.B2 * u, A, B)]
@@ -43,13 +43,16 @@ def _function(vehicle: Vehicle, roll: bool) -> ca.Function:
     return _functions[key]
 
 
-def matrices(vehicle: Vehicle, speed: float, *, roll: bool, changed: Mapping[str, float] | None = None) -> Matrices:
+def matrices(
+    vehicle: Vehicle, speed: float, *, roll: bool, bank: bool = False, changed: Mapping[str, float] | None = None
+) -> Matrices:
     """Matrices of the equations of motion at one speed.
 
     Args:
         vehicle: with its numbers.
         speed: m/s.
         roll: yaw and roll, or yaw only.
+        bank: whether the bank of the road is a state, the last one.
         changed: values of parameters, by path, that replace those of the vehicle. They are not validated.
 
     Raises:
@@ -58,8 +61,8 @@ def matrices(vehicle: Vehicle, speed: float, *, roll: bool, changed: Mapping[str
     if not speed > 0:
         raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")
     values = vehicle.parameters() | dict(changed or {})
-    E, F, G, A, B = (np.array(m) for m in _function(vehicle, roll)(list(values.values()), speed))
-    return Matrices(states=chain.state_names(vehicle, roll=roll), E=E, F=F, G=G, A=A, B=B)
+    E, F, G, A, B = (np.array(m) for m in _function(vehicle, roll, bank)(list(values.values()), speed))
+    return Matrices(states=chain.state_names(vehicle, roll=roll, bank=bank), E=E, F=F, G=G, A=A, B=B)
 
 
 @dataclass(frozen=True, kw_only=True)
