@@ -15,9 +15,9 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
 from fifthwheel.identify.settings import MODEL_ERRORS
@@ -84,8 +84,8 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
     truck = TRUCK.with_logged_steering(inputs, run.name)
     model = dynamics.model(truck, outputs, roll=True, bank=True)
-    start = np.zeros(len(model.states))
-    start[model.states.index(BANK)] = bank
+    first = {name: float(values[0]) for name, values in inputs.items()}
+    start = np.append(steady_initial_state(truck, first, {}, roll=True, bank=bank)[0], bank)
     _, y = linear_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs, start)
     return run.time, inputs | {name: y[:, i] for i, name in enumerate(outputs)}
 

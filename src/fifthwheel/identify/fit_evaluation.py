@@ -173,7 +173,7 @@ def _free_run(
     bank = INITIAL_SIGMA["bank"] if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
     response = linear_response(model, p, segment.time, inputs, x0)[1]
-    columns, sigma = _unit_responses(model, p, segment.time, inputs, np.sqrt(np.diag(P0)), unknowns)
+    columns, sigma = _unit_responses(model, p, segment.time, inputs, np.asarray(np.linalg.cholesky(P0)), unknowns)
     missing = np.full(len(segment.time), np.nan)
     measured = np.column_stack([segment.signals.get(name, missing) for name in model.outputs])
     deviation = np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs])
@@ -211,13 +211,14 @@ def _unit_responses(
     p: Mapping[str, float],
     time: Array,
     inputs: Mapping[str, Array],
-    initial_sigma: Array,
+    initial_factor: Array,
     unknowns: Sequence[Unknown],
 ) -> tuple[list[Array], list[float]]:
     """Responses (N, m) to a unit of each element of theta, and the prior standard deviation of each.
 
-    theta holds the initial states (n,), then the offsets of the steer angles and those of the outputs, as far as they
-    are among the unknowns. Responses to initial states end where they have decayed.
+    theta holds z (n,) of the deviation L z of the initial state with the factor L (n, n), then the offsets of the steer
+    angles and those of the outputs, as far as they are among the unknowns. Responses to initial states end where they
+    have decayed.
     """
     straight = {name: np.zeros_like(time) for name in model.inputs[1:]}
 
@@ -227,13 +228,13 @@ def _unit_responses(
 
     baseline = run(None, straight)
     columns, count = [], min(BLOCK, len(time))
-    for x0 in np.eye(len(model.states)):
+    for x0 in initial_factor.T:
         column = run(x0, straight, count) - baseline[:count]
         while count < len(time) and not _decayed(column):
             count = min(2 * count, len(time))
             column = run(x0, straight, count) - baseline[:count]
         columns.append(column)
-    sigma = list(initial_sigma)
+    sigma = [1.0] * len(columns)
     offsets = {u.name: u.scale for u in unknowns if u.per_log}
     for name in model.inputs[1:]:
         if f"{name}.offset" in offsets:
