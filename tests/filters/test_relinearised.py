@@ -71,8 +71,11 @@ LOG_SCALING = Scaling(
 )
 
 
-def nonlinear(inputs: Array, y: Array, **settings: float) -> Estimate:
-    """The estimate after one segment of a model that is nonlinear in its parameters, whose state is known."""
+def nonlinear(inputs: Array, y: Array, *, later: int = 0, **settings: float) -> Estimate:
+    """The estimate after one segment of a model that is nonlinear in its parameters, whose state is known.
+
+    With samples after it, during which the passes are finished one sample at a time.
+    """
     noise = Noise(process=np.zeros((1, 1)), measurement=np.array([0.05]))
     made = RelinearisedFilter(
         LOGARITHMIC,
@@ -86,7 +89,12 @@ def nonlinear(inputs: Array, y: Array, **settings: float) -> Estimate:
     for d, value in zip(inputs, y, strict=True):
         made.sample[:4, 0] = 0.01, d, value, 1.0
         made.advance(True, True)
-    made.end_segment()
+    for _ in range(later):
+        made.sample[:4, 0] = 0.01, 0.0, 0.0, 0.0
+        made.advance(False, False)
+    if not later:
+        made.end_segment()
+    assert made._count == 0  # the segment is done
     return made.estimate()
 
 
@@ -111,7 +119,12 @@ def test_repetition_reaches_the_most_probable_parameters() -> None:
     # a limit far above the change ends the repetition with the first pass
     first = nonlinear(inputs, y, max_passes=30, first_pass_limit=1e9, pass_limit=1e-6, lag=100)
     assert np.abs((first.z - expected.x) / sigma).max() > 10 * np.abs((repeated.z - expected.x) / sigma).max()
-    assert nonlinear(inputs, y, max_passes=1, lag=100).z == pytest.approx(first.z)
+    for passes in (1, 2, 4):
+        limits = {"max_passes": passes, "first_pass_limit": 1e-6, "pass_limit": 1e-6}
+        at_once = nonlinear(inputs, y, lag=100, **limits)
+        assert (at_once.z == pytest.approx(first.z, abs=1e-9)) == (passes == 1)
+        one_by_one = nonlinear(inputs, y, lag=100, later=30 * passes, **limits)
+        assert one_by_one.z == pytest.approx(at_once.z, abs=1e-9)
 
 
 def test_inflation_of_the_variance() -> None:
