@@ -177,8 +177,8 @@ def _free_run(
     missing = np.full(len(segment.time), np.nan)
     measured = np.column_stack([segment.signals.get(name, missing) for name in model.outputs])
     deviation = np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs])
-    design = _Design(columns, np.array(sigma) / deviation[:, None])
     target = (measured - response) / deviation
+    design = _Design(len(target), columns, np.array(sigma) / deviation[:, None])
     return segment.time, measured, response + design.prediction(_robust_solution(design, target)) * deviation
 
 
@@ -186,14 +186,15 @@ def _free_run(
 class _Design:
     """The design matrix (N, m, k) of a linear regression, in blocks of samples: it would not fit into memory."""
 
+    samples: int  # N
     columns: Sequence[Array]  # k of (N_i, m); a shorter one is zero from there on
     scale: Array  # (m, k) factor of each column
 
     def blocks(self) -> Iterator[tuple[slice, Array, list[int]]]:
         """Blocks of samples, their matrices (M, m, j), and the numbers of the j columns that are not zero."""
-        samples, (channels, _) = max(map(len, self.columns)), self.scale.shape
-        for begin in range(0, samples, BLOCK):
-            rows = slice(begin, min(begin + BLOCK, samples))
+        channels = len(self.scale)
+        for begin in range(0, self.samples, BLOCK):
+            rows = slice(begin, min(begin + BLOCK, self.samples))
             active = [i for i, column in enumerate(self.columns) if len(column) > begin]
             matrix = np.zeros((rows.stop - begin, channels, len(active)))
             for j, i in enumerate(active):
@@ -264,6 +265,8 @@ def _robust_solution(design: _Design, target: Array) -> Array:
     for _ in range(3):
         normal, product = np.eye(k), np.zeros(k)
         for rows, matrix, active in design.blocks():
+            if not active:
+                continue
             weighted = (matrix * weight[rows, :, None]).reshape(-1, len(active))
             normal[np.ix_(active, active)] += weighted.T @ matrix.reshape(-1, len(active))
             product[active] += np.where(weight[rows] > 0, target[rows], 0.0).ravel() @ weighted
