@@ -38,6 +38,8 @@ napoleon_numpy_docstring = False
 
 default_role = "code"  # `name` in docstrings
 
+smartquotes = False  # options such as --json keep their dashes
+
 html_theme = "furo"
 html_title = f"fifthwheel {release}"
 html_math_renderer = "mathml"  # drawn by the browser, without scripts
