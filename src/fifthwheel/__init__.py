@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fifthwheel import plot as plot
     from fifthwheel.dynamics import LinearSystem as LinearSystem
     from fifthwheel.dynamics import linear_system as linear_system
+    from fifthwheel.dynamics.summary import summarize as summarize
     from fifthwheel.errors import FifthwheelError as FifthwheelError
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
@@ -93,6 +94,7 @@ _MODULES = {
     "read_log": "logs",
     "simulate": "",
     "study": "studies",
+    "summarize": "dynamics.summary",
     "vehicle": "",
     "write_record": "logs",
     "write_report": "report",

@@ -157,7 +157,18 @@ Name = Annotated[str, AfterValidator(checked_name)]
 
 
 class SignalMap(BaseModel):
-    """The map from the columns of a log to signals, normally read from a signals.toml."""
+    """The map from the columns of a log to signals, normally read from a signals.toml.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> signal_map = fw.SignalMap.parse('''
+        ... [signals]
+        ... speed = "vx [km/h]"
+        ... "yaw_rate.tractor" = { column = "gyro", unit = "deg/s", sign = -1 }
+        ... ''')
+        >>> signal_map.signals["yaw_rate.tractor"].sign
+        -1
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

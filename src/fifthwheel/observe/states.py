@@ -25,7 +25,13 @@ if TYPE_CHECKING:
 
 
 class Status(IntEnum):
-    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING."""
+    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.Status(2).name
+        'TOO_SLOW'
+    """
 
     OK = 0
     COASTING = 1

@@ -35,7 +35,22 @@ _HISTORY = ("time", "values", "sigma")
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Identification:
-    """The result of an identification."""
+    """The result of an identification.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> result = fw.identify([record], truck, settings)
+        >>> result
+        Identification(cheng_cebon_2011, one-stage method, 1 of 1 parameters converged, from simulated)
+        >>> result.to_pandas().loc["tractor.front.cornering_stiffness", "unit"]
+        'N/rad'
+        >>> result.plot("fits")
+        Plot('cheng_cebon_2011, one-stage method', 4 panels)
+        >>> states = result.observer().batch(record, result.uncertainty())
+    """
 
     method: str
     vehicle: Vehicle  # as identified, for the next command
