@@ -36,6 +36,10 @@ autodoc_typehints = "description"
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
 
+default_role = "code"  # `name` in docstrings
+
+smartquotes = False  # options such as --json keep their dashes
+
 html_theme = "furo"
 html_title = f"fifthwheel {release}"
 html_math_renderer = "mathml"  # drawn by the browser, without scripts
@@ -45,6 +49,7 @@ html_copy_source = False
 sphinx_gallery_conf = {
     "examples_dirs": "../examples/gallery",
     "gallery_dirs": "gallery",
+    "image_scrapers": ("matplotlib", "plot_images.scrape"),
     "filename_pattern": r"\.py$",
     "within_subsection_order": "FileNameSortKey",
     "abort_on_example_error": True,

@@ -1,12 +1,15 @@
 """The reference of the public Python names, from `fifthwheel.__all__`."""
 
 import inspect
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from sphinx.application import Sphinx
 
 import fifthwheel
+
+SECTION = re.compile(r"(Args|Returns|Yields|Raises|Example|Examples|Attributes|Note|Notes):$")
 
 
 def reference() -> Iterator[str]:
@@ -44,6 +47,19 @@ def add_reference(app: Sphinx, document: str, source: list[str]) -> None:
         source[0] += "\n" + "\n".join(reference())
 
 
+def quote_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Show an indented block of a docstring, such as a table, as it is; sections such as `Args:` are left alone."""
+    quoted: list[str] = []
+    for i, line in enumerate(lines):
+        if SECTION.match(line):
+            quoted += lines[i:]
+            break
+        begins = line.startswith("  ") and i > 1 and not lines[i - 1].strip() and not lines[i - 2].startswith(" ")
+        quoted += ["::", "", line] if begins and not lines[i - 2].endswith("::") else [line]
+    lines[:] = quoted
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("source-read", add_reference)
+    app.connect("autodoc-process-docstring", quote_blocks, priority=400)  # before napoleon
     return {"parallel_read_safe": True}

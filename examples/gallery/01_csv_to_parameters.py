@@ -10,14 +10,12 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from fifthwheel import vehicle
-from fifthwheel.identify import identify
-from fifthwheel.logs import read_log
+import fifthwheel as fw
 
 examples = Path.cwd().parent  # the folder `examples` of the checkout
-record = read_log(examples / "lane_changes.csv")
-truck = vehicle.load(examples / "truck.toml")  # contains a first guess of the parameters
-result = identify([record], truck)
+record = fw.read_log(examples / "lane_changes.csv")
+truck = fw.vehicle.load(examples / "truck.toml")  # contains a first guess of the parameters
+result = fw.identify([record], truck)
 
 for estimate in result.parameters:
     print(f"{estimate.name:38} {estimate.value:12.4g} +- {estimate.sigma:8.2g} {estimate.unit:8} {estimate.verdict}")

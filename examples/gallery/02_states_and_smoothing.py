@@ -11,20 +11,17 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import vehicle
-from fifthwheel.identify import identify
-from fifthwheel.logs import read_log
-from fifthwheel.observe import Observer
+import fifthwheel as fw
 
 examples = Path.cwd().parent
-record = read_log(examples / "lane_changes.csv")
-result = identify([record], vehicle.load(examples / "truck.toml"))
+record = fw.read_log(examples / "lane_changes.csv")
+result = fw.identify([record], fw.vehicle.load(examples / "truck.toml"))
 
 # %%
 # The estimated offsets and noise of the sensors are settings of the observer. The uncertainty of the parameters is part
 # of every sigma.
 
-observer = Observer(result.vehicle, record.signals, result.observer_settings(record.name))
+observer = fw.Observer(result.vehicle, record.signals, result.observer_settings(record.name))
 uncertainty = result.uncertainty(record.name)
 filtered = observer.batch(record, uncertainty)
 smoothed = observer.smooth(record, uncertainty)

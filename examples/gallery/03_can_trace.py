@@ -13,9 +13,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import vehicle
-from fifthwheel.logs import SignalMap, read_log
-from fifthwheel.simulate import simulate
+import fifthwheel as fw
 
 # %%
 # A logger would write this trace. Here a simulated lane change is encoded: the steering wheel angle in degrees at a
@@ -33,7 +31,7 @@ BO_ 257 Gyros: 8 ECU
 
 folder = Path(tempfile.mkdtemp())
 (folder / "truck.dbc").write_text(DATABASE)
-run = simulate(vehicle.get("cheng_cebon_2011"), count=2, seed=1)
+run = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=2, seed=1)
 speed, steer = 3.6 * run.signals["speed"], -20 * np.degrees(run.signals["steer.tractor.front"])
 yaw_rates = [np.degrees(run.signals[f"yaw_rate.{unit}"]) for unit in ("tractor", "semitrailer")]
 with (folder / "run.log").open("w") as trace:  # the format of candump
@@ -59,7 +57,7 @@ column = "Drive.SteeringWheel"
 sign = -1       # the log is positive to the right
 gain = 0.05     # 1 / steering ratio
 """)
-record = read_log(folder / "run.log", SignalMap.load(folder / "signals.toml"))
+record = fw.read_log(folder / "run.log", fw.SignalMap.load(folder / "signals.toml"))
 print(record)
 
 figure, (above, below) = plt.subplots(2, 1, figsize=(7, 4.5), sharex=True, layout="constrained")

@@ -8,16 +8,15 @@ growing number show how far more data helps.
 
 import matplotlib.pyplot as plt
 
-from fifthwheel import vehicle
-from fifthwheel.identify import OneStage
-from fifthwheel.identify.design import assess_information
-from fifthwheel.simulate import simulate
+import fifthwheel as fw
 
-truck = vehicle.get("cheng_cebon_2011")
+truck = fw.vehicle("cheng_cebon_2011")
 counts = (1, 2, 4, 8)
-runs = [simulate(truck, count=count, seed=1) for count in counts]
-cases = {"everything else uncertain (default)": OneStage(), "everything else exact": OneStage(consider={})}
-assessments = {label: [assess_information([run], truck, settings) for run in runs] for label, settings in cases.items()}
+runs = [fw.simulate(truck, count=count, seed=1) for count in counts]
+cases = {"everything else uncertain (default)": fw.OneStage(), "everything else exact": fw.OneStage(consider={})}
+assessments = {
+    label: [fw.assess_information([run], truck, settings) for run in runs] for label, settings in cases.items()
+}
 
 names = [parameter.name for parameter in assessments["everything else exact"][0].parameters]
 figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), sharey=True, layout="constrained")

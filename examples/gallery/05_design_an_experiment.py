@@ -8,11 +8,11 @@ The shortest test run that reaches a required accuracy, within limits of speed a
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import vehicle
-from fifthwheel.identify.design import DesignSettings, design_experiment
+import fifthwheel as fw
+from fifthwheel.identify.design import DesignSettings
 
-truck = vehicle.get("cheng_cebon_2011")
-design = design_experiment(
+truck = fw.vehicle("cheng_cebon_2011")
+design = fw.design_experiment(
     truck,
     {"semitrailer.yaw_inertia": 0.07, "semitrailer.cornering_stiffness": 0.07},
     planning=DesignSettings(speeds=(80 / 3.6,), frequencies=(0.3, 0.4), accelerations=(1.0,)),

@@ -8,23 +8,21 @@ middle contradicts this. Without the assumption both are estimated separately, w
 
 import matplotlib.pyplot as plt
 
-from fifthwheel import vehicle
-from fifthwheel.identify import OneStage, identify
-from fifthwheel.simulate import simulate
+import fifthwheel as fw
 
-block = vehicle.get("cheng_cebon_2011")
+block = fw.vehicle("cheng_cebon_2011")
 trailer = block.unit("semitrailer")
 point = trailer.model_copy(update={"payload": trailer.payload.model_copy(update={"shape": "point"})})
 true = block.model_copy(update={"units": (block.units[0], point)})
-record = simulate(true, count=5, seed=1)
+record = fw.simulate(true, count=5, seed=1)
 
-assumed = identify([record], block, OneStage(consider={}))  # the vehicle file says: a uniform block
-separate = identify([record], block, OneStage(consider={}, uniform_payload=False))
+assumed = fw.identify([record], block, fw.OneStage(consider={}))  # the vehicle file says: a uniform block
+separate = fw.identify([record], block, fw.OneStage(consider={}, uniform_payload=False))
 
 # %%
 # The point load has the same CoG, but less roll inertia than the block.
 
-laden = vehicle.laden(true.parameters(), point)
+laden = fw.vehicle.laden(true.parameters(), point)
 true_values = {"semitrailer.cog_height": laden.cog_height, "semitrailer.roll_inertia": laden.roll_inertia}
 results = {"uniform block": assumed, "any load": separate}
 figure, axes = plt.subplots(1, 2, figsize=(8, 2.8), sharey=True, layout="constrained")

@@ -9,12 +9,9 @@ tractor, and of each trailer.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import vehicle
-from fifthwheel.identify import OneStage
-from fifthwheel.identify.online import Learner
-from fifthwheel.simulate import simulate
+import fifthwheel as fw
 
-catalogue = vehicle.get("cheng_cebon_2011")
+catalogue = fw.vehicle("cheng_cebon_2011")
 names = ("tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness")
 new_tyres = catalogue
 worn_tyres = catalogue.replace({"semitrailer.cornering_stiffness": 1.35 * catalogue.parameters()[names[1]]})
@@ -23,12 +20,12 @@ guess = catalogue.replace(
 )
 runs = [("A", new_tyres), ("B", worn_tyres), ("A", new_tyres)]
 
-learner = Learner(guess, simulate(catalogue, count=1).signals, OneStage(consider={}), trailer="A")
+learner = fw.Learner(guess, fw.simulate(catalogue, count=1).signals, fw.OneStage(consider={}), trailer="A")
 history = []
 for number, (trailer, truck) in enumerate(runs):
     if number:
         learner.couple(trailer, guess)
-    record = simulate(truck, count=3, seed=number)
+    record = fw.simulate(truck, count=3, seed=number)
     begin = number * 40.0
     for k in range(len(record)):
         sample = {name: values[k] for name, values in record.signals.items()}

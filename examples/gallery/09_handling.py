@@ -1,29 +1,26 @@
 """
-Handling of the identified truck
-================================
+Handling of a truck
+===================
 
-The linear model gives frequency responses, the rearward amplification and the damping of every mode at any speed.
+The linear model at one speed is a ``LinearSystem`` with named inputs and outputs. ``fw.plot`` draws it: Bode diagram,
+modes, responses, handling diagram.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import dynamics, vehicle
+import fifthwheel as fw
+from fifthwheel import dynamics
 
-truck = vehicle.get("cheng_cebon_2011")
-frequency = np.geomspace(0.05, 3, 200)
-response = dynamics.frequency_response(truck, 88 / 3.6, frequency)[:, :, 0]
-states = dynamics.state_names(truck, roll=True)
+truck = fw.vehicle("cheng_cebon_2011")
+system = fw.linear_system(truck, 88 / 3.6)
+bode = fw.plot.bode(system, ["yaw_rate.tractor", "yaw_rate.semitrailer"])
 
-figure, axes = plt.subplots(2, 1, figsize=(7, 5), sharex=True, layout="constrained")
-for unit in ("tractor", "semitrailer"):
-    gain = response[:, states.index(f"yaw_rate.{unit}")]
-    axes[0].loglog(frequency, np.abs(gain), label=unit)
-    axes[1].semilogx(frequency, np.degrees(np.unwrap(np.angle(gain))), label=unit)
-axes[0].set(ylabel="gain, 1/s", title="From the steer angle to the yaw rates at 88 km/h")
-axes[1].set(ylabel="phase, deg", xlabel="frequency, Hz")
-axes[0].legend()
-plt.show()
+# %%
+# The handling diagram compares the model with a log.
+
+bend = fw.simulate(truck, manoeuvre="bend", speed=25.0, sensors={"yaw_rate.tractor": 1e-8})
+handling = fw.plot.handling_diagram(truck, speeds=[15.0, 25.0], records=[bend])
 
 # %%
 # Softer tyres on the trailer increase the rearward amplification and reduce the damping of its yaw mode.
@@ -39,6 +36,6 @@ for factor in (0.7, 1.0, 1.3):
     axes[0].plot(speeds, amplification, label=f"{factor:.0%} of the trailer's stiffness")
     axes[1].plot(speeds, damping)
 axes[0].set(xlabel="speed, km/h", title="rearward amplification (ISO 14791)")
-axes[1].set(xlabel="speed, km/h", title="damping ratio of the yaw mode (below 1 Hz)")
+axes[1].set(xlabel="speed, km/h", title="damping ratio of the yaw mode")
 axes[0].legend(fontsize="small")
 plt.show()

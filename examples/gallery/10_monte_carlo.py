@@ -2,39 +2,42 @@
 Monte Carlo: is sigma right?
 ============================
 
-Twenty logs of one lane change differ in their sensor noise, and nothing else is uncertain. If sigma is right, the
-errors divided by sigma have a standard deviation of one.
+A study simulates and identifies twenty logs of one lane change. They differ in their sensor noise and first guess, and
+nothing else is uncertain. If sigma is right, the errors divided by sigma have a standard deviation of one.
 """
+
+import tempfile
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import vehicle
-from fifthwheel.identify import OneStage, identify
-from fifthwheel.simulate import simulate
+import fifthwheel as fw
 
-truck = vehicle.get("cheng_cebon_2011")
-settings = OneStage(consider={}, nuisances=False)
-names = [f"{group}.cornering_stiffness" for group in ("tractor.front", "tractor.drive", "semitrailer")]
-names += ["semitrailer.yaw_inertia", "semitrailer.payload.height"]
-true = np.array([truck.parameters()[name] for name in names])
-rng = np.random.default_rng(1)
-errors, scores = [], []
-for seed in range(20):
-    guess = truck.replace(dict(zip(names, true * rng.uniform(0.8, 1.2, len(names)), strict=True)))
-    result = identify([simulate(truck, count=1, seed=seed)], guess, settings)
-    values = np.array([result[name].value for name in names])
-    sigmas = np.array([result[name].sigma for name in names])
-    errors.append(100 * (values / true - 1))
-    scores.append((values - true) / sigmas)
+table = fw.study(
+    ["cheng_cebon_2011"],
+    {"one stage": fw.OneStage(consider={}, nuisances=False)},
+    Path(tempfile.mkdtemp()) / "study.parquet",
+    manoeuvres={"one lane change": fw.SimulatedRun(count=1)},
+    seeds=range(20),
+    jobs=1,  # by default one process per core
+)
 
-figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
-axes[0].boxplot(np.array(errors), tick_labels=["front", "drive", "trailer", "inertia", "height"])
+# %%
+# The table has a row for each run and parameter.
+
+column = {name: np.array(table[name].to_pylist()) for name in ("parameter", "truth", "estimate", "sigma")}
+names = list(dict.fromkeys(column["parameter"]))
+error = 100 * (column["estimate"] / column["truth"] - 1)
+score = (column["estimate"] - column["truth"]) / column["sigma"]
+
+figure, axes = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+axes[0].boxplot([error[column["parameter"] == name] for name in names], orientation="horizontal", tick_labels=names)
+axes[0].invert_yaxis()
 axes[0].set(title="error, %")
-inside = np.mean(np.abs(scores) < 1.645)
-axes[1].hist(np.ravel(scores), bins=np.arange(-4, 4.1, 0.5), density=True, alpha=0.6)
+axes[1].hist(score, bins=np.arange(-4, 4.1, 0.5), density=True, alpha=0.6)
 grid = np.linspace(-4, 4, 200)
 axes[1].plot(grid, np.exp(-(grid**2) / 2) / np.sqrt(2 * np.pi), color="black", label="standard normal")
-axes[1].set(title=f"error / sigma; {inside:.0%} within the 90 % interval")
+axes[1].set(title=f"error / sigma; {np.mean(np.abs(score) < 1.645):.0%} within the 90 % interval")
 axes[1].legend()
 plt.show()

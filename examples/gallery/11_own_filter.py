@@ -10,12 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
-from fifthwheel import dynamics, vehicle
-from fifthwheel.observe import Observer
-from fifthwheel.simulate import simulate
+import fifthwheel as fw
+from fifthwheel import dynamics
 
-truck = vehicle.get("cheng_cebon_2011")
-record = simulate(truck, count=2, seed=3)
+truck = fw.vehicle("cheng_cebon_2011")
+record = fw.simulate(truck, count=2, seed=3)
 speed, step = record.signals["speed"][0], 0.01
 
 # %%
@@ -44,7 +43,7 @@ for k in range(len(record)):
     estimates.append(x)
 mine = np.array(estimates)[:, model.states.index("lateral_velocity.tractor")] / speed
 
-observer = Observer(truck, ["speed", "steer.tractor.front", *channels])
+observer = fw.Observer(truck, ["speed", "steer.tractor.front", *channels])
 theirs = observer.batch(record).values["sideslip.tractor"]
 
 true = record.reference["sideslip.tractor"]

@@ -13,11 +13,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fifthwheel import vehicle
-from fifthwheel.identify import identify
-from fifthwheel.logs import SignalMap, read_log
+import fifthwheel as fw
 
-signal_map = SignalMap.parse("""
+signal_map = fw.SignalMap.parse("""
 [time]
 column = "t"
 
@@ -35,8 +33,8 @@ speed = "vx"
 folder = Path(os.environ.get("FIFTHWHEEL_DATA", "")) / "real_truck"
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 if folder.is_dir():
-    bend, ramp = (read_log(folder / f"{name}.csv", signal_map) for name in ("run01_s_bend", "run02_exit_ramp"))
-    result = identify([bend], vehicle.get("auburn_6x4"), validate=[ramp])
+    bend, ramp = (fw.read_log(folder / f"{name}.csv", signal_map) for name in ("run01_s_bend", "run02_exit_ramp"))
+    result = fw.identify([bend], fw.vehicle("auburn_6x4"), validate=[ramp])
     for estimate in result.parameters:
         print(
             f"{estimate.name:36} {estimate.value:10.4g} +- {estimate.sigma:8.2g} {estimate.unit:8} {estimate.verdict}"
