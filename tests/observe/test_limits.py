@@ -96,6 +96,7 @@ def test_the_monitor_equals_plain_python():
         rejections.add((int(weight.sum()), int(weight.sum() - accepted.sum())))
     assert restarts > 10
     assert len(rejections) == 10  # every number of measured and rejected channels
+    assert monitor_module.START.tolist() == [1.0, 0.0, -1.0]
     assert monitor_module.after_restart(3.0).tolist() == [3.0, 0.0, -1.0]
 
 
