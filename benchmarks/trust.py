@@ -1,6 +1,6 @@
 """How often is an identification wrong without saying so? Writes trust.md beside this file.
 
-    python benchmarks/trust.py [--runs one five everyday] [--only CATEGORY ...] [--seeds 1] [--jobs 1] [--quick]
+    python benchmarks/trust.py [--runs one five everyday] [--only CATEGORY ...] [--every N] [--seeds 1] [--jobs 1]
     python benchmarks/trust.py --false-alarms [--seeds 20]
     python benchmarks/trust.py --coverage [--seeds 20]
 
@@ -55,7 +55,7 @@ LIMIT = 3.0
 MUTE = "silent without any message"
 """Column for the silent cases in which no message differs from those without the corruption."""
 QUICK_STEP = 14
-"""`--quick` takes one of so many corruptions."""
+"""`--quick` takes one of so many corruptions of each category."""
 
 
 class Outcome(StrEnum):
@@ -344,7 +344,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--runs", nargs="+", choices=RUNS, default=["one", "five"])
     categories = sorted({corruption.category for corruption in CORRUPTIONS.values()})
     parser.add_argument("--only", nargs="+", choices=categories, metavar="CATEGORY", help=", ".join(categories))
-    parser.add_argument("--quick", action="store_true", help="a fixed subset on one lane change, below a minute")
+    parser.add_argument("--every", type=int, default=1, help="take one of so many corruptions of each category")
+    parser.add_argument("--quick", action="store_true", help=f"--runs one --every {QUICK_STEP}, below a minute")
     parser.add_argument("--false-alarms", action="store_true", help="uncorrupted logs only")
     parser.add_argument("--coverage", action="store_true", help="coverage of the intervals with random errors only")
     parser.add_argument("--seeds", type=int, help="default 1; 20 for false alarms and coverage")
@@ -352,6 +353,15 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--duration", type=float, default=300.0, help="of everyday driving, s")
     parser.add_argument("--output", type=Path, help="file for the tables; default: trust.md for a full run")
     return parser.parse_args()
+
+
+def selected(categories: Sequence[str] | None, step: int) -> list[str]:
+    """Names of corruptions: of each category (None: of all) every one in `step`, from the middle of the first step."""
+    names: dict[str, list[str]] = {}
+    for name, corruption in CORRUPTIONS.items():
+        if not categories or corruption.category in categories:
+            names.setdefault(corruption.category, []).append(name)
+    return [name for group in names.values() for name in group[min(step // 2, len(group) - 1) :: step]]
 
 
 def tables(options: argparse.Namespace) -> list[str]:
@@ -367,8 +377,7 @@ def tables(options: argparse.Namespace) -> list[str]:
             with multiprocessing.Pool(options.jobs) as pool:
                 lines += alarm_section(RUNS[run], pool.map(alarm, clean))
             continue
-        names = [name for name, c in CORRUPTIONS.items() if not options.only or c.category in options.only]
-        names = names[:: QUICK_STEP if options.quick else 1]
+        names = selected(options.only, QUICK_STEP if options.quick else options.every)
         cases = [Case(run=run, corruption=n, seed=s, duration=options.duration) for s, n in product(seeds, names)]
         lines += section(RUNS[run], judged(cases, options.jobs))
     return lines
@@ -381,7 +390,8 @@ def main() -> None:
     lines = ["# Trust", "", "Written by `python benchmarks/trust.py`; its docstring explains the outcomes.", ""]
     lines += tables(options)
     print("\n".join(lines))
-    complete = not (options.quick or options.only or options.coverage or options.false_alarms)
+    partial = options.quick or options.only or options.every > 1
+    complete = not (partial or options.coverage or options.false_alarms)
     file = options.output or (Path(__file__).with_suffix(".md") if complete else None)
     if file:
         file.write_text("\n".join(lines), encoding="utf-8")
