@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.identify.nelder_mead import nelder_mead
+from fifthwheel.identify.one_stage.nelder_mead import nelder_mead
 
 LONGEST_TIME_CONSTANT = 10.0
 """Of the discrepancy, s; a slower one is not separable from a sensor's offset."""

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize, rosen
 
 from fifthwheel._types import Array
-from fifthwheel.identify.nelder_mead import nelder_mead
+from fifthwheel.identify.one_stage.nelder_mead import nelder_mead
 
 
 def kinked(x: Array) -> float:
