@@ -32,6 +32,7 @@ ROOMS = (
     "time_bases",
     "observe",
     "identify",
+    "export",
     "diagnose",
     "report",
     "workflow",
