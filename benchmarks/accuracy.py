@@ -34,7 +34,8 @@ from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate
-from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED, effective_stiffness, initial_guess, point_payload
+from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED, point_payload
+from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")

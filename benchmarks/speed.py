@@ -15,6 +15,7 @@
 Each number is the best of several runs. Ratios are more reliable than absolute numbers.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -228,19 +229,27 @@ class ProcessCost:
         return f"{self.wall:8.2f} s, processor {self.cpu:.2f} s, {self.memory:.0f} MB"
 
 
+MEASURE = """
+import json, os, subprocess, sys, time
+start = time.perf_counter()
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, usage = os.wait4(process.pid, 0)
+wall, cpu = time.perf_counter() - start, usage.ru_utime + usage.ru_stime
+print(json.dumps([status, wall, cpu, usage.ru_maxrss / 1024]))
+"""
+"""Starts a process from a small one: the memory of a process counts from its fork on, so not from this one."""
+
+
 def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> ProcessCost:
     """Cost of a process; that of the fastest of several runs."""
+    command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "fifthwheel", *arguments]
 
     def once() -> ProcessCost:
-        start = time.perf_counter()
-        process = subprocess.Popen(
-            [sys.executable, "-m", "fifthwheel", *arguments], stdout=subprocess.DEVNULL, env=os.environ | environment
-        )
-        _, status, usage = os.wait4(process.pid, 0)
+        measured = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | environment)
+        status, *cost = json.loads(measured.stdout)
         if status:
-            raise SystemExit(f"fifthwheel {' '.join(arguments)}: status {status}")
-        wall = time.perf_counter() - start
-        return ProcessCost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+            raise SystemExit(f"fifthwheel {' '.join(arguments)}: status {status}\n{measured.stderr}")
+        return ProcessCost(*cost)
 
     return min((once() for _ in range(runs)), key=lambda cost: cost.wall)
 

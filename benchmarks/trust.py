@@ -45,7 +45,7 @@ from fifthwheel.observe import Observer, States
 from fifthwheel.plant import article_sensors
 from fifthwheel.record import Record
 from fifthwheel.report import conclude_identification
-from fifthwheel.studies.cheng_cebon_2011.experiments import initial_guess
+from fifthwheel.studies.scenarios import initial_guess
 from trust_corruptions import CORRUPTIONS, Corruption
 from trust_coverage import coverage_tables
 from trust_runs import RUNS, TRUCK, Changes, Range, driven, table, true_ranges

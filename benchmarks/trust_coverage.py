@@ -15,9 +15,9 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
 from fifthwheel.identify.settings import MODEL_ERRORS
@@ -26,7 +26,7 @@ from fifthwheel.observe import Observer
 from fifthwheel.plant import Sensor, measure
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.studies.cheng_cebon_2011.experiments import initial_guess
+from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import changes
 from trust_runs import RUNS, TRUCK, Range, driven, exact_values, table, true_ranges
@@ -84,8 +84,8 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
     truck = TRUCK.with_logged_steering(inputs, run.name)
     model = dynamics.model(truck, outputs, roll=True, bank=True)
-    start = np.zeros(len(model.states))
-    start[model.states.index(BANK)] = bank
+    first = {name: float(values[0]) for name, values in inputs.items()}
+    start = np.append(steady_initial_state(truck, first, {}, roll=True, bank=bank)[0], bank)
     _, y = linear_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs, start)
     return run.time, inputs | {name: y[:, i] for i, name in enumerate(outputs)}
 

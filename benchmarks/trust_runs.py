@@ -7,7 +7,8 @@ from fifthwheel.manoeuvres import Course, lane_changes
 from fifthwheel.manoeuvres.catalogue import course
 from fifthwheel.plant import Plant, PlantRun, Properties
 from fifthwheel.plant.properties import with_changes
-from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED, effective_stiffness
+from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED
+from fifthwheel.studies.scenarios import effective_stiffness
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")

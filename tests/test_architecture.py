@@ -12,14 +12,18 @@ import fifthwheel
 SOURCE = Path(fifthwheel.__file__).parent
 
 ROOMS = (
+    "_callable",
     "_lazy",
     "_types",
     "errors",
+    "_extras",
+    "_html",
     "units",
     "formatting",
     "names",
     "_atomic",
     "input_files",
+    "plots",
     "record",
     "checks",
     "logs",
@@ -27,6 +31,7 @@ ROOMS = (
     "native",
     "dynamics",
     "manoeuvres",
+    "plot",
     "filters",
     "simulate",
     "time_bases",

@@ -1,7 +1,11 @@
 """The documentation is complete, its tables say what the code does, its examples run and its links lead somewhere."""
 
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 from ast import literal_eval
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -30,7 +34,7 @@ from fifthwheel.vehicle.paths import SI_UNITS
 from tests.test_architecture import ROOMS, SOURCE
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "howto").glob("*.md"))]
 TRUCK = vehicle.get("cheng_cebon_2011")
 COMMANDS: dict[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
 
@@ -243,6 +247,32 @@ def test_commands_exist_with_their_options(block: str) -> None:
                 assert not re.match("--?[a-z]", word) or word.partition("=")[0] in own, line
 
 
+def agree(shown: str, printed: str) -> bool:
+    """Whether two words are the same, or numbers that differ only by rounding."""
+    try:
+        return float(printed) == pytest.approx(float(shown), rel=0.03, abs=5e-5)
+    except ValueError:
+        return shown == printed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["start", "howto/messy-csv", "howto/weigh", "howto/design"])
+def test_shown_output_is_that_of_the_commands(name: str, tmp_path: Path) -> None:
+    """Each block of text after commands consists of lines that they print, in this order."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    environment = os.environ | {"COLUMNS": "120", "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    steps = re.findall(r"^```sh\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", page(f"{name}.md"), re.MULTILINE | re.DOTALL)
+    for commands, shown in steps:
+        if "pip install" in commands or "run.csv" in commands:
+            continue
+        command = ["bash", "-e", "-c", commands]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        printed = iter(line.split() for line in done.stdout.splitlines())
+        for line in filter(None, map(str.split, shown.splitlines())):
+            found = (len(line) == len(other) and all(map(agree, line, other)) for other in printed)
+            assert any(found), f"not printed: {' '.join(line)}\n{done.stdout}"
+
+
 def anchors(path: Path) -> set[str]:
     """Anchors of a page's headings, as forges make them."""
     titles = re.findall(r"^#+ (.*)$", prose(path.read_text(encoding="utf-8")), re.MULTILINE)
@@ -262,7 +292,8 @@ def test_links_lead_somewhere(path: Path) -> None:
 
 def test_every_page_is_in_the_contents() -> None:
     for path in PAGES[1:]:
-        assert path.name == "index.md" or f"({path.name})" in page("index.md")
+        name = path.relative_to(ROOT / "docs").as_posix()
+        assert name == "index.md" or f"({name})" in page("index.md")
 
 
 def test_every_manoeuvre_is_documented_with_its_forms() -> None:

@@ -1,3 +1,123 @@
-"""Parameters and states of articulated heavy vehicles, from the sensors they have."""
+"""Parameters and states of articulated heavy vehicles, from the sensors they have.
 
-__version__ = "0.1.0"
+Everything that a notebook needs is here; each name is imported when it is first used:
+
+>>> import fifthwheel as fw
+>>> truck = fw.vehicle("cheng_cebon_2011")
+>>> record = fw.simulate(truck, count=1)
+>>> record.signals["yaw_rate.tractor"].shape
+(567,)
+"""
+
+import time
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fifthwheel.identify.identify import identify as identify  # first, or mypy takes the name for the package
+    from fifthwheel.simulate import simulate as simulate
+    from fifthwheel.vehicle.catalogue import get
+
+    vehicle = get
+
+    from fifthwheel import plot as plot
+    from fifthwheel.dynamics import LinearSystem as LinearSystem
+    from fifthwheel.dynamics import linear_system as linear_system
+    from fifthwheel.dynamics.summary import summarize as summarize
+    from fifthwheel.errors import FifthwheelError as FifthwheelError
+    from fifthwheel.errors import SignalError as SignalError
+    from fifthwheel.errors import VehicleError as VehicleError
+    from fifthwheel.identify import Identification as Identification
+    from fifthwheel.identify import OneStage as OneStage
+    from fifthwheel.identify import TwoStage as TwoStage
+    from fifthwheel.identify import Verdict as Verdict
+    from fifthwheel.identify import article as article
+    from fifthwheel.identify.design import assess_information as assess_information
+    from fifthwheel.identify.design import design_experiment as design_experiment
+    from fifthwheel.identify.online import Learner as Learner
+    from fifthwheel.identify.online import LearnerSettings as LearnerSettings
+    from fifthwheel.logs import LiveMap as LiveMap
+    from fifthwheel.logs import SignalMap as SignalMap
+    from fifthwheel.logs import read_log as read_log
+    from fifthwheel.logs import write_record as write_record
+    from fifthwheel.observe import Observer as Observer
+    from fifthwheel.observe import ObserverSettings as ObserverSettings
+    from fifthwheel.observe import States as States
+    from fifthwheel.observe import Status as Status
+    from fifthwheel.observe import Uncertainty as Uncertainty
+    from fifthwheel.plots import Plot as Plot
+    from fifthwheel.record import Record as Record
+    from fifthwheel.report import write_report as write_report
+    from fifthwheel.studies import Estimates as Estimates
+    from fifthwheel.studies import Estimator as Estimator
+    from fifthwheel.studies import SimulatedRun as SimulatedRun
+    from fifthwheel.studies import StateEstimator as StateEstimator
+    from fifthwheel.studies import StatesOf as StatesOf
+    from fifthwheel.studies import study as study
+    from fifthwheel.time_bases import check_record as check_record
+    from fifthwheel.vehicle import Vehicle as Vehicle
+
+__version__ = "0.2.0"
+imported_at = time.time()
+"""Time at which the first module of the package was imported."""
+
+_MODULES = {
+    "Estimates": "studies",
+    "Estimator": "studies",
+    "FifthwheelError": "errors",
+    "Identification": "identify",
+    "Learner": "identify.online",
+    "LearnerSettings": "identify.online",
+    "LinearSystem": "dynamics",
+    "LiveMap": "logs",
+    "Observer": "observe",
+    "ObserverSettings": "observe",
+    "OneStage": "identify",
+    "Plot": "plots",
+    "Record": "record",
+    "SignalError": "errors",
+    "SignalMap": "logs",
+    "SimulatedRun": "studies",
+    "StateEstimator": "studies",
+    "States": "observe",
+    "StatesOf": "studies",
+    "Status": "observe",
+    "TwoStage": "identify",
+    "Uncertainty": "observe",
+    "Vehicle": "vehicle",
+    "VehicleError": "errors",
+    "Verdict": "identify",
+    "article": "identify",
+    "assess_information": "identify.design",
+    "check_record": "time_bases",
+    "design_experiment": "identify.design",
+    "identify": "",
+    "linear_system": "dynamics",
+    "plot": "",
+    "read_log": "logs",
+    "simulate": "",
+    "study": "studies",
+    "summarize": "dynamics.summary",
+    "vehicle": "",
+    "write_record": "logs",
+    "write_report": "report",
+}
+"""Public name -> its module; "" for a module, which may be called like a function (`_callable`)."""
+
+__all__ = [
+    "__version__",
+    *_MODULES,
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if not (module := _MODULES[name]):
+        return import_module(f"{__name__}.{name}")
+    globals()[name] = value = getattr(import_module(f"{__name__}.{module}"), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._callable import make_callable
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
@@ -47,6 +48,11 @@ def simulate(
     Raises:
         SignalError: the speed is out of range, or the linear model does not have the manoeuvre or a sensor.
         VehicleError: the truck is unstable at this speed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.simulate(fw.vehicle("cheng_cebon_2011"), count=2, seed=1).span
+        (0.0, 15.99)
     """
     if not 5 <= speed <= 40:
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model is valid at road speeds")
@@ -76,3 +82,6 @@ def simulate(
         reference={n: y[:, len(sensors) + i] for i, n in enumerate(states)},
         name=name,
     )
+
+
+make_callable(__name__, simulate)

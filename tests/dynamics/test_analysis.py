@@ -12,6 +12,7 @@ from fifthwheel.dynamics import (
     modes,
     rearward_amplification,
     steady_state,
+    understeer_gradient,
 )
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, get
@@ -83,6 +84,13 @@ def test_steady_turn_equals_the_single_track_model(speed: float, roll: bool) -> 
         moment, stiffness = 12000 * (1.5 - 0.6), 2 / (1 / 9e5 + 1 / 3e6)
         assert state["roll.truck"] == pytest.approx(moment * speed * yaw_rate / (stiffness - moment * G), rel=1e-9)
         assert state["roll_rate.truck"] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("rear", [6e5, 1e5])
+@pytest.mark.parametrize("speed", [5.0, 27.0])
+def test_understeer_gradient_of_the_single_track_model(speed: float, rear: float) -> None:
+    vehicle = truck(rear=rear)
+    assert understeer_gradient(vehicle, speed) == pytest.approx(understeer(vehicle), rel=1e-9)
 
 
 @pytest.mark.parametrize("roll", [True, False])

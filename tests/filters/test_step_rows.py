@@ -127,3 +127,15 @@ def test_delay_and_play_of_an_input(record: Record) -> None:
     np.testing.assert_allclose(
         rate[inside], np.gradient(actual[STEER], record.time)[inside], atol=0.1 * np.abs(rate).max()
     )
+
+
+@pytest.mark.parametrize("count", [3, 4, 40])
+def test_an_input_of_few_samples_is_shifted_too(record: Record, count: int) -> None:
+    """A straight line, with its rate; constant outside of the log, where the rate is 0 or not known."""
+    few = rows(record, np.arange(count))
+    few = few.with_signals({STEER: 0.01 + 0.2 * few.time})
+    names = ("speed", STEER, dynamics.contact_input(STEER), dynamics.rate_input(STEER))
+    shifted = corrected_inputs(few, names, {f"{STEER}.delay": 0.01})
+    np.testing.assert_allclose(shifted[STEER], 0.01 + 0.2 * np.minimum(few.time + 0.01, few.time[-1]))
+    expected = 0.2 * (few.time + 0.01 <= few.time[-1] + 1e-12) if count > 3 else np.zeros(count)
+    np.testing.assert_allclose(shifted[dynamics.rate_input(STEER)], expected, atol=1e-9)

@@ -30,7 +30,8 @@ class Linear:
 
     def tests(self) -> list[ScoreTest]:
         free = [i for i, name in enumerate(NAMES) if name not in CONSIDERED]
-        gradient = -self.jacobian.T @ (self.y - self.jacobian @ self.estimate(free)[0])
+        z = self.estimate(free)[0]
+        gradient = z - self.jacobian.T @ (self.y - self.jacobian @ z)
         return score_tests(NAMES, gradient, self.jacobian.T @ self.jacobian, CONSIDERED)
 
 

@@ -53,9 +53,39 @@ def test_both_ways_to_derived_quantities_agree_if_only_the_height_is_uncertain(t
         assert (one.value, one.unit, one.verdict) == (other.value, other.unit, other.verdict)
         assert one.value == vehicle.derived()[one.name]
         assert one.sigma == pytest.approx(other.sigma, rel=2e-4)
+        assert one.stage == other.stage == 2
+        at_height = truck.replace({HEIGHT: height.initial})
+        assert (one.initial, other.initial) == (at_height.derived()[one.name], truck.derived()[one.name])
+        assert (one.settling_time, other.settling_time) == (4.0, None)
     trailer = truck.unit("semitrailer")
     fraction = trailer.payload.mass / (trailer.payload.mass + trailer.sprung.mass)
     assert simple[0].sigma == pytest.approx(fraction / 2 * height.sigma, rel=1e-3)  # CoG at half the payload height
+
+
+def test_the_sigma_of_derived_quantities_contains_correlations(truck: Vehicle) -> None:
+    """Of a body with its own CoG height and roll inertia: sqrt(g P g'), and the worst verdict that matters."""
+    lumped = truck.lumped()
+    names = ("semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia", f"{RATE}.gain")
+    P = (
+        np.diag([0.1, 900.0, 1.0])
+        @ np.array([[1, 0.6, 0.3], [0.6, 1, 0.0], [0.3, 0.0, 1]])
+        @ np.diag([0.1, 900.0, 1.0])
+    )
+    estimates = [
+        Estimate(
+            name=name, value=1.0, sigma=0.1, unit="1", initial=1.0, verdict=verdict, stage=1
+        )
+        for name, verdict in zip(names[:2], (Verdict.CONVERGED, Verdict.DOUBTFUL), strict=True)
+    ]  # fmt: skip
+    derived = derived_from_covariance(lumped, lumped, estimates, Uncertainty(names=names, covariance=P))
+    height, inertia = derived
+    assert (height.name, inertia.name) == ("semitrailer.cog_height", "semitrailer.roll_inertia")
+    trailer = lumped.unit("semitrailer")
+    lever = trailer.sprung.cog_height - trailer.roll_axis_height
+    slope = 2 * trailer.sprung.mass * lever  # the inertia is about the roll axis: J + m h^2
+    assert height.sigma == pytest.approx(0.1)
+    assert inertia.sigma == pytest.approx(np.sqrt((0.1 * slope) ** 2 + 900**2 + 2 * 0.6 * 0.1 * 900 * slope), rel=1e-5)
+    assert (height.verdict, inertia.verdict) == (Verdict.CONVERGED, Verdict.DOUBTFUL)
 
 
 def test_derived_quantities_without_information(truck: Vehicle) -> None:

@@ -7,9 +7,9 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import linear_response
-from fifthwheel.identify import TwoStage, parameters
+from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation, parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
-from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
+from fifthwheel.identify.fit_evaluation import _is_unexplained, _speed_notes, evaluate_fits, free_run_fits
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -23,9 +23,9 @@ def steered(truck: Vehicle) -> Vehicle:
     return truck.with_logged_steering({STEER}, "")
 
 
-def response(steered: Vehicle, seed: int = 1) -> Record:
+def response(steered: Vehicle, seed: int = 1, count: int = 1) -> Record:
     """Outputs of the linear model without noise, from a moving initial state."""
-    record = simulate(steered, count=1, seed=seed, name=f"log {seed}")
+    record = simulate(steered, count=count, seed=seed, name=f"log {seed}")
     model = dynamics.model(steered, OUTPUTS, roll=True)
     inputs = {name: record.signals[name] for name in ("speed", STEER)}
     x0 = np.array([0.02 if name.startswith("yaw_rate") else 0.0 for name in model.states])
@@ -72,6 +72,31 @@ def test_outliers_and_gaps_do_not_change_the_prediction(steered: Vehicle) -> Non
     assert np.isnan(result["yaw_rate.semitrailer"].measured[210])
 
 
+def test_blocks_and_decayed_responses_do_not_change_the_prediction(
+    steered: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = response(steered)
+    signals = {"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + 0.002}
+    signals["yaw_rate.semitrailer"] = np.where(record.time < 1, np.nan, record.signals["yaw_rate.semitrailer"])
+    whole = fits(steered, record.with_signals(signals))
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)  # the last block is shorter, and some responses end before it
+    result = fits(steered, record.with_signals(signals))
+    for name in OUTPUTS:
+        np.testing.assert_allclose(result[name].predicted, whole[name].predicted, rtol=0, atol=1e-9)
+
+
+def test_a_log_that_outlasts_the_response_to_its_initial_state(
+    steered: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without offsets nothing else is fitted, and the last blocks have no unknown."""
+    record = response(steered, count=6)
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)
+    model = dynamics.model(steered, OUTPUTS, roll=True)
+    log = LogData(name=record.name, segments=[record])
+    result = free_run_fits(model, steered, log, [], values={}, identified_on=True)
+    assert min(fit.explained for fit in result) > 0.9999
+
+
 def test_a_channel_that_is_missing_or_constant_has_no_fit(steered: Vehicle) -> None:
     record = response(steered)
     zero, missing = np.zeros(len(record)), np.full(len(record), np.nan)
@@ -97,3 +122,84 @@ def test_evaluation(steered: Vehicle) -> None:
     wrong = evaluate_fits(dataset, logs, model, steered, unknowns, {f"{STEER}.gain": -1.0}, settings)
     assert not wrong.trusted
     assert any("yaw_rate.tractor: the model explains 0% of its variance in log 1" in note for note in wrong.notes)
+
+
+def fit_of(signal: str, explained: float, ratio: float, noise: float) -> Fit:
+    """A fit of a channel whose variance is so many times that of its noise."""
+    measured = np.sqrt(ratio * noise) * np.tile([1.0, 1.0, -1.0, -1.0], 250)
+    return Fit(
+        log="a", signal=signal, explained=explained, rms=0.0, time=np.arange(1000) * 0.01, measured=measured,
+        predicted=measured, identified_on=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("signal", "explained", "ratio", "unexplained"),
+    [
+        ("yaw_rate.tractor", 0.0, 4.01, True),
+        ("yaw_rate.tractor", 0.0, 3.99, False),
+        ("yaw_rate.tractor", 0.39, 5.0, True),  # noise explains a fifth
+        ("yaw_rate.tractor", 0.41, 5.0, False),
+        ("articulation.semitrailer", 0.39, 5.0, True),
+        ("roll_rate.tractor", 0.49, 20.1, True),
+        ("roll_rate.tractor", 0.51, 20.1, False),
+        ("roll_rate.tractor", 0.0, 19.9, False),
+        ("roll.tractor", 0.49, 20.1, True),
+        ("roll.tractor", 0.0, 19.9, False),
+        ("yaw_rate.tractor", np.nan, 5.0, True),
+    ],
+)
+def test_which_channels_are_unexplained(
+    truck: Vehicle, signal: str, explained: float, ratio: float, unexplained: bool
+) -> None:
+    """A clear signal, of which less than half is explained; of a roll rate 20 times as large as its noise."""
+    fit = fit_of(signal, explained, ratio, noise=1e-5)
+    assert _is_unexplained(fit, truck, OneStage(noise={signal: 1e-5})) == unexplained
+
+
+def test_vibration_counts_as_noise_of_an_accelerometer(truck: Vehicle) -> None:
+    """The samples change as fast as noise, so the signal is not clear."""
+    signal = "lateral_acceleration.tractor"
+    slow = fit_of(signal, 0.0, 100.0, noise=1e-5)
+    slow = replace(slow, measured=0.3 * np.sin(slow.time))
+    assert _is_unexplained(slow, truck, OneStage(noise={signal: 1e-5}))
+    vibrating = replace(slow, measured=0.3 * np.random.default_rng(1).normal(size=1000))
+    assert not _is_unexplained(vibrating, truck, OneStage(noise={signal: 1e-5}))
+
+
+@pytest.mark.parametrize(
+    ("speeds", "noted"),
+    [((18.01, 32.99), False), ((17.99, 25.0), True), ((25.0, 33.01), True), ((20.0, 30.0), False)],
+)
+def test_a_speed_outside_those_of_the_identification_is_noted(
+    steered: Vehicle, speeds: tuple[float, float], noted: bool
+) -> None:
+    """By more than a tenth."""
+    record = simulate(steered, count=1, name="a")
+    speed = np.linspace(*speeds, len(record))
+    log = LogData(name="a", segments=[record.with_signals({"speed": speed})])
+    assert bool(_speed_notes(log, (20.0, 30.0))) == noted
+
+
+@pytest.mark.parametrize(("count", "has_fit"), [(2, False), (3, True)])
+def test_a_fit_needs_three_samples(steered: Vehicle, count: int, has_fit: bool) -> None:
+    record = response(steered)
+    few = np.where(np.isin(np.arange(len(record)), (200, 400, 600)[:count]), record.signals["yaw_rate.tractor"], np.nan)
+    result = fits(steered, record.with_signals({"yaw_rate.tractor": few}))
+    assert ("yaw_rate.tractor" in result) == has_fit
+
+
+def test_explained_fraction_and_rms(steered: Vehicle) -> None:
+    """Of the residual, with missing samples left out."""
+    record = response(steered)
+    noise = 0.02 * np.random.default_rng(3).normal(size=len(record))
+    noise[::3] = np.nan
+    fit = fits(steered, record.with_signals({"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + noise}))[
+        "yaw_rate.tractor"
+    ]
+    present = np.isfinite(fit.measured)
+    residual = (fit.measured - fit.predicted)[present]
+    assert fit.rms == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert fit.rms == pytest.approx(0.02, rel=0.1)
+    assert fit.explained == pytest.approx(1 - residual.var() / fit.measured[present].var())
+    assert present.sum() == len(record) - len(noise[::3])

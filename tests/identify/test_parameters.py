@@ -199,3 +199,103 @@ def test_suspects_are_considered_in_score_tests_only() -> None:
     (scale,) = suspects()
     assert (scale.considered, scale.suspect, scale.centre) == (True, True, 0.0)
     assert dict(scale.slopes) == {"time_base.scale": 1.0}
+
+
+STEER, ACCELERATION = "steer.tractor.front", "lateral_acceleration.tractor"
+GYRO, HITCH = "yaw_rate.tractor", "articulation.semitrailer"
+SENSOR_PRIORS = {
+    # name: setting, prior mean, of one log, estimated by both methods
+    f"{STEER}.offset": ("steer_offset_prior", 0.0, True, True),
+    f"{STEER}.gain": ("steer_gain_prior", 1.0, False, True),
+    f"{STEER}.delay": ("steer_delay_prior", 0.0, False, True),
+    f"{STEER}.play": ("steer_play_prior", 0.0, False, False),
+    f"{GYRO}.offset": ("rate_offset_prior", 0.0, True, True),
+    "roll_rate.tractor.offset": ("rate_offset_prior", 0.0, True, True),
+    f"{HITCH}.offset": ("articulation_offset_prior", 0.0, True, True),
+    f"{GYRO}.gain": ("rate_gain_prior", 1.0, False, False),
+    f"{GYRO}.misalignment": ("misalignment_prior", 0.0, False, False),
+    f"{ACCELERATION}.offset": ("acceleration_offset_prior", 0.0, True, False),
+    f"{ACCELERATION}.gain": ("acceleration_gain_prior", 1.0, False, False),
+    f"{ACCELERATION}.delay": ("acceleration_delay_prior", 0.0, False, False),
+}
+OUTPUTS = (GYRO, "roll_rate.tractor", HITCH, ACCELERATION)
+
+
+@pytest.mark.parametrize("name", SENSOR_PRIORS)
+def test_each_sensor_error_has_the_prior_of_its_setting(truck: Vehicle, name: str) -> None:
+    """And bounds at eight times its standard deviation."""
+    setting, mean, per_log, both = SENSOR_PRIORS[name]
+    unknown = by_name(truck, OneStage(**{setting: 0.0123}), OUTPUTS)[name]
+    assert (unknown.scale, unknown.centre, unknown.per_log, unknown.nuisance) == (0.0123, mean, per_log, True)
+    assert (unknown.logarithmic, unknown.considered, unknown.uncertain) == (False, False, False)
+    bounds = (0.0 if name.endswith("play") else mean - 8 * 0.0123, mean + 8 * 0.0123)
+    assert (unknown.lower, unknown.upper) == pytest.approx(bounds)
+    two_stage = {u.name: u for u in sensor_error_unknowns(truck, OUTPUTS, TwoStage())}
+    assert (name in two_stage) == both
+    if both:
+        assert two_stage[name].scale == getattr(TwoStage(), setting)
+
+
+def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
+    steered = truck.with_logged_steering({STEER}, "")
+    names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if u.nuisance and not u.considered}
+    roll = {f"roll_rate.tractor.{kind}" for kind in ("gain", "misalignment")}
+    places = {f"{ACCELERATION}.{kind}" for kind in ("position", "height")}
+    assert names == set(SENSOR_PRIORS) | roll | places
+    simple = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage(), extended=False)}
+    extended = {f"{STEER}.play", f"{ACCELERATION}.delay", f"{GYRO}.misalignment", "mass_scale", f"{GYRO}.delay"}
+    assert not extended & simple
+    assert extended <= {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage())}
+
+
+def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
+    """By the vehicle file; its stated standard deviation replaces that of the settings, and an exact place is known."""
+    place = truck.unit("tractor").accelerometer_place
+    settings = OneStage(accelerometer_position_prior=0.4, accelerometer_height_prior=0.2)
+    unknowns = by_name(truck, settings, OUTPUTS)
+    for kind, sigma in (("position", 0.4), ("height", 0.2)):
+        unknown = unknowns[f"{ACCELERATION}.{kind}"]
+        assert (unknown.centre, unknown.scale, unknown.per_log) == (getattr(place, kind), sigma, False)
+    stated = {f"tractor.accelerometer.{kind}": sigma for kind, sigma in (("position", 0.03), ("height", 0.0))}
+    tractor = truck.unit("tractor").model_copy(update={"accelerometer": place})
+    there = truck.model_copy(update={"units": (tractor, *truck.units[1:])})
+    unknowns = by_name(there.with_stated(stated), settings, OUTPUTS)
+    assert unknowns[f"{ACCELERATION}.position"].scale == 0.03
+    assert f"{ACCELERATION}.height" not in unknowns
+
+
+def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
+    """Stiffness and inertia by a fraction, between an eighth and eight times the value; heights in metres."""
+    values = truck.parameters()
+    unknowns = by_name(truck, OneStage(prior=0.21, height_prior=0.7, initial_payload_height=0.3))
+    stiffness, height = unknowns["tractor.front.cornering_stiffness"], unknowns[HEIGHT]
+    value = values["tractor.front.cornering_stiffness"]
+    assert (stiffness.centre, stiffness.scale, stiffness.logarithmic) == (value, 0.21, True)
+    assert (stiffness.lower, stiffness.upper) == pytest.approx((value / 8, value * 8))
+    assert (height.centre, height.scale, height.logarithmic) == (0.3, 0.7, False)
+    assert (height.lower, height.upper) == (0.01, 3.5)
+    assert by_name(truck, OneStage(initial_payload_height=None))[HEIGHT].centre == values[HEIGHT]
+    body = "semitrailer.sprung.roll_inertia"
+    separate = by_name(truck.lumped(), OneStage(uniform_payload=False, roll_inertia_prior=0.55, prior=0.21))
+    assert (separate[body].scale, separate["semitrailer.sprung.cog_height"].scale) == (0.55, 0.21)
+    own = by_name(truck, OneStage(priors={"semitrailer.yaw_inertia": 0.05}))
+    assert own["semitrailer.yaw_inertia"].scale == 0.05
+    assert not own["semitrailer.yaw_inertia"].uncertain
+    assert by_name(truck, OneStage(priors={"roll_damping": 0.05}))["semitrailer.roll_damping"].uncertain
+
+
+def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> None:
+    """As a fraction of the prior; the random walk likewise."""
+    names = ("tractor.front.cornering_stiffness", HEIGHT)
+    settings = TwoStage(
+        prior=0.2, height_prior=0.5, initial_sigma=0.02, initial_height_sigma=0.1, random_walk=0.004, height_walk=0.025
+    )
+    stiffness, height = two_stage_unknowns(truck, names, settings)
+    assert (stiffness.start, stiffness.walk) == pytest.approx((0.1, 0.02))
+    assert (height.start, height.walk) == pytest.approx((0.2, 0.05))
+    usual = two_stage_unknowns(truck, names, TwoStage())
+    assert {(u.start, u.walk) for u in usual} == {(1.0, 0.0)}
+    linear = two_stage_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
+    assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
+    fixed = two_stage_unknowns(truck, names, TwoStage(fixed=names[:1]))
+    assert [u.name for u in fixed] == [HEIGHT]

@@ -1,9 +1,13 @@
 """Settings that are refused, and the published ones."""
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import CommonSettings, OneStage, TwoStage, article
+from fifthwheel.identify.online import LearnerSettings
 
 
 @pytest.mark.parametrize(
@@ -30,3 +34,67 @@ def test_article() -> None:
     assert (settings.preset, settings.random_walk, settings.height_walk) == ("article", 0.001, 0.005)
     assert settings.forgetting == 0.9995
     assert article().forgetting == 0.999
+
+
+BOTH = "prior height_prior tolerance gate min_speed correlation_time"
+ONE_STAGE = f"{BOTH} roll_inertia_prior rate_gain_prior bank_prior outlier iterations"
+LEARNER = (
+    "excitation_window high_pass_time max_lateral_acceleration discrepancy_time offset_time parameter_time "
+    "max_innovation_ratio max_autocorrelation innovation_window max_steer max_steer_rate max_speed_change coast "
+    "max_gap stop_excitation"
+)
+POSITIVE = {OneStage: ONE_STAGE, TwoStage: f"{BOTH} passes rounds", LearnerSettings: LEARNER}
+
+
+@pytest.mark.parametrize(
+    ("method", "name"), [(method, name) for method, names in POSITIVE.items() for name in names.split()]
+)
+def test_numbers_that_must_be_above_zero(method: type, name: str) -> None:
+    assert getattr(method(**{name: 1e-9}), name) == 1e-9
+    for wrong in (0, -1e-9, math.nan):
+        with pytest.raises(SignalError, match=f"^{name}: expected"):
+            method(**{name: wrong})
+
+
+@pytest.mark.parametrize("name", ["settling_time", "max_steer_dropout", "hold"])
+def test_times_of_a_learner_may_be_zero(name: str) -> None:
+    assert getattr(LearnerSettings(**{name: 0.0}), name) == 0.0
+    with pytest.raises(SignalError, match=f"^{name}: expected 0 or more"):
+        LearnerSettings(**{name: -1e-9})
+
+
+def test_limits_of_other_settings() -> None:
+    for method, settings, allowed in (
+        (TwoStage, {"forgetting": 1.0}, True),
+        (TwoStage, {"forgetting": 1.0 + 1e-9}, False),
+        (TwoStage, {"forgetting": 0.0}, False),
+        (OneStage, {"noise": {"a": 1e-12}}, True),
+        (OneStage, {"noise": {"a": 0.0}}, False),
+        (OneStage, {"noise": {"a": math.inf}}, False),
+        (OneStage, {"priors": {"a": 1e-9}}, True),
+        (OneStage, {"priors": {"a": 0.0}}, False),
+        (OneStage, {"consider": {"a": math.inf}}, False),
+        (OneStage, {"consider": {"a": -1.0}}, False),
+        (LearnerSettings, {"discrepancy": {"a": 0.0}}, True),
+        (LearnerSettings, {"discrepancy": {"a": -1e-9}}, False),
+        (LearnerSettings, {"discrepancy": {"a": math.inf}}, False),
+        (LearnerSettings, {"start_excitation": 0.2, "stop_excitation": 0.2}, True),
+        (LearnerSettings, {"start_excitation": 0.2, "stop_excitation": 0.2 + 1e-9}, False),
+    ):
+        if allowed:
+            method(**settings)
+            continue
+        with pytest.raises(SignalError, match="expected"):
+            method(**settings)
+
+
+def test_the_settings_of_the_article() -> None:
+    """Sections 3.1 to 3.3: random walk of 0.1 % and 5 mm, shrunk by 0.999, no process noise, one pass."""
+    settings = article()
+    assert (settings.random_walk, settings.height_walk, settings.forgetting) == (0.001, 0.005, 0.999)
+    assert (settings.initial_sigma, settings.initial_height_sigma) == (0.001, 0.005)
+    assert (settings.passes, settings.rounds, settings.process_noise, settings.average) == (1, 1, 0.0, True)
+    switched_off = ("logarithmic", "consistent", "coupled", "restart", "relaxation", "nuisances", "adapt_noise")
+    assert not any(getattr(settings, name) for name in switched_off)
+    assert settings.gate >= 1e6
+    assert article(rounds=3) == replace(settings, rounds=3)

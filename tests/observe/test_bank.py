@@ -8,6 +8,7 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.manoeuvres import acceleration_course, inverse_steer
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.record import Record
@@ -20,7 +21,7 @@ REPORTED = ("sideslip.tractor", "sideslip.semitrailer", "roll.tractor", "roll.se
 
 
 def banked(bank: float, *, roll: bool = True, manoeuvre: str = "lane_changes", seed: int = 4) -> Record:
-    """30 s of the linear vehicle on a banked road."""
+    """30 s of the linear vehicle on a banked road, from equilibrium."""
     outputs = [name for name in OUTPUTS if roll or not name.startswith("roll")]
     reported = [name for name in REPORTED if roll or not name.startswith("roll")]
     model = dynamics.model(TRUCK, (*outputs, *reported), roll=roll, bank=True)
@@ -28,7 +29,8 @@ def banked(bank: float, *, roll: bool = True, manoeuvre: str = "lane_changes", s
     acceleration = acceleration_course(manoeuvre, time, speed=SPEED, count=3, seed=seed)
     steer = inverse_steer(TRUCK, SPEED, time, acceleration, roll=roll)
     inputs = {"speed": np.full_like(time, SPEED), STEER: steer}
-    start = np.eye(len(model.states))[model.states.index("bank.road")] * bank
+    first = {name: float(values[0]) for name, values in inputs.items()}
+    start = np.append(steady_initial_state(TRUCK, first, {}, roll=roll, bank=bank)[0], bank)
     _, y = linear_response(model, dynamics.all_parameters(TRUCK, model.outputs), time, inputs, start)
     signals, random = dict(inputs), np.random.default_rng(seed)
     for i, name in enumerate(outputs):
@@ -66,7 +68,7 @@ def test_sideslip_on_a_banked_road(manoeuvre, method):
 def test_first_sigma_is_the_prior():
     record = banked(BANK)
     sigma = Observer(TRUCK, record.signals, ObserverSettings(bank=0.05)).batch(record).sigma["bank.road"]
-    assert sigma[0] == pytest.approx(0.05)
+    assert sigma[0] == pytest.approx(0.05, rel=1e-3)  # after the first sample, which hardly informs of the bank
     assert sigma[500] < 0.01
 
 

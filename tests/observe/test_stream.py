@@ -124,7 +124,7 @@ def test_batch_does_not_change_the_stream(name):
 
 
 @each
-@pytest.mark.parametrize("fraction", [0.0, 0.2, 0.44, 0.6, 0.99])
+@pytest.mark.parametrize("fraction", [0.0, 0.34, 0.6])
 def test_resumed_observer_continues_bit_for_bit(name, fraction):
     record, o = SCENARIOS[name], observer()
     batch_result = batched(o, record)

@@ -12,8 +12,9 @@ import pytest
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Status
+from fifthwheel.plots import downsample
 from fifthwheel.report import write_report, write_states_report
-from fifthwheel.report.figures import downsample, time_series
+from fifthwheel.report.figures import time_series
 from fifthwheel.report.html import page
 from fifthwheel.report.text.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY, Page

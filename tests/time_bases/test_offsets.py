@@ -24,6 +24,9 @@ def stiffer(factor: float) -> Vehicle:
 
 
 VEHICLES = {"right": TRUCK, "30 % soft": stiffer(0.7), "40 % stiff": stiffer(1.4)}
+each_vehicle = pytest.mark.parametrize(
+    "vehicle", ["right", "30 % soft", pytest.param("40 % stiff", marks=pytest.mark.slow)]
+)
 
 
 @cache
@@ -56,7 +59,7 @@ def measured(record: Record, vehicle: Vehicle | None) -> dict[str, TimeOffset]:
     return {offset.name: offset for offset in measure_time_offsets(record, vehicle)}
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
+@each_vehicle
 @pytest.mark.parametrize("name", LOGS)
 def test_without_delays_nothing_is_significant(name, vehicle):
     offsets = measured(log(name), VEHICLES[vehicle])
@@ -66,7 +69,7 @@ def test_without_delays_nothing_is_significant(name, vehicle):
     assert not check_record(log(name))
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
+@each_vehicle
 @pytest.mark.parametrize("names", [(YAW2, ROLL2), (YAW2,), (YAW,), (STEER,)], ids=" ".join)
 @pytest.mark.parametrize("delay", [0.35, 0.8, 1.5])
 @pytest.mark.parametrize("name", LOGS)

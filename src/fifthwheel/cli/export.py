@@ -28,9 +28,8 @@ def c(
         list[str] | None,
         typer.Option(
             "--signal",
-            help="A signal that the control unit has; may be repeated. Default: speed, the steer angles that the "
-            "vehicle "
-            "file says, yaw rate and roll rate of every unit.",
+            help="A signal that the control unit has; may be repeated. Default: those of the identification, or speed, the "
+            "steer angles that the vehicle file says, yaw rate and roll rate of every unit.",
         ),
     ] = None,
     min_speed: Annotated[
@@ -48,10 +47,11 @@ def c(
     """
     from fifthwheel.export import FILES, export_c
     from fifthwheel.filters.initial_state import INITIAL_SIGMA
-    from fifthwheel.workflow import exported_observer, load_identification, read_vehicle
+    from fifthwheel.identify import Identification
+    from fifthwheel.workflow import exported_observer, read_vehicle
 
     truck = read_vehicle(vehicle)
-    stored = load_identification(identification) if identification else None
+    stored = Identification.load(identification) if identification else None
     observer = exported_observer(
         truck, signal, stored, min_speed=min_speed, bank=INITIAL_SIGMA["bank"] if bank else None
     )

@@ -85,6 +85,9 @@ def identify(
     states.parquet, report.html and run.json (digests of these files). --free, --prior, --consider, --any-load, --sensor
     and --form belong to the one-stage method.
     """
+    from fifthwheel.logs import start_reader
+
+    start_reader()
     from fifthwheel.identify import OneStage, TwoStage, article
     from fifthwheel.report import provenance_of_run, show_identification
     from fifthwheel.report.figures.static import checked_format

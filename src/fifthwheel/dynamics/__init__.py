@@ -1,16 +1,16 @@
 """The linear equations of motion of a chain of units: symbolic models for filters, and numerical analysis."""
 
 from fifthwheel.dynamics.analysis import (
-    Matrices,
     Mode,
     critical_speed,
     frequency_response,
-    matrices,
     modes,
     rearward_amplification,
     steady_state,
+    understeer_gradient,
 )
 from fifthwheel.dynamics.chain import state_names
+from fifthwheel.dynamics.matrices import Matrices, matrices
 from fifthwheel.dynamics.model import (
     CONTACT,
     STEER_RATE,
@@ -22,18 +22,21 @@ from fifthwheel.dynamics.model import (
     rate_input,
     steer_parameters,
 )
+from fifthwheel.dynamics.state_space import LinearSystem, linear_system
 
 __all__ = [
     "CONTACT",
     "STEER_RATE",
     "TIME_SCALE",
     "ChainModel",
+    "LinearSystem",
     "Matrices",
     "Mode",
     "all_parameters",
     "contact_input",
     "critical_speed",
     "frequency_response",
+    "linear_system",
     "matrices",
     "model",
     "modes",
@@ -42,4 +45,5 @@ __all__ = [
     "state_names",
     "steady_state",
     "steer_parameters",
+    "understeer_gradient",
 ]

@@ -7,13 +7,14 @@ one. The step is the Taylor series of the exact solution; its error is below 1e-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
-from fifthwheel.errors import SignalError
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -38,10 +39,40 @@ class ChainModel:
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
     known: tuple[str, ...]  # names of c
-    transition: ca.Function  # (x, dt, d, p, c) -> x+, the state dt seconds later
-    observation: ca.Function  # (x, d, p, c) -> y
-    state_jacobian: ca.Function  # (x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix
-    rates: ca.Function  # (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """All that determines the functions."""
+        return topology(self.vehicle), self.outputs, self.roll, self.free, self.bank, self.extended
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int, int]:
+        """Numbers of elements of x, d, p, c and y."""
+        return len(self.states), 2 * len(self.inputs), len(self.free), len(self.known), len(self.outputs)
+
+    @property
+    def transition(self) -> ca.Function:
+        """(x, dt, d, p, c) -> x+, the state dt seconds later."""
+        return self._functions.transition
+
+    @property
+    def observation(self) -> ca.Function:
+        """(x, d, p, c) -> y"""
+        return self._functions.observation
+
+    @property
+    def state_jacobian(self) -> ca.Function:
+        """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
+        return self._functions.state_jacobian
+
+    @property
+    def rates(self) -> ca.Function:
+        """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
+        return self._functions.rates
+
+    @lazy
+    def _functions(self) -> "_Functions":
+        return _build(self)
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name, SI."""
@@ -50,6 +81,15 @@ class ChainModel:
     def free_values(self, values: Mapping[str, float]) -> Array:
         """p from values by name, SI."""
         return np.array([values[name] for name in self.free], dtype=np.float64)
+
+
+class _Functions(NamedTuple):
+    """The functions of a model."""
+
+    transition: ca.Function
+    observation: ca.Function
+    state_jacobian: ca.Function
+    rates: ca.Function
 
 
 def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
@@ -152,32 +192,37 @@ def model(
     for name in outputs:
         if name == chain.BANK and bank:
             continue
-        sensors.unit_index(vehicle, name)
-        if not roll and SignalName.of(name).quantity in sensors.NEEDS_ROLL:
-            raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
+        sensors.require_available(vehicle, name, roll=roll)
     key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended)
     if key not in _models:
-        _models[key] = _build(vehicle, tuple(outputs), roll, tuple(free), bank, extended)
+        names = tuple(all_parameters(vehicle, outputs, extended=extended))
+        unknown = set(free) - set(names)
+        if unknown:
+            raise KeyError(f"no such parameters: {sorted(unknown)}")
+        steers = vehicle.steer_signals()
+        extension = (*map(contact_input, steers), *map(rate_input, steers)) if extended else ()
+        _models[key] = ChainModel(
+            vehicle=vehicle,
+            roll=roll,
+            bank=bank,
+            extended=extended,
+            states=chain.state_names(vehicle, roll=roll, bank=bank),
+            inputs=("speed", *steers, *extension),
+            outputs=tuple(outputs),
+            free=tuple(free),
+            known=tuple(name for name in names if name not in free),
+        )
     return _models[key]
 
 
-def _build(
-    vehicle: Vehicle, outputs: tuple[str, ...], roll: bool, free: tuple[str, ...], bank: bool, extended: bool
-) -> ChainModel:
-    """Build the symbolic functions; arguments as in `model`."""
-    names = tuple(all_parameters(vehicle, outputs, extended=extended))
-    unknown = set(free) - set(names)
-    if unknown:
-        raise KeyError(f"no such parameters: {sorted(unknown)}")
-    known = tuple(name for name in names if name not in free)
+def _build(model: ChainModel) -> _Functions:
+    """Build the symbolic functions."""
+    vehicle, roll, bank, extended = model.vehicle, model.roll, model.bank, model.extended
+    free, known, outputs, steers = model.free, model.known, model.outputs, model.vehicle.steer_signals()
     p, c = ca.SX.sym("p", len(free)), ca.SX.sym("c", len(known))
     value = dict(zip(free, ca.vertsplit(p), strict=True)) if free else {}
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
-    states, steers = chain.state_names(vehicle, roll=roll, bank=bank), vehicle.steer_signals()
-    inputs = ("speed", *steers)
-    if extended:
-        inputs = (*inputs, *map(contact_input, steers), *map(rate_input, steers))
-    n, m, k = len(states), len(steers), len(inputs)
+    n, m, k = len(model.states), len(steers), len(model.inputs)
     x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
     measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
@@ -207,33 +252,13 @@ def _build(
     rates = (A @ x + B @ (before + correction), A @ later + B @ (after + correction))
     matrix = transition_matrix(A, duration, order)
 
-    speed = d[k]
-    A, B = equations.state_space(speed)
-    rate = A @ x + B @ after
-    motion = chain.motion(value, vehicle, x, speed, roll=roll, bank=bank)
-    velocity_rates = rate[list(equations.velocities)]
-    centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
-    sensed = sensors.SensorInputs(
-        p=value,
-        vehicle=vehicle,
-        motion=motion,
-        acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
-        speed=speed,
-        steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
-        roll=roll,
-        changing=(ca.vertcat(x, measured_after), ca.vertcat(rate, d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m))),
+    sensed = sensors.sensor_inputs(value, vehicle, equations, x, d[k], after, roll=roll, bank=bank)
+    steer_rate = d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m)
+    sensed = sensed._replace(
+        changing=(ca.vertcat(x, measured_after), ca.vertcat(sensed.changing[1], steer_rate)),
     )
     y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
-    return ChainModel(
-        vehicle=vehicle,
-        roll=roll,
-        bank=bank,
-        extended=extended,
-        states=states,
-        inputs=inputs,
-        outputs=outputs,
-        free=free,
-        known=known,
+    return _Functions(
         transition=ca.Function("transition", [x, dt, d, p, c], [transition]),
         observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
         state_jacobian=ca.Function("state_jacobian", [x, dt, d, p, c], [matrix]),

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from fifthwheel.dynamics.chain import BANK, Motion
+from fifthwheel.dynamics import chain
+from fifthwheel.dynamics.chain import BANK, Equations, Motion
 from fifthwheel.dynamics.unit_equations import mass_matrix, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
@@ -29,6 +30,45 @@ class SensorInputs(NamedTuple):
     steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
     roll: bool  # whether the model has roll
     changing: tuple[ca.SX, ca.SX]  # symbols that change with time, and their derivatives
+
+
+def sensor_inputs(
+    p: Mapping[str, ca.SX],
+    vehicle: Vehicle,
+    equations: Equations,
+    x: ca.SX,
+    speed: ca.SX,
+    steer: ca.SX,
+    *,
+    roll: bool,
+    bank: bool = False,
+) -> SensorInputs:
+    """The quantities at one instant from state, speed and steer angles.
+
+    Args:
+        p: parameters of the vehicle and of the sensors, by name.
+        vehicle: units, axles and couplings; its numbers are not used.
+        equations: of motion.
+        x: state (n,).
+        speed: m/s.
+        steer: true angle of each steered axle (k,), rad.
+        roll, bank: as in `chain.state_names`.
+    """
+    A, B = equations.state_space(speed)
+    rate, names = A @ x + B @ steer, vehicle.steer_signals()
+    motion = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
+    velocity_rates = rate[list(equations.velocities)]
+    centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
+    return SensorInputs(
+        p=p,
+        vehicle=vehicle,
+        motion=motion,
+        acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
+        speed=speed,
+        steer=dict(zip(names, ca.vertsplit(steer), strict=True)) if names else {},
+        roll=roll,
+        changing=(x, rate),
+    )
 
 
 def _lateral_velocity(inputs: SensorInputs, i: int, name: str) -> ca.SX:
@@ -54,15 +94,11 @@ def _lateral_acceleration(inputs: SensorInputs, i: int, name: str) -> ca.SX:
 
 
 def _articulation(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    if i == 0:
-        raise SignalError(f"{name}: the first unit has no articulation angle; name a unit behind a coupling")
     return inputs.motion.heading[i] - inputs.motion.heading[i - 1]
 
 
 def _coupling_force(inputs: SensorInputs, i: int, name: str) -> ca.SX:
     """Side force of the coupling on the unit behind it, N: inertia forces less tyre forces of all units behind it."""
-    if i == 0:
-        raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     total = ca.SX(0)
     for k in range(i, len(inputs.vehicle.units)):
         unit, motion = inputs.vehicle.units[k], inputs.motion
@@ -100,6 +136,9 @@ QUANTITIES: dict[str, Quantity] = {
 RATES = frozenset({"yaw_rate", "roll_rate"})
 """Quantities that a gyro measures."""
 
+NEEDS_COUPLING = frozenset({"articulation", "coupling_force"})
+"""Quantities that only a unit behind a coupling has."""
+
 NEEDS_ROLL = frozenset({"roll_rate", "roll"})
 """Quantities that only the yaw-roll model has."""
 
@@ -116,6 +155,13 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
     if signal.unit not in units:
         raise SignalError(f"{name}: {vehicle.name} has no unit {signal.unit!r}; {suggestion(signal.unit, units)}")
     return units.index(signal.unit)
+
+
+def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
+    """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
+    unit_index(vehicle, name)
+    if not roll and SignalName.of(name).quantity in NEEDS_ROLL:
+        raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
 
 
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:

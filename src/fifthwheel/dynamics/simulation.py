@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 
 
 def linear_response(
@@ -36,17 +36,12 @@ def linear_response(
     return samples[:, : len(model.states)], samples[:, len(model.states) :]
 
 
-_simulators: dict[ChainModel, Scan] = {}
-
-
-def _simulator(model: ChainModel) -> Scan:
+@compiled(Scan)
+def _simulator(model: ChainModel) -> ca.Function:
     """The compiled step: carry = x; sample = [dt, d]; constant = c; output = [x+, y]."""
-    if model not in _simulators:
-        n, k, c = len(model.states), 2 * len(model.inputs), len(model.known)
-        x, row, constant = ca.SX.sym("x", n), ca.SX.sym("row", 1 + k), ca.SX.sym("c", c)
-        no_p = ca.SX(0, 1)
-        later = model.transition(x, row[0], row[1:], no_p, constant)
-        y = model.observation(later, row[1:], no_p, constant)
-        step = ca.Function("simulate", [x, row, constant], [later, ca.vertcat(later, y)], {"cse": True})
-        _simulators[model] = Scan(step)
-    return _simulators[model]
+    n, k, c = len(model.states), 2 * len(model.inputs), len(model.known)
+    x, row, constant = ca.SX.sym("x", n), ca.SX.sym("row", 1 + k), ca.SX.sym("c", c)
+    no_p = ca.SX(0, 1)
+    later = model.transition(x, row[0], row[1:], no_p, constant)
+    y = model.observation(later, row[1:], no_p, constant)
+    return ca.Function("simulate", [x, row, constant], [later, ca.vertcat(later, y)], {"cse": True})

@@ -27,6 +27,26 @@ class RollBody(NamedTuple):
     damping: ca.SX  # C*, N m s/rad, dampers and tyres in series
 
 
+class GroupRoll(NamedTuple):
+    """Suspension and tyres of an axle group in series."""
+
+    stiffness: ca.SX  # K*, N m/rad
+    damping: ca.SX  # C*, N m s/rad
+
+
+def group_roll(p: Mapping[str, ca.SX], path: str) -> GroupRoll:
+    """K* and C* of an axle group; see `roll_body`.
+
+    Args:
+        p: parameters by path.
+        path: of the group.
+    """
+    suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
+    fraction = tyres / (suspension + tyres)
+    damping = p[f"{path}.roll_damping"] * fraction * fraction
+    return GroupRoll(stiffness=suspension * tyres / (suspension + tyres), damping=damping)
+
+
 def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
     """m_s h, I_sx'x', I_sxz, K* and C* of a unit, laden by equations (8) and (9) of the article.
 
@@ -41,11 +61,9 @@ def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
     body = laden(p, unit)
     stiffness, damping = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
-        path = unit.group_path(group)
-        suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
-        stiffness += suspension * tyres / (suspension + tyres)
-        fraction = tyres / (suspension + tyres)
-        damping += p[f"{path}.roll_damping"] * fraction * fraction
+        of_group = group_roll(p, unit.group_path(group))
+        stiffness += of_group.stiffness
+        damping += of_group.damping
     return RollBody(
         moment=body.mass * (body.cog_height - p[f"{unit.name}.roll_axis_height"]),
         inertia=body.roll_inertia,

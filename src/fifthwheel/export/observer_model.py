@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics import chain
+from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
@@ -45,9 +45,8 @@ def header(observer: Observer) -> str:
 def source(observer: Observer) -> str:
     """The step of the filter, the matrices of the vehicle and all constants, for the private header."""
     settings, vehicle = observer.settings, observer.vehicle
-    states = dynamics.matrices(vehicle, 20.0, roll=observer.roll).states
+    states = state_names(vehicle, roll=observer.roll)
     floor = [INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states]
-    floor += [] if settings.bank is None else [settings.bank**2]
     critical = dynamics.critical_speed(vehicle, roll=observer.roll)
     errors, steered = settings.sensor_errors, vehicle.steer_signals()
     numbers = {
@@ -57,6 +56,7 @@ def source(observer: Observer) -> str:
         "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
         "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
+        "BANK_SIGMA": 0.0 if settings.bank is None else settings.bank,
     }
     times = {"HOLD": settings.hold, "MAX_GAP": settings.max_gap, "COAST": settings.coast}
     tables = {
@@ -83,7 +83,7 @@ def source(observer: Observer) -> str:
             "",
             *(_table(name, values) for name, values in tables.items()),
             "",
-            c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b")),
+            c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
             c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
         ]
     )
@@ -95,11 +95,12 @@ def _table(name: str, values: Iterable[float]) -> str:
 
 
 def _matrices(observer: Observer) -> ca.Function:
-    """speed -> A (n, n) and B (n, k) by rows, with the numbers of the vehicle."""
-    speed = ca.SX.sym("speed")
+    """speed -> A (n, n) and B (n, k) by rows, and the effect (n,) of the bank, with the numbers of the vehicle."""
+    speed, n = ca.SX.sym("speed"), len(state_names(observer.vehicle, roll=observer.roll))
     values = {name: ca.SX(value) for name, value in observer.vehicle.parameters().items()}
-    A, B = chain.equations(values, observer.vehicle, roll=observer.roll).state_space(speed)
-    return ca.Function("matrices", [speed], [ca.vec(ca.densify(m).T) for m in (A, B)], {"cse": True})
+    A, B = equations(values, observer.vehicle, roll=observer.roll, bank=True).state_space(speed)
+    parts = A[:n, :n], B[:n, :], A[:n, n]
+    return ca.Function("matrices", [speed], [ca.vec(ca.densify(part).T) for part in parts], {"cse": True})
 
 
 def _step(observer: Observer) -> ca.Function:

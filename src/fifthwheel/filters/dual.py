@@ -11,7 +11,6 @@ The filter estimates scaled parameters z of order one with the prior N(0, 1): p 
 logarithmic parameter, p = centre + scale * z otherwise. z stays within bounds.
 """
 
-import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -21,7 +20,7 @@ from fifthwheel._types import Array
 from fifthwheel.filters.kalman import Noise, channel_columns, observe, predict
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
 from fifthwheel.filters.update import ChannelUpdate, gate, joseph, positive_semidefinite
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 
 PRECISION = 1e-11
 """Smallest noise variance of a channel, relative to the variance that is caused by the parameters."""
@@ -122,8 +121,8 @@ def symbolic_to_p(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale:
     )
 
 
-@functools.cache
-def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
+@compiled(Scan)
+def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> ca.Function:
     """The compiled step of both filters.
 
     carry = `DualState.vector`; sample = [dt, d, y, weight];
@@ -186,10 +185,8 @@ def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> Scan:
     Pz = positive_semidefinite(Pz)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V), walk)
     output = [z, ca.diag(Pz), channel_columns(channels), *sensitivities]
-    return Scan(
-        ca.Function(
-            "dual", [carry, sample, constant], [ca.densify(carried), ca.densify(ca.vertcat(*output))], {"cse": True}
-        )
+    return ca.Function(
+        "dual", [carry, sample, constant], [ca.densify(carried), ca.densify(ca.vertcat(*output))], {"cse": True}
     )
 
 

@@ -28,9 +28,9 @@ STEER_BANDWIDTH = 0.4
 
 
 def steady_initial_state(
-    vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool
+    vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool, bank: float = 0.0
 ) -> tuple[Array, dynamics.Matrices]:
-    """Steady state (n,) of constant inputs, zero for an unstable vehicle, and the matrices of the vehicle.
+    """Steady state (n,) of constant inputs, zero for an unstable vehicle, and the matrices with the bank as a state.
 
     Args:
         vehicle: with its numbers.
@@ -38,18 +38,34 @@ def steady_initial_state(
         errors: known offsets and gains of the steer sensors, such as "steer.tractor.front.offset", and values of
             parameters that replace those of the vehicle.
         roll: yaw and roll, or yaw only.
+        bank: of the road, rad.
     """
     parameters = vehicle.parameters()
     changed = {name: value for name, value in errors.items() if name in parameters}
-    m = dynamics.matrices(vehicle, inputs["speed"], roll=roll, changed=changed)
+    m = dynamics.matrices(vehicle, inputs["speed"], roll=roll, bank=True, changed=changed)
     steer = np.array(
         [
             errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0))
             for name in vehicle.steer_signals()
         ]
     )
-    stable = np.linalg.eigvals(m.A).real.max() < 0
-    return (-np.linalg.solve(m.A, m.B @ steer) if stable else np.zeros(len(m.A))), m
+    return _equilibrium(m, m.B[:-1] @ steer + m.A[:-1, -1] * bank), m
+
+
+def _equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
+    """x (n,) with A x + excitation = 0, without the bank; zero for an unstable vehicle."""
+    A = m.A[:-1, :-1]
+    stable = np.linalg.eigvals(A).real.max() < 0
+    return np.asarray(-np.linalg.solve(A, excitation) if stable else np.zeros(len(A)), dtype=np.float64)
+
+
+def bank_effect(m: dynamics.Matrices) -> Array:
+    """Change (n + 1,) of the steady state per rad of bank, with the bank as the last state.
+
+    Args:
+        m: with the bank as a state.
+    """
+    return np.append(_equilibrium(m, m.A[:-1, -1]), 1.0)
 
 
 def initial_state(
@@ -64,7 +80,9 @@ def initial_state(
     """State (n,) at the first sample and its covariance (n, n).
 
     The state is the steady state of the first steer angles. The record may start within a manoeuvre. Therefore the
-    covariance is the sum of `INITIAL_SIGMA` and the stationary covariance under random steer angles.
+    covariance is the sum of `INITIAL_SIGMA` and the stationary covariance under random steer angles. The bank moves all
+    states to its own steady state: otherwise a truck in equilibrium on a banked road would look like one on a level
+    road.
 
     Args:
         vehicle, inputs, errors, roll: as in `steady_initial_state`; inputs of the first sample.
@@ -72,11 +90,12 @@ def initial_state(
         bank: standard deviation of the bank of the road, rad, if the bank is a state.
     """
     x0, m = steady_initial_state(vehicle, inputs, errors, roll=roll)
-    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states])
+    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:-1]])
     P0 = floor + steer_sigma**2 * random_steer_covariance(m)
     if bank is None:
         return x0, P0
-    return np.append(x0, 0.0), np.pad(P0, (0, 1)) + np.diag([*[0.0] * len(x0), bank**2])
+    effect = bank * bank_effect(m)
+    return np.append(x0, 0.0), np.pad(P0, (0, 1)) + np.outer(effect, effect)
 
 
 def random_steer_covariance(m: dynamics.Matrices) -> Array:
@@ -84,10 +103,13 @@ def random_steer_covariance(m: dynamics.Matrices) -> Array:
 
     The steer angle is white noise through a first-order low-pass of `STEER_BANDWIDTH`. The eigenvectors of A solve the
     Lyapunov equation A P + P A' + Q = 0 of low-pass and vehicle.
+
+    Args:
+        m: with the bank as a state.
     """
-    n, rate = len(m.A), 2 * np.pi * STEER_BANDWIDTH
+    n, rate = len(m.A) - 1, 2 * np.pi * STEER_BANDWIDTH
     A = np.zeros((n + 1, n + 1))
-    A[:n, :n], A[:n, n], A[n, n] = m.A, m.B[:, 0], -rate
+    A[:n, :n], A[:n, n], A[n, n] = m.A[:n, :n], m.B[:n, 0], -rate
     values, vectors = np.linalg.eig(A)
     if values.real.max() >= 0:
         return np.zeros((n, n))

@@ -26,7 +26,7 @@ from fifthwheel.filters.dual import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.filters.kalman import Noise, observe, predict
 from fifthwheel.filters.model import Model, pack, packed_size, sizes, split, unpack
 from fifthwheel.filters.update import gate, joseph
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 
 LANES = 2
 """The filter and the filter that repeats its samples; in one vector register they cost little more than one filter."""
@@ -60,8 +60,8 @@ class Layout:
         """All that does not belong to the state."""
 
 
-@functools.cache
-def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> Scan:
+@compiled(functools.partial(Scan, lanes=LANES))
+def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
     """The compiled step of the joint filter.
 
     carry = `Layout`; sample = [dt, d, y, weight, learn, zl]; constant = `constants`;
@@ -147,7 +147,7 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> Scan:
     valid = ca.logic_and(ca.sumsqr(estimate) <= MAX_ESTIMATE**2, ca.mmin(ca.diag(Pz)) > 0)  # false if not a number
     carried = ca.vertcat(x, pack(P), ca.vec(V), ca.if_else(valid, estimate, previous))
     output = ca.densify(ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid))))
-    return Scan(ca.Function("joint", [carry, sample, constant], [ca.densify(carried), output], {"cse": True}), LANES)
+    return ca.Function("joint", [carry, sample, constant], [ca.densify(carried), output], {"cse": True})
 
 
 def _sensitivity(
@@ -203,8 +203,8 @@ def constants(c: Array, noise: Noise, scaling: Scaling, walk: Array) -> Array:
     return np.column_stack([first, second])
 
 
-@functools.cache
-def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int) -> Scan:
+@compiled(functools.partial(Scan, lanes=LANES))
+def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
     """The compiled outputs of `report` at the filter's state, with variances that contain those of the parameters.
 
     carry = `Layout`, unchanged; sample = d; constant = [c of the report, centre, scale];
@@ -236,4 +236,4 @@ def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: 
         rho = psi[n_z:] + psi[:n_z] @ B
         variances.append(row @ P[:n_states, :n_states] @ row.T + psi[:n_z] @ Pz @ psi[:n_z].T + ca.sumsqr(rho))
     output = ca.densify(ca.vertcat(reported, *variances))
-    return Scan(ca.Function("view", [carry, d, constant], [carry, output], {"cse": True}), LANES)
+    return ca.Function("view", [carry, d, constant], [carry, output], {"cse": True})

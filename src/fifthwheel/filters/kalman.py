@@ -3,7 +3,6 @@
 Kalman (1960); equations (3)-(6) of Cheng and Cebon (2011). For a linear model it is the Kalman filter.
 """
 
-import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -12,7 +11,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
 from fifthwheel.filters.update import ChannelUpdate, gate, joseph
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,8 +114,8 @@ def channel_columns(channels: list[ChannelUpdate]) -> ca.SX:
     return ca.vertcat(*[channel[i] for i in range(3) for channel in channels])
 
 
-@functools.cache
-def kalman_step(model: Model) -> Scan:
+@compiled(Scan)
+def kalman_step(model: Model) -> ca.Function:
     """The compiled step of the filter.
 
     carry = [x, P]; sample = [dt, d, y, weight]; constant = [p, c, Q, R, gate^2];
@@ -140,9 +139,7 @@ def kalman_step(model: Model) -> Scan:
     after, P_after, channels, _ = correct(before, P_before, predicted, H, y, weight, r, limit)
     carried = ca.vertcat(after, pack(P_after))
     output = ca.vertcat(carried, channel_columns(channels), before, pack(P_before))
-    return Scan(
-        ca.Function("kalman", [carry, sample, constant], [ca.densify(carried), ca.densify(output)], {"cse": True})
-    )
+    return ca.Function("kalman", [carry, sample, constant], [ca.densify(carried), ca.densify(output)], {"cse": True})
 
 
 def run_kalman(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Hashable, Sequence
-from typing import Protocol
+from typing import Protocol, cast
 
 import casadi as ca
 import numpy as np
@@ -16,9 +16,10 @@ class Model(Hashable, Protocol):
     transition: (x, dt, d, p, c) -> x+, the state dt seconds later; observation: (x, d, p, c) -> y.
     x is the state, d the inputs of a sample, p the parameters that can be estimated, c all other parameters.
 
-    Two attributes are optional. `state_jacobian`, with the arguments of the transition, gives dx+/dx with fewer
-    operations than automatic differentiation. `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a
-    step, gives dx+/dp by the trapezoidal rule with few operations.
+    Some attributes are optional. `sizes` are those of the function `sizes`. `identity`, plain values, identifies the
+    model for the cache of machine code (`native.step`). `state_jacobian`, with the arguments of the transition, gives
+    dx+/dx with fewer operations than automatic differentiation. `rates`, (x, x+, dt, d, p, c) -> x' at the beginning
+    and at the end of a step, gives dx+/dp by the trapezoidal rule with few operations.
     """
 
     @property
@@ -29,6 +30,8 @@ class Model(Hashable, Protocol):
 
 def sizes(model: Model) -> tuple[int, int, int, int, int]:
     """Numbers of elements of x, d, p, c and y."""
+    if given := getattr(model, "sizes", None):
+        return cast(tuple[int, int, int, int, int], given)
     n_x, _, n_d, n_p, n_c = (model.transition.numel_in(i) for i in range(5))
     return n_x, n_d, n_p, n_c, model.observation.numel_out(0)
 

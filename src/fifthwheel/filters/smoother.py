@@ -5,7 +5,6 @@ covariance, so the process noise may be zero. Without process noise the smoothed
 which starts at the initial state with the best fit to the record.
 """
 
-import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -14,7 +13,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +24,8 @@ class Smoothed:
     covariance: Array  # (N, n, n)
 
 
-@functools.cache
-def smoother_step(model: Model, report: Model | None = None) -> Scan:
+@compiled(Scan)
+def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     """The compiled backward step of the smoother.
 
     carry = [adjoint state, adjoint covariance, dt, d] of the following row;
@@ -66,7 +65,7 @@ def smoother_step(model: Model, report: Model | None = None) -> Scan:
         information = ca.mtimes([correction.T, information, correction]) + used * row.T @ row / channel.variance
     carried = ca.vertcat(adjoint, pack(information), dt, d)
     outputs = [ca.densify(carried), ca.densify(ca.vertcat(*results))]
-    return Scan(ca.Function("smoother", [carry, sample, constant], outputs, {"cse": True}))
+    return ca.Function("smoother", [carry, sample, constant], outputs, {"cse": True})
 
 
 def run_smoother(

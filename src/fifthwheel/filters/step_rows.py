@@ -1,6 +1,5 @@
 """Rows of a compiled step from a record."""
 
-import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,8 +11,9 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.filters.model import sample_rows
+from fifthwheel.filters.spline import Spline
 from fifthwheel.names import SignalName
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -52,12 +52,12 @@ def play_contact(steer: Array, play: float) -> Array:
     return np.concatenate([[0.0], contacts[:, 0]])
 
 
-@functools.cache
-def _contact_step() -> Scan:
+@compiled(Scan)
+def _contact_step() -> ca.Function:
     """carry = the contact; sample = the change of the steer angle; constant = the play."""
     contact, change, width = (ca.SX.sym(name) for name in ("contact", "change", "width"))
     later = ca.fmin(0.5, ca.fmax(-0.5, contact + change / width))
-    return Scan(ca.Function("contact", [contact, change, width], [later, later]))
+    return ca.Function("contact", [contact, change, width], [later, later])
 
 
 def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:
@@ -97,14 +97,12 @@ def _shifted(time: Array, values: Array, delay: float) -> tuple[Array, Array]:
 
     A cubic spline is differentiable with respect to the delay; linear interpolation has kinks, at which a search stops.
     """
-    from scipy.interpolate import CubicSpline  # slow to import
-
     if len(time) < 4:
         return np.interp(time + delay, time, values), np.zeros_like(time)
-    spline, at = CubicSpline(time, values), time + delay
+    at = time + delay
     inside = (at >= time[0]) & (at <= time[-1])
-    at = np.clip(at, time[0], time[-1])
-    return (values if delay == 0 else np.asarray(spline(at))), np.where(inside, spline(at, 1), 0.0)
+    shifted, rate = Spline(time, values)(np.clip(at, time[0], time[-1]))
+    return (values if delay == 0 else shifted), np.where(inside, rate, 0.0)
 
 
 def step_rows(

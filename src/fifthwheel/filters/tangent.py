@@ -7,7 +7,6 @@ Both steps give innovations. Those of the free-running model are y - h(x) - d, w
 is a first-order process, predicted from the residuals before (`identify.noise_model`): they are white.
 """
 
-import functools
 import os
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack
-from fifthwheel.native import DirectionScan
+from fifthwheel.native import DirectionScan, compiled
 
 CHUNK = 2_000
 """Number of rows in one pass; it bounds the memory for long records."""
@@ -36,7 +35,7 @@ def _with_directions(
     constant: tuple[ca.SX, ca.SX],
     later: tuple[ca.SX, ca.SX],
     output: tuple[ca.SX, ca.SX],
-) -> DirectionScan:
+) -> ca.Function:
     """The step (carry, sample, constant) -> (carry, output), and its derivative along directions.
 
     Of each pair, the first vector is differentiated, and the second does not depend on the directions.
@@ -46,17 +45,16 @@ def _with_directions(
     derivative = ca.jtimes(ca.vertcat(later[0], output[0]), by, along)
     n = later[0].shape[0]
     results = [ca.vertcat(*later), ca.vertcat(*output), derivative[:n], derivative[n:]]
-    step = ca.Function(
+    return ca.Function(
         name,
         [ca.vertcat(*carry), sample, ca.vertcat(*constant), carry_dot, p_dot],
         [ca.densify(result) for result in results],
         {"cse": True},
     )
-    return DirectionScan(step)
 
 
-@functools.cache
-def simulation_tangent(model: Model) -> DirectionScan:
+@compiled(DirectionScan)
+def simulation_tangent(model: Model) -> ca.Function:
     """The free-running model with a discrepancy d of variance q and time constant tau for each channel.
 
     carry = [x, d, variance of d]; sample = [dt, d, y, weight]; constant = [p, c, r, q, tau];
@@ -91,8 +89,8 @@ def simulation_tangent(model: Model) -> DirectionScan:
     )
 
 
-@functools.cache
-def innovations_tangent(model: Model) -> DirectionScan:
+@compiled(DirectionScan)
+def innovations_tangent(model: Model) -> ca.Function:
     """The Kalman filter.
 
     carry = [x, P]; sample = [dt, d, y, weight]; constant = [p, c, Q, R, gate^2];

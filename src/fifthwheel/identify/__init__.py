@@ -4,6 +4,7 @@
 predicts what an identification can achieve.
 """
 
+from fifthwheel._callable import make_callable
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.identify import identify
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
@@ -24,3 +25,5 @@ __all__ = [
     "article",
     "identify",
 ]
+
+make_callable(__name__, identify)

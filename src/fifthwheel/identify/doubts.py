@@ -1,13 +1,14 @@
 """Doubts: evidence in the logs against an assumption, and the estimates that depend on it.
 
 The score test (Rao 1948; "modification index" in econometrics) asks of every considered unknown c, which keeps its
-prior mean 0: would the residuals become smaller if it changed? With the gradient g of the loss and the Fisher
+prior mean 0: would the residuals become smaller if it changed? With the gradient g of the cost and the Fisher
 information H of the logs at the estimate, and with the covariance P = (I + H_ff)^-1 of the estimated unknowns f,
 
-    I_c = H_cc - H_cf P H_fc,      t = -g_c / sqrt(I_c),      z_c = -g_c / (1 + I_c),
+    I_c = H_cc - H_cf P H_fc,      s_c = g_c - H_cf P g_f,      t = -s_c / sqrt(I_c),      z_c = -s_c / (1 + I_c),
 
 t is N(0, 1) if the assumption holds, z_c is the change that the logs imply, in standard deviations of the prior, and
--P H_fc z_c is the change of the estimates that goes with it.
+-P H_fc z_c is the change of the estimates that goes with it. g_f is 0 at the minimum of the cost; it is not if part of
+gradient and information is left to other unknowns.
 """
 
 from collections.abc import Mapping, Sequence
@@ -91,7 +92,7 @@ def score_tests(
 
     Args:
         names: of the k unknowns.
-        gradient: of the loss without the prior (k,).
+        gradient: of the cost, with the prior (k,).
         information: H (k, k), without the prior.
         considered: names of the considered unknowns, whose z is 0.
     """
@@ -104,10 +105,11 @@ def score_tests(
         remaining = float(information[c, c] - information[c, free] @ towards)
         if remaining <= 1e-9 * max(float(information[c, c]), 1.0):
             continue
-        implied = -float(gradient[c]) / (1 + remaining)
+        score = float(gradient[c] - towards @ gradient[free])
+        implied = -score / (1 + remaining)
         shifts = np.zeros(len(names))
         shifts[free], shifts[c] = -towards * implied, implied
-        statistic = -float(gradient[c]) / float(np.sqrt(remaining))
+        statistic = -score / float(np.sqrt(remaining))
         tests.append(ScoreTest(name=names[c], statistic=statistic, implied=implied, shifts=shifts))
     return sorted(tests, key=lambda test: -abs(test.statistic))
 

@@ -10,7 +10,7 @@ minimises the weighted squares of y - y(theta) plus theta' S^-1 theta. Nothing e
 predicted are comparable with logs that were used for the identification.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,10 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.vehicle import Vehicle
 
+BLOCK = 4_000
+"""Number of samples that are processed together."""
+DECAYED = 1e-9
+"""The response to an initial state is left out once it has decayed to this fraction."""
 OUTLIER = 6.0
 """A residual beyond this multiple of the typical residual does not count in the fit of theta."""
 LEAST_EXPLAINED = 0.5
@@ -169,13 +173,38 @@ def _free_run(
     bank = INITIAL_SIGMA["bank"] if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
     response = linear_response(model, p, segment.time, inputs, x0)[1]
-    columns, sigma = _unit_responses(model, p, segment.time, inputs, np.sqrt(np.diag(P0)), unknowns)
+    columns, sigma = _unit_responses(model, p, segment.time, inputs, np.asarray(np.linalg.cholesky(P0)), unknowns)
     missing = np.full(len(segment.time), np.nan)
     measured = np.column_stack([segment.signals.get(name, missing) for name in model.outputs])
     deviation = np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs])
-    design = np.stack(columns, axis=-1) * np.array(sigma) / deviation[:, None]
     target = (measured - response) / deviation
-    return segment.time, measured, response + (design @ _robust_solution(design, target)) * deviation
+    design = _Design(len(target), columns, np.array(sigma) / deviation[:, None])
+    return segment.time, measured, response + design.prediction(_robust_solution(design, target)) * deviation
+
+
+@dataclass(frozen=True)
+class _Design:
+    """The design matrix (N, m, k) of a linear regression, in blocks of samples: it would not fit into memory."""
+
+    samples: int  # N
+    columns: Sequence[Array]  # k of (N_i, m); a shorter one is zero from there on
+    scale: Array  # (m, k) factor of each column
+
+    def blocks(self) -> Iterator[tuple[slice, Array, list[int]]]:
+        """Blocks of samples, their matrices (M, m, j), and the numbers of the j columns that are not zero."""
+        channels = len(self.scale)
+        for begin in range(0, self.samples, BLOCK):
+            rows = slice(begin, min(begin + BLOCK, self.samples))
+            active = [i for i, column in enumerate(self.columns) if len(column) > begin]
+            matrix = np.zeros((rows.stop - begin, channels, len(active)))
+            for j, i in enumerate(active):
+                column = self.columns[i][rows]
+                matrix[: len(column), :, j] = column
+            yield rows, matrix * self.scale[:, active], active
+
+    def prediction(self, theta: Array) -> Array:
+        """The product (N, m) with theta (k,)."""
+        return np.concatenate([matrix @ theta[active] for _, matrix, active in self.blocks()])
 
 
 def _unit_responses(
@@ -183,22 +212,30 @@ def _unit_responses(
     p: Mapping[str, float],
     time: Array,
     inputs: Mapping[str, Array],
-    initial_sigma: Array,
+    initial_factor: Array,
     unknowns: Sequence[Unknown],
 ) -> tuple[list[Array], list[float]]:
     """Responses (N, m) to a unit of each element of theta, and the prior standard deviation of each.
 
-    theta holds the initial states (n,), then the offsets of the steer angles and those of the outputs, as far as they
-    are among the unknowns.
+    theta holds z (n,) of the deviation L z of the initial state with the factor L (n, n), then the offsets of the steer
+    angles and those of the outputs, as far as they are among the unknowns. Responses to initial states end where they
+    have decayed.
     """
     straight = {name: np.zeros_like(time) for name in model.inputs[1:]}
 
-    def run(x0: Array | None, steer: Mapping[str, Array]) -> Array:
-        return linear_response(model, p, time, {**inputs, **steer}, x0)[1]
+    def run(x0: Array | None, steer: Mapping[str, Array], count: int = len(time)) -> Array:
+        channels = {name: values[:count] for name, values in {**inputs, **steer}.items()}
+        return linear_response(model, p, time[:count], channels, x0)[1]
 
     baseline = run(None, straight)
-    columns = [run(x0, straight) - baseline for x0 in np.eye(len(model.states))]
-    sigma = list(initial_sigma)
+    columns, count = [], min(BLOCK, len(time))
+    for x0 in initial_factor.T:
+        column = run(x0, straight, count) - baseline[:count]
+        while count < len(time) and not _decayed(column):
+            count = min(2 * count, len(time))
+            column = run(x0, straight, count) - baseline[:count]
+        columns.append(column)
+    sigma = [1.0] * len(columns)
     offsets = {u.name: u.scale for u in unknowns if u.per_log}
     for name in model.inputs[1:]:
         if f"{name}.offset" in offsets:
@@ -206,24 +243,35 @@ def _unit_responses(
             sigma.append(offsets[f"{name}.offset"])
     for name, column in zip(model.outputs, np.eye(len(model.outputs)), strict=True):
         if f"{name}.offset" in offsets:
-            columns.append(np.tile(column, (len(time), 1)))
+            columns.append(np.broadcast_to(column, (len(time), len(column))))
             sigma.append(offsets[f"{name}.offset"])
     return columns, sigma
 
 
-def _robust_solution(design: Array, target: Array) -> Array:
+def _decayed(response: Array) -> bool:
+    """Whether the second half of a response (N, m) is negligible."""
+    first, second = (np.abs(half).max(initial=0.0) for half in np.array_split(response, 2))
+    return bool(second <= DECAYED * first)
+
+
+def _robust_solution(design: _Design, target: Array) -> Array:
     """theta (k,) in units of its prior, by least squares in three iterations; outliers are left out.
 
     Args:
         design: (N, m, k), in units of noise and prior.
         target: (N, m), in units of noise; NaN where not measured.
     """
-    weight = np.isfinite(target).astype(float)
+    weight, k = np.isfinite(target).astype(float), len(design.columns)
     for _ in range(3):
-        rows, right = design * weight[..., None], np.where(weight > 0, target, 0.0)
-        normal = np.tensordot(rows, design, axes=([0, 1], [0, 1])) + np.eye(design.shape[-1])
-        solution = np.linalg.solve(normal, np.einsum("kmi,km->i", rows, right))
-        residual = np.abs(target - design @ solution)
+        normal, product = np.eye(k), np.zeros(k)
+        for rows, matrix, active in design.blocks():
+            if not active:
+                continue
+            weighted = (matrix * weight[rows, :, None]).reshape(-1, len(active))
+            normal[np.ix_(active, active)] += weighted.T @ matrix.reshape(-1, len(active))
+            product[active] += np.where(weight[rows] > 0, target[rows], 0.0).ravel() @ weighted
+        solution = np.asarray(np.linalg.solve(normal, product), dtype=np.float64)
+        residual = np.abs(target - design.prediction(solution))
         typical = max(1.0, float(np.nanmedian(residual) / 0.6745))
         weight = (np.nan_to_num(residual, nan=np.inf) < OUTLIER * typical).astype(float)
-    return np.asarray(solution)
+    return solution

@@ -12,7 +12,7 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.filters.initial_state import initial_state, steady_initial_state
+from fifthwheel.filters.initial_state import bank_effect, initial_state, steady_initial_state
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.vehicle import Vehicle
@@ -43,18 +43,31 @@ def initial_state_with_sensitivity(
 
 
 def steady_state(
-    model: ChainModel, vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float]
+    model: ChainModel,
+    vehicle: Vehicle,
+    inputs: Mapping[str, float],
+    values: Mapping[str, float],
+    bank: float = 0.0,
 ) -> Array:
-    """The steady state (n,) of constant inputs, with zero bank.
+    """The steady state (n,) of constant inputs.
 
     Args:
         model: which states there are.
         vehicle: its parameters.
         inputs: speed and steer angles by name.
         values: of model parameters, SI; they replace parameters of the vehicle and give steering offsets and gains.
+        bank: of the road, rad.
     """
-    x0, _ = steady_initial_state(vehicle, inputs, values, roll=model.roll)
-    return np.append(x0, 0.0) if model.bank else x0
+    x0, _ = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
+    return np.append(x0, bank) if model.bank else x0
+
+
+def steady_state_bank_slope(
+    model: ChainModel, vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float]
+) -> Array:
+    """Derivative (n,) of `steady_state` with respect to the bank, for a model with bank."""
+    _, m = steady_initial_state(vehicle, inputs, values, roll=model.roll)
+    return bank_effect(m)
 
 
 def steady_state_slopes(
@@ -63,6 +76,7 @@ def steady_state_slopes(
     inputs: Mapping[str, float],
     values: Mapping[str, float],
     unknowns: Sequence[Unknown],
+    bank: float = 0.0,
 ) -> Array:
     """Derivative of `steady_state` with respect to the values of k unknowns (k, n), by central differences.
 
@@ -75,7 +89,7 @@ def steady_state_slopes(
         if moved:
             step = 1e-4 * unknown.prior_sigma
             higher, lower = (
-                steady_state(model, vehicle, _delayed(inputs, change), {**values, **_added(values, change)})
+                steady_state(model, vehicle, _delayed(inputs, change), {**values, **_added(values, change)}, bank)
                 for change in ({name: s * rate for name, rate in moved.items()} for s in (step, -step))
             )
             row[:] = (higher - lower) / (2 * step)

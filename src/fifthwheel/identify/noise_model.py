@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.identify.nelder_mead import nelder_mead
 
 LONGEST_TIME_CONSTANT = 10.0
 """Of the discrepancy, s; a slower one is not separable from a sensor's offset."""
@@ -57,8 +58,6 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
         segments: residuals of each segment (N_i,), without missing samples.
         dt: sample interval, s.
     """
-    from scipy.optimize import minimize  # slow to import
-
     frequency, density, count = _binned_periodogram([s for s in segments if len(s) >= FEWEST_SAMPLES], dt)
     everything = np.concatenate(list(segments))
     total = max(float(np.mean(everything**2)), np.finfo(float).tiny)
@@ -84,12 +83,11 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
         for tau in (0.05, 0.2, 1.0, 4.0)
     ]
     start = min(starts, key=cost)
-    simplex = np.vstack([start, start + np.log(2) * np.eye(3)])  # the default one depends on the unit of the residuals
-    options = {"xatol": 1e-2, "fatol": 1e-2, "maxiter": 400, "initial_simplex": simplex}
-    best = minimize(cost, start, method="Nelder-Mead", options=options)
-    fitted = model(np.asarray(best.x))
+    simplex = np.vstack([start, start + np.log(2) * np.eye(3)])
+    best = nelder_mead(cost, simplex, tolerance=1e-2, iterations=400)
+    fitted = model(best.x)
     white = np.log([total, 1e-12 * total, 1.0])
-    if cost(white) <= best.fun + EVIDENCE:
+    if cost(white) <= best.value + EVIDENCE:
         return NoiseModel(white=total)
     return fitted
 

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import cumulative_simpson
-from scipy.interpolate import CubicSpline
 
 from fifthwheel._types import Array
 from fifthwheel.manoeuvres.courses import STANDARD_SPEED, Path, arc_length_grid, require_positive
@@ -57,6 +55,9 @@ class LaneChange:
 
         y(x) = offset [x / length - sin(2 pi x / length) / (2 pi)].
         """
+        from scipy.integrate import cumulative_simpson  # slow to import
+        from scipy.interpolate import CubicSpline
+
         require_positive("count", count)
         require_positive("speed", speed)
         offset, length = self.offset, self.length

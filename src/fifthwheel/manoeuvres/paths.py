@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
@@ -106,6 +105,8 @@ def _random_speed_limit(arc: Array, generator: np.random.Generator, speed: float
 
 def _driven_speed(arc: Array, curvature: Array, limit: Array) -> Array:
     """Highest speed (K,), m/s, within the limit (K,) and the accelerations of everyday driving."""
+    from scipy.ndimage import minimum_filter1d, uniform_filter1d  # slow to import
+
     squared = np.minimum(limit**2, LATERAL / np.maximum(np.abs(curvature), 1e-9))
     width = round(20 / ARC_STEP) | 1  # the mean of the minimum over the same 20 m nowhere exceeds the limit
     squared = np.maximum(minimum_filter1d(squared, width, mode="nearest"), MIN_EVERYDAY_SPEED**2)

@@ -2,5 +2,6 @@
 
 from fifthwheel.native.directions import Derivatives, DirectionScan
 from fifthwheel.native.scan import Scan, compile_in_background
+from fifthwheel.native.step import compiled
 
-__all__ = ["Derivatives", "DirectionScan", "Scan", "compile_in_background"]
+__all__ = ["Derivatives", "DirectionScan", "Scan", "compile_in_background", "compiled"]

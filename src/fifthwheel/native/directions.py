@@ -1,6 +1,7 @@
 """The compiled loop of a step and its directional derivatives over the samples of a record."""
 
 import ctypes
+import functools
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -8,7 +9,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native.direction_ir import direction_module
-from fifthwheel.native.scan import compiling, machine_code, workers
+from fifthwheel.native.scan import load, workers
+from fifthwheel.native.step import Step, compiling
 
 BUFFER = 400_000
 """Bytes of the values that pass from the nominal step to the derivatives; they stay in the processor's cache."""
@@ -34,17 +36,25 @@ class DirectionScan:
         lanes: number of directions in one vector register.
 
     Raises:
-        TypeError: the step has other inputs or outputs.
+        TypeError: the step has other inputs or outputs; for a `Step`, when it is built.
     """
 
-    def __init__(self, step: ca.Function, lanes: int = 8) -> None:
-        if step.n_in() != 5 or step.n_out() != 4:
-            raise TypeError(
-                f"{step.name()}: expected a step from (carry, sample, constant, carry_dot, constant_dot) to (carry, "
-                f"output, carry_dot, output_dot), got {step}"
-            )
-        self.step, self.lanes = step, lanes
+    def __init__(self, step: ca.Function | Step, lanes: int = 8) -> None:
+        self._step, self.lanes = Step.of(step), lanes
         self._compiled: _Compiled | None = None
+        if not isinstance(step, Step):
+            _check(step)
+
+    @property
+    def step(self) -> ca.Function:
+        """The CasADi function."""
+        _check(self._step.function)
+        return self._step.function
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of elements of the five inputs, then of the four outputs."""
+        return self._step.sizes
 
     def __call__(
         self, carry: Array, sample: Array, constant: Array, carry_dot: Array, constant_dot: Array, *, threads: int = 1
@@ -66,15 +76,15 @@ class DirectionScan:
         arrays = (carry, sample, constant, carry_dot, constant_dot)
         carry, sample, constant, carry_dot, constant_dot = (np.array(a, dtype=np.float64, order="C") for a in arrays)
         rows, directions = len(sample), len(carry_dot)
-        sizes = [self.step.numel_in(i) for i in range(5)]
+        sizes = self.sizes
         expected = [(sizes[0],), (rows, sizes[1]), (sizes[2],), (directions, sizes[3]), (directions, sizes[4])]
         for array, shape in zip((carry, sample, constant, carry_dot, constant_dot), expected, strict=True):
             if array.shape != shape:
                 raise TypeError(f"{self.step.name()}: expected an array of shape {shape}, got {array.shape}")
         compiled = self._compile()
         groups = -(-directions // self.lanes)
-        output = np.empty((rows, self.step.numel_out(1)))
-        output_dot = np.empty((rows, self.step.numel_out(3), groups, self.lanes))
+        output = np.empty((rows, sizes[6]))
+        output_dot = np.empty((rows, sizes[8], groups, self.lanes))
         dots = [self._to_lanes(array, groups) for array in (carry_dot, constant_dot)]
         count = max(min(threads, groups), 1)
         edges = np.linspace(0, groups, count + 1).astype(int).tolist()
@@ -101,7 +111,7 @@ class DirectionScan:
     def _compile(self) -> "_Compiled":
         with compiling:
             if self._compiled is None:
-                self._compiled = _Compiled(self.step, self.lanes)
+                self._compiled = _Compiled(self)
             return self._compiled
 
     def _to_lanes(self, array: Array, groups: int) -> Array:
@@ -111,13 +121,27 @@ class DirectionScan:
         return np.ascontiguousarray(padded.reshape(groups, self.lanes, array.shape[1]).transpose(0, 2, 1))
 
 
+def _check(step: ca.Function) -> None:
+    """A TypeError if a function is not a step with directions."""
+    if step.n_in() != 5 or step.n_out() != 4:
+        raise TypeError(
+            f"{step.name()}: expected a step from (carry, sample, constant, carry_dot, constant_dot) to (carry, "
+            f"output, carry_dot, output_dot), got {step}"
+        )
+
+
+def _translation(scan: DirectionScan) -> list[Any]:
+    return list(direction_module(scan.step, scan.lanes))
+
+
 class _Compiled:
     """The machine code of both loops."""
 
-    def __init__(self, step: ca.Function, lanes: int) -> None:
-        source, self.shared, self.fixed = direction_module(step, lanes)
-        self._code = machine_code(source)  # owns the memory of the code
-        address = self._code[1].get_function_address
+    def __init__(self, scan: DirectionScan) -> None:
+        translate = functools.partial(_translation, scan)
+        self._program = load(scan._step, f"directions {scan.lanes}", translate)  # owns the memory of the code
+        self.shared, self.fixed = self._program.numbers
+        address = self._program.engine.get_function_address
         word, pointer = ctypes.c_int64, ctypes.c_void_p
         self.nominal: Any = ctypes.CFUNCTYPE(None, *[word] * 2, *[pointer] * 6)(address("nominal"))
         self.directions: Any = ctypes.CFUNCTYPE(None, *[word] * 3, *[pointer] * 5)(address("directions"))

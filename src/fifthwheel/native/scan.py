@@ -3,9 +3,9 @@
 import ctypes
 import functools
 import os
-import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import llvmlite
@@ -14,12 +14,10 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native import cache, llvm_ir
+from fifthwheel.native.step import Step, compiling
 
 _OPTIMISATION = 1
 """Level of LLVM's code generator, 0 to 3; above 1 compilation takes longer and the code is not faster."""
-compiling = threading.RLock()
-"""Held while LLVM is used, and while the process forks: a child never starts with a lock of LLVM that a thread of its
-parent holds, and that nobody releases."""
 
 
 class Scan:
@@ -34,23 +32,42 @@ class Scan:
         lanes: number of vehicles in one vector register in `batch`.
 
     Raises:
-        TypeError: the step has other inputs or outputs.
+        TypeError: the step has other inputs or outputs; for a `Step`, when it is built.
     """
 
-    def __init__(self, step: ca.Function, lanes: int = 4) -> None:
-        self.step = step
+    def __init__(self, step: ca.Function | Step, lanes: int = 4) -> None:
+        self._step = Step.of(step)
         self.lanes = lanes
         self._compiled: dict[int, Any] = {}
         self._engines: list[Any] = []  # they own the memory of the code
-        if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != step.numel_in(0):
-            raise TypeError(
-                f"{step.name()}: expected a step from (carry, sample, constant) to (carry, output), got {step}"
-            )
-        patterns = [*map(step.sparsity_in, range(3)), *map(step.sparsity_out, range(2))]
-        if not all(pattern.is_dense() for pattern in patterns):
-            raise TypeError(f"{step.name()}: expected dense inputs and outputs, got sparse ones; use casadi.densify")
-        self.n_carry, self.n_sample, self.n_constant = (step.numel_in(i) for i in range(3))
-        self.n_output = step.numel_out(1)
+        if not isinstance(step, Step):
+            _check(step)
+
+    @property
+    def step(self) -> ca.Function:
+        """The CasADi function."""
+        _check(self._step.function)
+        return self._step.function
+
+    @property
+    def n_carry(self) -> int:
+        """Number of elements of the carry."""
+        return self._step.sizes[0]
+
+    @property
+    def n_sample(self) -> int:
+        """Number of elements of a sample."""
+        return self._step.sizes[1]
+
+    @property
+    def n_constant(self) -> int:
+        """Number of elements of the constant."""
+        return self._step.sizes[2]
+
+    @property
+    def n_output(self) -> int:
+        """Number of elements of an output."""
+        return self._step.sizes[4]
 
     def __call__(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
         """Process the record of one vehicle.
@@ -131,10 +148,10 @@ class Scan:
     def _compile(self, lanes: int) -> Any:
         with compiling:
             if lanes not in self._compiled:
-                code, engine = machine_code(llvm_ir.module(self.step, lanes))
-                self._engines.append((code, engine))
+                program = load(self._step, f"scan {lanes}", lambda: [llvm_ir.module(self.step, lanes)])
+                self._engines.append(program)
                 prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
-                self._compiled[lanes] = prototype(engine.get_function_address("scan"))
+                self._compiled[lanes] = prototype(program.engine.get_function_address("scan"))
             return self._compiled[lanes]
 
     def _to_lanes(self, array: Array) -> Array:
@@ -153,6 +170,15 @@ class Scan:
     def _expect(self, name: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
         if shape != expected:
             raise TypeError(f"{self.step.name()}: expected {name} of shape {expected}, got {shape}")
+
+
+def _check(step: ca.Function) -> None:
+    """A TypeError if a function is not a step."""
+    if step.n_in() != 3 or step.n_out() != 2 or step.numel_out(0) != step.numel_in(0):
+        raise TypeError(f"{step.name()}: expected a step from (carry, sample, constant) to (carry, output), got {step}")
+    patterns = [*map(step.sparsity_in, range(3)), *map(step.sparsity_out, range(2))]
+    if not all(pattern.is_dense() for pattern in patterns):
+        raise TypeError(f"{step.name()}: expected dense inputs and outputs, got sparse ones; use casadi.densify")
 
 
 @functools.cache
@@ -204,18 +230,47 @@ def _machine() -> Any:
     )
 
 
-def machine_code(source: str) -> tuple[bytes, Any]:
-    """Object code of LLVM assembly, from the cache or the compiler, and the engine that executes it."""
-    *_, platform = _platform()
-    key = cache.DIGEST(platform + b"\0" + source.encode()).digest()
-    code = cache.read(key)
+class Program(NamedTuple):
+    """Machine code in memory."""
+
+    code: bytes
+    """Object code; the engine refers to it."""
+    engine: Any
+    """Executes the code."""
+    numbers: list[int]
+    """What its callers need to know of the code."""
+
+
+def load(step: Step, form: str, translate: Callable[[], list[Any]]) -> Program:
+    """The program of a step, from the cache or the compiler.
+
+    Args:
+        step: what it computes.
+        form: of the translation.
+        translate: LLVM assembly, then the numbers of the program.
+    """
+    translation = functools.cache(translate)
+
+    def compute() -> list[Any]:
+        source, *numbers = translation()
+        return [_key(source).hex(), *numbers]
+
+    key, *numbers = step.recall(form, compute)
+    code = cache.read(bytes.fromhex(key))
     if code is None:
-        code = _compile(source)
-        cache.write(key, code)
+        key, *numbers = step.recall(form, compute, again=True)
+        code = _compile(translation()[0])
+        cache.write(bytes.fromhex(key), code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return code, engine
+    return Program(code, engine, numbers)
+
+
+def _key(source: str) -> bytes:
+    """Key of the object code of LLVM assembly on this machine."""
+    *_, platform = _platform()
+    return cache.DIGEST(platform + b"\0" + source.encode()).digest()
 
 
 def _compile(source: str) -> bytes:

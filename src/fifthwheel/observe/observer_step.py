@@ -1,14 +1,12 @@
 """The compiled step of an observer: a Kalman filter with reported outputs and a monitor of its consistency."""
 
-import functools
-
 import casadi as ca
 
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
-from fifthwheel.native import Scan
+from fifthwheel.native import Scan, compiled
 from fifthwheel.observe import monitor
 from fifthwheel.vehicle import Vehicle
 
@@ -28,8 +26,8 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
     return (*names, BANK) if bank else tuple(names)
 
 
-@functools.cache
-def observer_step(model: ChainModel, report: ChainModel) -> Scan:
+@compiled(Scan)
+def observer_step(model: ChainModel, report: ChainModel) -> ca.Function:
     """The compiled step: a Kalman filter of `model` with the outputs of `report` and their variances.
 
     carry = [x, P, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, settings of
@@ -56,4 +54,4 @@ def observer_step(model: ChainModel, report: ChainModel) -> Scan:
     monitored, findings = monitor.monitor(monitored, channels, weight, dt, limit, monitor_settings)
     carried = ca.vertcat(after, pack(P_after), monitored)
     output = ca.vertcat(reported, variances, kalman.channel_columns(channels), findings)
-    return Scan(ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True}))
+    return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})

@@ -50,9 +50,8 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
     points = SigmaPoints.of(observer, pairs)
     for segment in segments:
         for part, start, filtered in filtered_parts(observer, segment):
-            samples = part.samples
+            samples, rows = part.samples, part.rows
             output[samples] = filtered[part.sample_indices]
-            rows = part.rows.copy()
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
             run = partial(smoother_pass, model, observer.report, rows)
             if smooth:
@@ -64,6 +63,7 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
                 variance = parameter_variance(model, observer.report, points, start, rows, ungated)
             if pairs:
                 output[samples, n : 2 * n] += variance[part.sample_indices]
+            del part, filtered, rows, run  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
         inconsistent = within[:, -2] > settings.max_nis
@@ -72,24 +72,28 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
 
 
 def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterator[tuple[ObserverSegment, Array, Array]]:
-    """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs."""
+    """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs.
+
+    The rows of a part are its own.
+    """
     constant, start = observer.constant(), observer.start(segment.first)
-    carry, outputs, first, row = np.append(start, monitor.START), [], 0, 0
+    carry, first, row = np.append(start, monitor.START), 0, 0
+    outputs = np.empty((len(segment.rows), observer.scan.n_output))
     while row < len(segment.rows):
         end = row + CHUNK
         rows = segment.rows[row:end] if row > first else segment.part(first, end).rows
         carry, output = observer.scan(carry, rows, constant)
         restarts = np.flatnonzero(output[:, -1])
+        outputs[row:end] = output
         if not restarts.size:
-            outputs.append(output)
             row = end
             continue
         restart = int(restarts[0])
         row += restart
-        yield segment.part(first, row), start, np.concatenate([*outputs, output[:restart]])
-        first, outputs, start = row, [], observer.start(segment.inputs(row), suspect=True)
+        yield segment.part(first, row), start, outputs[first:row]
+        first, start = row, observer.start(segment.inputs(row), suspect=True)
         carry = np.append(start, monitor.after_restart(output[restart, -2]))
-    yield segment.part(first, row), start, np.concatenate(outputs)
+    yield segment.part(first, row), start, outputs[first:]
 
 
 def chunks(rows: Array) -> list[slice]:

@@ -11,7 +11,6 @@ The variance of a signal is the sum of the squares of its sensitivities along th
 covariance of the parameters.
 """
 
-import functools
 import os
 
 import casadi as ca
@@ -21,15 +20,15 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
-from fifthwheel.native import DirectionScan
+from fifthwheel.native import DirectionScan, compiled
 from fifthwheel.observe.sigma_points import SigmaPoints
 
-CHUNK = 4_000
+CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""
 
 
-@functools.cache
-def sensitivity_step(model: ChainModel, report: ChainModel) -> DirectionScan:
+@compiled(DirectionScan)
+def sensitivity_step(model: ChainModel, report: ChainModel) -> ca.Function:
     """The compiled step: `observer_step`, and the change of its reported signals along directions of the parameters.
 
     carry = [x, P]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report]; output = reported;
@@ -69,8 +68,7 @@ def sensitivity_step(model: ChainModel, report: ChainModel) -> DirectionScan:
         ca.substitute(reported_dot, state, after),
     ]
     arguments = [carry, sample, constant, x_dot, parameters_dot]
-    step = ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})
-    return DirectionScan(step)
+    return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})
 
 
 def parameter_directions(model: ChainModel, report: ChainModel, points: SigmaPoints) -> Array:
@@ -99,11 +97,11 @@ def parameter_variance(
         constant: of `observer_step`, with an infinite gate.
     """
     scan, directions = sensitivity_step(model, report), parameter_directions(model, report, points)
-    variances, carry, constant = [], start, constant[: scan.step.numel_in(2)]
-    carry_dot = np.zeros((len(directions), scan.step.numel_in(3)))
+    variances, carry, constant = [], start, constant[: scan.sizes[2]]
+    carry_dot = np.zeros((len(directions), scan.sizes[3]))
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
         result = scan(carry, chunk, constant, carry_dot, directions, threads=os.cpu_count() or 1)
-        variances.append((result.output_dot**2).sum(axis=-1))
+        variances.append(np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot))
         carry, carry_dot = result.carry, result.carry_dot
     return np.concatenate(variances)

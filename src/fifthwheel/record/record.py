@@ -3,16 +3,26 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fifthwheel._extras import require
+from fifthwheel._html import block
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.record.signal_names import checked_name
+from fifthwheel.plots import Plot
+from fifthwheel.record.display import channel_plot, channel_table
+from fifthwheel.record.read_only import ReadOnlyDict
+from fifthwheel.record.signal_names import REFERENCE, checked_name
 from fifthwheel.record.timestamps import require_increasing, typical_step
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHOWN_NAMES = 8
+"""The largest number of signals that the text of a record names."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -21,7 +31,17 @@ class Record:
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
     quantity.unit[.axle] (signal_names.py). Two records are equal if time, signals and reference are equal; name,
-    notes and time bases are not compared.
+    notes and time bases are not compared. In a notebook a record shows a table of its channels.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> record = fw.Record(time=[0, 0.1, 0.2], signals={"speed": [20.0, 20.1, 20.2]}, name="run")
+        >>> record
+        Record('run', 3 samples, 0 to 0.2 s at 10 Hz: speed)
+        >>> record.cut(0.1, 0.2).signals["speed"]
+        array([20.1, 20.2])
+        >>> record.to_pandas().columns.tolist()
+        ['speed']
     """
 
     time: Array
@@ -57,10 +77,10 @@ class Record:
                 if np.isinf(values).any():
                     at = time[np.isinf(values).argmax()]
                     raise SignalError(f"{name}: infinite at {at:.2f} s; mark missing samples with NaN")
-            object.__setattr__(self, part, MappingProxyType(columns))
+            object.__setattr__(self, part, ReadOnlyDict(columns))
         object.__setattr__(self, "notes", tuple(self.notes))
         known = {name: base for name, base in self.time_bases.items() if name in self.signals or name in self.reference}
-        object.__setattr__(self, "time_bases", MappingProxyType(known))
+        object.__setattr__(self, "time_bases", ReadOnlyDict(known))
 
     @property
     def span(self) -> tuple[float, float]:
@@ -135,13 +155,46 @@ class Record:
         """The record with these signals added; a signal of the same name is replaced."""
         return replace(self, signals={**self.signals, **{n: np.asarray(v, dtype=float) for n, v in signals.items()}})
 
+    def to_pandas(self) -> "pd.DataFrame":
+        """The signals as columns in SI over the time in s; reference signals are named "reference.<name>".
+
+        Raises:
+            FifthwheelError: pandas is not installed.
+        """
+        pandas = require("pandas", "pandas")
+        frame: pd.DataFrame = pandas.DataFrame(self._channels(), index=pandas.Index(self.time, name="time"))
+        return frame
+
+    def plot(self, *names: str) -> Plot:
+        """Signals over time, one panel for each quantity; reference signals are dashed.
+
+        Args:
+            names: signals, or "reference.<name>"; all by default.
+
+        Raises:
+            SignalError: a name is not in the record.
+        """
+        return channel_plot(self.time, self._channels(), names, self.name)
+
+    def _channels(self) -> dict[str, Array]:
+        """Signals and reference signals by name, the latter with "reference."."""
+        return {**self.signals, **{REFERENCE + name: values for name, values in self.reference.items()}}
+
     def __len__(self) -> int:
         return int(self.time.size)
 
-    def __repr__(self) -> str:
+    def _extent(self) -> str:
         first, last = self.span
-        names = ", ".join(self.signals)
-        return f"Record({self.name!r}, {len(self)} samples, {first:g} to {last:g} s at {self.rate:.3g} Hz: {names})"
+        return f"{len(self)} samples, {first:g} to {last:g} s at {self.rate:.3g} Hz"
+
+    def __repr__(self) -> str:
+        names, more = list(self.signals)[:SHOWN_NAMES], len(self.signals) - SHOWN_NAMES
+        listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        return f"Record({self.name!r}, {self._extent()}: {listed})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table of the channels."""
+        return block(self.name, self._extent(), channel_table(self.time, self._channels()), *self.notes)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):

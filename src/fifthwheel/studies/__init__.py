@@ -1,1 +1,31 @@
-"""Studies: published work reproduced with this package."""
+"""Monte Carlo studies, and published studies reproduced with this package."""
+
+from fifthwheel.studies.estimators import (
+    Estimates,
+    Estimator,
+    Identified,
+    Learned,
+    ParameterEstimate,
+    StateEstimator,
+    StateHistory,
+    StatesOf,
+    observer,
+)
+from fifthwheel.studies.monte_carlo import study
+from fifthwheel.studies.scenarios import SimulatedRun, exact_guess, initial_guess
+
+__all__ = [
+    "Estimates",
+    "Estimator",
+    "Identified",
+    "Learned",
+    "ParameterEstimate",
+    "SimulatedRun",
+    "StateEstimator",
+    "StateHistory",
+    "StatesOf",
+    "exact_guess",
+    "initial_guess",
+    "observer",
+    "study",
+]

@@ -1,13 +1,15 @@
 """The description of a vehicle: units, axles, suspensions, couplings and payload, with a path to every number."""
 
+from fifthwheel._callable import make_callable
 from fifthwheel.vehicle import catalogue
 from fifthwheel.vehicle.catalogue import get, names
+from fifthwheel.vehicle.coupling import Coupling
 from fifthwheel.vehicle.files import dump, load, save
 from fifthwheel.vehicle.paths import unit_of
 from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS, Change, DefaultSigma, changes
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
-from fifthwheel.vehicle.vehicle import Coupling, Vehicle
+from fifthwheel.vehicle.vehicle import Vehicle
 from fifthwheel.vehicle.weighing import with_axle_loads
 
 __all__ = [
@@ -35,3 +37,5 @@ __all__ = [
     "unit_of",
     "with_axle_loads",
 ]
+
+make_callable(__name__, get)

@@ -10,7 +10,6 @@ from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
-from fifthwheel.workflow.stored_identification import StoredIdentification, load_identification
 
 __all__ = [
     "IDENTIFICATION_FILES",
@@ -20,13 +19,11 @@ __all__ = [
     "IdentificationRun",
     "LogContents",
     "StatesRun",
-    "StoredIdentification",
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
     "design_run",
     "exported_observer",
-    "load_identification",
     "one_stage_settings",
     "read_records",
     "read_vehicle",

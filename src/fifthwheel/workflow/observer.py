@@ -1,17 +1,17 @@
 """The observer of a vehicle for a control unit, which has no log yet."""
 
 from collections.abc import Sequence
+from typing import Any
 
-from fifthwheel.identify.result import sensor_settings
+from fifthwheel.identify import Identification
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.stored_identification import StoredIdentification
 
 
 def exported_observer(
     vehicle: Vehicle,
     signals: Sequence[str] | None = None,
-    identification: StoredIdentification | None = None,
+    identification: Identification | None = None,
     *,
     min_speed: float = 5.0,
     bank: float | None = None,
@@ -20,8 +20,8 @@ def exported_observer(
 
     Args:
         vehicle: with its numbers.
-        signals: that the control unit has; by default the speed, every steer angle of the vehicle, and the yaw rate and
-            the roll rate of every unit.
+        signals: that the control unit has; by default those of the identification, without one the speed, every steer
+            angle of the vehicle, and the yaw rate and the roll rate of every unit.
         identification: for the sensor errors that its logs share, and the noise. Offsets that belong to one log are
             not used.
         min_speed: see `ObserverSettings`.
@@ -31,8 +31,8 @@ def exported_observer(
         SignalError: the signals are not sufficient.
         VehicleError: no axle of the vehicle is steerable.
     """
-    if not signals:
-        rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in vehicle.units]
-        signals = ("speed", *vehicle.steer_signals(), *rates)
-    sensors = {} if identification is None else sensor_settings(identification.contents, None)
-    return Observer(vehicle, signals, ObserverSettings(**sensors, min_speed=min_speed, bank=bank))
+    changes: dict[str, Any] = {"min_speed": min_speed, "bank": bank}
+    if identification is not None:
+        return Observer(vehicle, signals or identification.signals, identification.observer_settings(**changes))
+    rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in vehicle.units]
+    return Observer(vehicle, signals or ("speed", *vehicle.steer_signals(), *rates), ObserverSettings(**changes))

@@ -70,3 +70,16 @@ def test_conditional_sigma_does_not_take_sensor_errors_as_known() -> None:
     H = information(np.array([[1.0, 0.0, 1.0]]), 0.01)
     assert posterior(NAMES, H).conditional_sigma(0) == pytest.approx(0.01, rel=1e-2)
     assert posterior(NAMES, H, nuisances=[2]).conditional_sigma(0) == pytest.approx(np.sqrt(0.5), rel=1e-2)
+
+
+def test_limits_of_correlated_unknowns() -> None:
+    """Above 0.8 in magnitude, at most three, the strongest first."""
+    names = tuple("abcdef")
+    correlations = np.array([1.0, 0.79, -0.81, 0.85, -0.9, 0.95])
+    covariance = np.outer(correlations, correlations) + np.diag(1 - correlations**2)
+    scale = np.array([1.0, 2.0, 0.5, 3.0, 1.0, 0.1])
+    result = Posterior(names=names, information=np.eye(6), covariance=covariance * np.outer(scale, scale))
+    assert result.correlated(0) == [5, 4, 3]
+    assert result.correlated(0, 9) == [5, 4, 3, 2]
+    assert result.most_limiting(0) == 5
+    assert result.most_limiting(1) == 0

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +63,16 @@ def test_without_a_roll_rate_the_payload_height_is_not_identifiable(guess: Vehic
 
 
 # When it learns
+
+
+def test_a_roll_rate_without_samples_counts_as_absent(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
+    empty = changed(lanes, lambda values: np.full_like(values, np.nan), "roll_rate")
+    learner = learn(guess, empty)
+    learner.save(tmp_path / "truck.json")
+    for each in (learner, Learner.load(tmp_path / "truck.json")):
+        assert each[HEIGHT].verdict == Verdict.NOT_IDENTIFIABLE
+        assert each.vehicle().parameters()[HEIGHT] == guess.parameters()[HEIGHT]
+        assert each["semitrailer.yaw_inertia"].verdict == Verdict.CONVERGED
 
 
 def test_on_a_straight_road_nothing_is_learned(truck: Vehicle, guess: Vehicle) -> None:

@@ -46,6 +46,16 @@ def gone(pid: int, seconds: float = 5.0) -> bool:
     return False
 
 
+def test_a_reader_that_was_started_before_reads_the_next_file(log):
+    before = list(isolated._idle)
+    isolated.start_reader()
+    (started,) = [child for child in isolated._idle if child not in before]
+    with log() as source:
+        assert source._child is started
+        assert rows(source, "x") == 10_000
+    assert started in isolated._idle
+
+
 def test_samples_columns_and_notes_come_through(log):
     told = []
     with log(progress=told.append) as source:
@@ -261,6 +271,7 @@ def test_the_child_ends_with_its_parent(tmp_path, end, fault):
     parent.send_signal(end)
     parent.wait(5)
     assert all(gone(int(pid)) for pid in (tmp_path / "log.pid").read_text().split())
+    assert not list(tmp_path.glob("fifthwheel-*"))
 
 
 @LINUX

@@ -144,33 +144,38 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
     fw_real a[FW_N * FW_N];
     fw_real work[FW_N * FW_N];
     fw_real b[FW_N * FW_STEER_COUNT];
-    fw_real x[FW_N];
+    fw_real effect[FW_N]; /* of the bank of the road on the accelerations */
+    fw_real x[FW_N * 2]; /* steady states of the inputs and of the bank */
     fw_real p[FW_L * FW_L] = {FW_REAL(0.0)};
     fw_real *carry = observer->carry;
     int place = FW_FILTER_STATES;
     const int stable = inputs[0] < FW_CRITICAL_SPEED;
-    fw_matrices(&inputs[0], a, b);
+    fw_matrices(&inputs[0], a, b, effect);
     for (int i = 0; i < FW_N; i++) {
-        x[i] = FW_REAL(0.0);
+        x[2 * i] = FW_REAL(0.0);
         for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
-            x[i] -= b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j] * (inputs[1 + j] - fw_steer_offset[j]);
+            x[2 * i] -= b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j] * (inputs[1 + j] - fw_steer_offset[j]);
         }
+        x[(2 * i) + 1] = (stable != 0) ? -effect[i] : FW_REAL(0.0);
         for (int j = 0; j < FW_N; j++) {
             work[(i * FW_N) + j] = a[(i * FW_N) + j];
         }
     }
     if (stable != 0) {
-        (void)fw_solve(FW_N, work, 1, x);
+        (void)fw_solve(FW_N, work, 2, x);
         fw_random_steer(a, b, p);
     }
     for (int i = 0; i < FW_FILTER_STATES; i++) {
-        carry[i] = (i < FW_N) ? x[i] : FW_REAL(0.0);
+        carry[i] = (i < FW_N) ? x[2 * i] : FW_REAL(0.0);
     }
     for (int j = 0; j < FW_FILTER_STATES; j++) { /* lower triangle by columns */
         for (int i = j; i < FW_FILTER_STATES; i++) {
-            fw_real value = (i == j) ? fw_initial_variance[i] : FW_REAL(0.0);
+            const fw_real one = (j < FW_N) ? x[(2 * j) + 1] : FW_REAL(1.0);
+            const fw_real other = (i < FW_N) ? x[(2 * i) + 1] : FW_REAL(1.0);
+            fw_real value = FW_BANK_SIGMA * FW_BANK_SIGMA * one * other;
             if (i < FW_N) {
                 value += steer_sigma * steer_sigma * p[(i * FW_L) + j];
+                value += (i == j) ? fw_initial_variance[i] : FW_REAL(0.0);
             }
             carry[place] = value;
             place++;

@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
 
 from fifthwheel._types import Array
 from fifthwheel.identify.dataset import LogData
@@ -154,6 +153,8 @@ class ImpulseResponse:
 
     def _response(self, steer: Array) -> Array:
         """Derivatives (k, N + M - 1, m) that a steer angle (N,) causes, until they have decayed."""
+        from scipy.fft import irfft, next_fast_len, rfft  # slow to import
+
         length = len(steer) + self.pulse.shape[1]
         size = next_fast_len(length, real=True)
         response = irfft(rfft(self.pulse, size, axis=1) * rfft(steer, size)[:, None], size, axis=1)

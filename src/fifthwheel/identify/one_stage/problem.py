@@ -6,8 +6,8 @@ Unknowns. z holds every unknown in units of its prior, z ~ N(0, I) (`parameters.
     sensor errors of one log                         "name@i"       for each log i
     initial states of a segment                      "state@i.j"    for each segment j of log i; output-error form only
 
-The initial state of a segment is x_0 = x_s(p, d_0) + L z_x: the steady state of the first inputs d_0, and a deviation
-with the prior covariance L L'.
+The initial state of a segment is x_0 = x_s(p, d_0, b) + L z_x: the steady state of the first inputs d_0 and of the bank
+b, and a deviation with the prior covariance L L'. The last element of z_x is the bank in units of its prior.
 
 Cost. Minus the logarithm of the posterior density, without its constant:
 
@@ -39,7 +39,7 @@ from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_state
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
-from fifthwheel.identify.initial_state import steady_state, steady_state_slopes
+from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
 from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
@@ -257,9 +257,13 @@ class Problem:
         rows = self._step_rows(i, j, values)
         # the delays have been applied to the rows, so the model has none
         p = self.model.free_values({**values, **dict.fromkeys(self._delays, 0.0)})
-        factor, initial = self._initial_factors[i][j], self.layout.initial_states[i][j]
+        factor, initial, bank = self._initial_factors[i][j], self.layout.initial_states[i][j], 0.0
         x0 = steady_state(self.model, self.vehicle, rows.first, values)
         if self.output_error:
+            if self.model.bank:
+                slope = steady_state_bank_slope(self.model, self.vehicle, rows.first, values)
+                factor = np.column_stack([factor[:, :-1], self.settings.bank_prior * slope])
+                bank = float(self.settings.bank_prior * z[initial[-1]])
             x0 = x0 + factor @ z[initial]
         if directions == "none":
             p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
@@ -272,7 +276,7 @@ class Problem:
             for row, (u, dp_dz) in enumerate(zip(unknowns, slope, strict=True)):
                 for name, rate in u.slopes.items():
                     p_directions[row, self._places[name]] = rate * dp_dz
-            steady = steady_state_slopes(self.model, self.vehicle, rows.first, values, unknowns)
+            steady = steady_state_slopes(self.model, self.vehicle, rows.first, values, unknowns, bank)
             x0_directions = np.vstack([steady * slope[:, None], factor.T[: len(initial)]])
             indices = np.concatenate([self.layout.unknowns[i][selected], initial])
         run = _SegmentRun(
@@ -358,7 +362,8 @@ class Problem:
 
     @cached_property
     def _initial_factors(self) -> list[list[Array]]:
-        """For each segment of each log: Cholesky factor L (n, n) of the prior covariance of the initial state."""
+        """For each segment of each log: factor L (n, n) of the prior covariance of the initial state with the vehicle
+        as given, upper triangular. Its last column is the effect of the bank."""
         return [[self._initial_factor(segment) for segment in log.segments] for log in self.logs]
 
     def _initial_factor(self, segment: Record) -> Array:
@@ -366,7 +371,7 @@ class Problem:
         first = {name: float(v[0]) for name, v in inputs.items()}
         bank = self.settings.bank_prior if self.model.bank else None
         _, P0 = initial_state(self.vehicle, first, {}, roll=self.model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
-        return np.asarray(np.linalg.cholesky(P0))
+        return np.asarray(np.linalg.cholesky(P0[::-1, ::-1])[::-1, ::-1])
 
     def _step_rows(self, i: int, j: int, values: Mapping[str, float]) -> StepRows:
         """Rows of a segment at the present errors of the steering; kept until these change."""

@@ -13,6 +13,7 @@ from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import Posterior, without
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.stiffness_variation import StiffnessVariation
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
@@ -57,6 +58,7 @@ def linearise(solution: Solution) -> Linearisation:
     rows = [problem.names.index(name) for name in solution.estimated]
     length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
     elapsed, time, values, sigmas = 0.0, [], [], []
+    variation = StiffnessVariation(problem, problem.values(z, 0))
     for i, j in problem.segments():
         segment = problem.logs[i].segments[j]
         lags = max(int(settings.correlation_time * segment.rate), 1)
@@ -67,6 +69,7 @@ def linearise(solution: Solution) -> Linearisation:
                 piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
                 information[np.ix_(piece.indices, piece.indices)] += piece_information
                 gradient[piece.indices] += piece_gradient
+                variation.add(len(piece.time) / segment.rate, piece.indices, piece_gradient, piece_information)
                 P = np.linalg.inv(np.eye(k) + information * np.outer(free, free))
                 values.append((z - free * (P @ (free * (z + gradient))))[rows])
                 sigmas.append(np.sqrt(np.diag(P))[rows])
@@ -75,6 +78,7 @@ def linearise(solution: Solution) -> Linearisation:
             np.add.at(scores, np.ix_(numbers, block.indices), likelihood.scores(block, settings.outlier))
             samples += len(block.time)
         elapsed = time[-1]
+        variation.end_window()
         score_covariance += long_run_covariance(scores, lags // size)
     scale = parameters.scaling([u for u in problem.unknowns if u.name in solution.estimated])
     p = scale.to_p(np.array(values))
@@ -85,7 +89,9 @@ def linearise(solution: Solution) -> Linearisation:
         sigma=np.array(sigmas) * np.abs(scale.slope(p)),
         starts=(0,),
     )
-    tests = tuple(score_tests(problem.names, gradient, information, considered))
+    tests = tuple(
+        score_tests(problem.names, gradient + z - variation.gradient, information - variation.information, considered)
+    )
     posterior = Posterior.from_information(
         problem.names,
         without(information, problem.suspects),

@@ -40,6 +40,12 @@ class InnovationStatistics:
                 self._average[i] = average = self._average[i] + weight * (innovation - self._average[i])
                 self.autocorrelation[i] += slow * (average * average / expected - self.autocorrelation[i])
 
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The channels that had a sample while learning."""
+        pairs = zip(self.channels, self.mean_square, strict=True)
+        return tuple(name for name, mean_square in pairs if mean_square != 1.0)  # the first sample changes it
+
     def as_dict(self) -> dict[str, dict[str, float]]:
         """Both statistics by channel."""
         return {

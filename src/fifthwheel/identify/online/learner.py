@@ -22,7 +22,7 @@ from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
@@ -60,6 +60,17 @@ class Learner:
     Raises:
         SignalError: a necessary signal is missing, or no unknown is left to estimate.
         VehicleError: a parameter cannot be estimated or fixed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> learner = fw.Learner(truck, ["speed", "steer.tractor.front", "yaw_rate.tractor"])
+        >>> now = learner.push({"time": 0.0, "speed": 20.0, "steer.tractor.front": 0.0, "yaw_rate.tractor": 0.0})
+        >>> now["learning"]
+        0.0
+        >>> str(learner["tractor.front.cornering_stiffness"].verdict)
+        'not_excited'
     """
 
     def __init__(
@@ -173,10 +184,11 @@ class Learner:
         p = np.clip(scaling.to_p(z), scaling.lower, scaling.upper)
         z_sigma = np.sqrt(np.diag(estimate.covariance()))
         sigma = z_sigma * np.abs(scaling.slope(p))
+        measured = live.innovations.measured or problem.outputs  # a channel without samples counts as absent
         estimates = []
         for i, u in enumerate(problem.unknowns):
             numbers = (float(p[i]), float(sigma[i]))
-            if u.name in problem.not_identifiable:
+            if not (u.nuisance or u.uncertain) and lacks_roll_rate(u.name, measured):
                 verdict = Verdict.NOT_IDENTIFIABLE
             elif not z_sigma[i] < problem.settings.excited:
                 verdict = Verdict.NOT_EXCITED
@@ -186,11 +198,12 @@ class Learner:
         return estimates
 
     def vehicle(self) -> Vehicle:
-        """The vehicle with the estimates; an estimated parameter without excitation keeps the vehicle file's value."""
+        """The vehicle with the estimates; a parameter that is not excited or not identifiable keeps its given value."""
+        unknown = (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
         values = {
             value.name: value.value
             for u, value in self._estimates()
-            if not (u.nuisance or u.considered) and (u.uncertain or value.verdict != Verdict.NOT_EXCITED)
+            if not (u.nuisance or u.considered) and (u.uncertain or value.verdict not in unknown)
         }
         return self._live.problem.vehicle.replace(values)
 
@@ -235,7 +248,7 @@ class Learner:
         z = np.append(estimate.z, np.zeros(len(problem.considered)))
         return EstimateBlock.of(problem.unknowns, z, estimate.covariance(), places)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
         problem = self._live.problem
         estimate, innovations = self._live.filter.estimate(), self._live.innovations
@@ -258,7 +271,7 @@ class Learner:
         )
 
     @classmethod
-    def load(cls, path: Path) -> "Learner":
+    def load(cls, path: str | Path) -> "Learner":
         """A learner with the saved estimates; its next sample is the first of a run.
 
         Raises:

@@ -32,6 +32,8 @@ class OnlineModel:
     observation: ca.Function
     state_jacobian: ca.Function
     rates: ca.Function
+    identity: tuple[object, ...]
+    """Of the model, for the cache of machine code."""
 
     def constant(self, values: Mapping[str, float], unknowns: Sequence[Unknown], time_constant: float) -> Array:
         """c from the values of all parameters of the chain, SI, and the time constant of the discrepancies, s."""
@@ -85,6 +87,7 @@ def _online_model(
         slopes=slopes,
         given=given,
         discrepancies=m,
+        identity=(chain.identity, unknowns, discrepancies),
         transition=ca.Function("transition", arguments, [transition]),
         observation=ca.Function("observation", [x, d, p, c], [y + x[n:] if m else y]),
         state_jacobian=ca.Function("state_jacobian", arguments, [F]),

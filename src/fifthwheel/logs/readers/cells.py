@@ -12,7 +12,11 @@ from fifthwheel._types import Array
 
 BLANK = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "?")
 """Cells that stand for a missing sample, in lower case."""
-_BLANK_CELLS = pa.array(BLANK)  # imports pandas, where it is installed: now, and not again for every file
+_BLANK_CELLS = pa.StringArray.from_buffers(  # `pyarrow.array` would import pandas
+    len(BLANK),
+    pa.py_buffer(np.cumsum([0, *map(len, BLANK)], dtype=np.int32)),
+    pa.py_buffer("".join(BLANK).encode()),
+)
 _TIME = r"(?P<H>\d{1,2}):(?P<M>\d{2}):(?P<S>\d{2}(?:[.,]\d+)?)(?: ?(?P<half>[AaPp])[Mm])?"
 _ZONE = r"(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
 _DATES = (

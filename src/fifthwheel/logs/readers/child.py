@@ -51,6 +51,7 @@ def run_child() -> None:
                 _serve(request, requests, replies)
                 os._exit(0)
             elif code := os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1]):
+                shutil.rmtree(request["folder"], ignore_errors=True)  # the parent may have died
                 os._exit(code if code > 0 else 128 - code)
 
 

@@ -37,6 +37,13 @@ _ENVIRONMENT = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMEXP
 }
 
 
+def start_reader() -> None:
+    """Start a child process for the next file. It imports its libraries while the caller does other things."""
+    child = _started_child()
+    with _lock:
+        _idle.append(child)
+
+
 def open_isolated(
     path: Path, module: str, format_name: str, databases: Sequence[str | Path], progress: ReadProgress
 ) -> LogSource:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.report.figures import downsample
-from fifthwheel.report.figures.downsample import Index
+from fifthwheel.plots import downsample
+from fifthwheel.plots.downsample import Index
 
 Figure = dict[str, Any]
 

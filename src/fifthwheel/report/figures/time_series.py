@@ -7,9 +7,10 @@ from fifthwheel.formatting import shown
 from fifthwheel.identify import Estimate, Fit
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.observe import States
+from fifthwheel.plots import downsample
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
-from fifthwheel.report.figures import downsample, primitives
+from fifthwheel.report.figures import primitives
 from fifthwheel.report.figures.primitives import BLUE, DARK, GREY, SKY, VERMILLION, Figure, Plot
 
 STATUS_COLOURS = {

@@ -17,6 +17,8 @@ from fifthwheel.report.figures.primitives import Plot
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
 """What the page may load: nothing from elsewhere."""
+LEVEL = 5
+"""Of the compression; 9 takes twice as long for 1 % less."""
 
 
 def write_page(path: Path, *, title: str, body: str, plots: Sequence[Plot]) -> None:
@@ -52,7 +54,7 @@ def script_json(value: object) -> str:
 
 def compressed(data: bytes) -> bytes:
     """Data compressed by deflate, in base64."""
-    return base64.b64encode(zlib.compress(data, 9))
+    return base64.b64encode(zlib.compress(data, LEVEL))
 
 
 def decompressed(data: bytes) -> bytes:

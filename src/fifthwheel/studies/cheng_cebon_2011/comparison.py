@@ -115,7 +115,7 @@ def compare(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome]) 
             sections = {FRONT: "4.2", **sections}
         for quantity, place in sections.items():
             low, high = sorted(experiment.stiffness.get(quantity, (truth[quantity],) * 2))
-            number = published.get(quantity)
+            number = published.get(quantity) if experiment.published else None
             arms = tuple(_arm_result(arm, selected, quantity, (low, high), number) for arm, selected in by_arm.items())
             keys = {"experiment": experiment.name, "section": place, "quantity": quantity}
             rows.append(Row(**keys, published=number, reference=(low, high), arms=arms))

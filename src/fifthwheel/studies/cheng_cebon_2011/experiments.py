@@ -10,14 +10,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fifthwheel._types import Array
 from fifthwheel.identify import TwoStage, article
-from fifthwheel.identify.parameters import stage_1_names
-from fifthwheel.manoeuvres import OpenLoop, lane_changes, lane_changes_on_test_track
+from fifthwheel.manoeuvres import lane_changes, lane_changes_on_test_track
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors
 from fifthwheel.studies.cheng_cebon_2011.published import FRONT
-from fifthwheel.vehicle import AxleGroup, Vehicle, get
+from fifthwheel.studies.scenarios import effective_stiffness
+from fifthwheel.vehicle import Vehicle, get
 
 SPEED = 88 / 3.6
 """Speed of section 3, m/s."""
@@ -64,14 +63,8 @@ class Experiment:
     arms: tuple[Arm, ...]
     stiffness: Mapping[str, tuple[float, float]]
     """Effective cornering stiffness in two steady turns, N/rad, by parameter; see `effective_stiffness`."""
-
-
-def initial_guess(assumed: Vehicle, seed: int, fixed: Mapping[str, float] | None = None) -> Vehicle:
-    """A vehicle with each parameter of stage 1 at 80 or 120 %, and the fixed parameters at their values."""
-    names = stage_1_names(assumed)
-    factors = np.random.default_rng([seed, 7]).choice([0.8, 1.2], len(names))
-    values = assumed.parameters()
-    return assumed.replace({name: values[name] * f for name, f in zip(names, factors, strict=True)} | dict(fixed or {}))
+    published: bool = True
+    """Whether the truck is that of the article, so that the published numbers apply."""
 
 
 def point_payload(truck: Vehicle) -> Vehicle:
@@ -98,62 +91,28 @@ def group_paths(truck: Vehicle, quantity: str) -> list[str]:
     return [path for path, parsed in paths.items() if parsed.quantity == quantity and parsed.unit in units]
 
 
-def effective_stiffness(
-    truck: Vehicle, properties: Properties, speed: float, steer: tuple[float, float] = (0.1, 1.0)
-) -> dict[str, tuple[float, float]]:
-    """Side force divided by slip angle of every axle group in two steady turns, N/rad, by its parameter.
-
-    The article uses steer angles of 0.1 and 1 degree; the slip angles at 1 degree are close to the largest of the lane
-    change (section 3.2).
-
-    Args:
-        truck: the vehicle.
-        properties: of the nonlinear truck.
-        speed: m/s.
-        steer: steer angles of the two turns, deg.
-    """
-    plant = Plant(truck, properties)
-    turns = []
-    for degrees in steer:
-        time = np.arange(0, 12.001, 0.01)
-        angle = np.radians(degrees) * np.clip(time / 4, 0, 1)
-        turns.append(plant.drive(OpenLoop(time=time, steer=angle, speed=np.full_like(time, speed), name="turn")).truth)
-    return {
-        f"{unit.group_path(group)}.cornering_stiffness": (
-            _final_stiffness(turns[0], unit.name, group),
-            _final_stiffness(turns[1], unit.name, group),
-        )
-        for unit in truck.units
-        for group in unit.axle_groups
-    }
-
-
-def _final_stiffness(truth: Mapping[str, Array], unit: str, group: AxleGroup) -> float:
-    """Side force divided by slip angle of an axle group at the end of a run, N/rad."""
-    axles = [f"{unit}.{axle.name}" for axle in group.axles]
-    return sum(float(truth[f"lateral_force.{a}"][-1] / truth[f"slip_angle.{a}"][-1]) for a in axles)
-
-
-def section_3(*, repetitions: int, point: bool = False) -> Experiment:
+def section_3(*, repetitions: int, truck: Vehicle | None = None, point: bool = False) -> Experiment:
     """Section 3: repeated lane changes of SAE J2179 at 88 km/h.
 
     Args:
         repetitions: number of lane changes.
+        truck: in place of that of the article.
         point: the payload is a point (section 3.3), while the estimator assumes a uniform payload.
     """
     name = "point payload" if point else "simulation"
-    assumed, properties = get("cheng_cebon_2011"), Properties()
-    truck = point_payload(assumed) if point else assumed
+    assumed, properties = truck or get("cheng_cebon_2011"), Properties()
+    driven = point_payload(assumed) if point else assumed
     return Experiment(
         name=name,
         case=name,
-        run=Plant(truck, properties).drive(lane_changes(count=repetitions), name=name),
+        run=Plant(driven, properties).drive(lane_changes(count=repetitions), name=name),
         sensors=article_sensors(assumed),
         arms=(
             Arm(name="article", settings=article(), assumed=assumed),
             Arm(name="default", settings=TwoStage(), assumed=assumed),
         ),
         stiffness=effective_stiffness(assumed, properties, SPEED),
+        published=truck is None,
     )
 
 

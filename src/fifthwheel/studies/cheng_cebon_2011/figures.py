@@ -77,7 +77,8 @@ class Panel:
     @property
     def published(self) -> list[float]:
         """Published values, SI."""
-        return [p.value for p in RESULTS if (p.case, p.quantity) == (self.experiment.case, self.quantity)]
+        numbers = RESULTS if self.experiment.published else ()
+        return [p.value for p in numbers if (p.case, p.quantity) == (self.experiment.case, self.quantity)]
 
 
 def draw(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome], folder: Path) -> list[Path]:

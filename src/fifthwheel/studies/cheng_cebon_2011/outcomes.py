@@ -9,7 +9,8 @@ from fifthwheel._types import Array
 from fifthwheel.identify import Identification, identify
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
-from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG, Experiment, initial_guess
+from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
+from fifthwheel.studies.scenarios import initial_guess
 
 OPTICAL_POSITION = -2.34
 """x of the optical sideslip sensor on the trailer, m (section 4.1.3)."""
@@ -26,6 +27,8 @@ class Outcome:
     seed: int
     values: Mapping[str, float]
     """Parameters and derived quantities, SI."""
+    sigmas: Mapping[str, float | None]
+    """Standard deviations, SI; None for a fixed parameter."""
     verdicts: Mapping[str, str]
     rms: Mapping[str, float]
     """Rms error of the states of the last unit, and of its sideslip at the landing leg, SI."""
@@ -49,6 +52,7 @@ def outcome(experiment: Experiment, arm_index: int, seed: int, *, keep: bool) ->
         arm=arm.name,
         seed=seed,
         values={e.name: e.value for e in estimates},
+        sigmas={e.name: e.sigma for e in estimates},
         verdicts={e.name: str(e.verdict) for e in estimates},
         rms=rms,
         histories=histories(result) if keep else {},

@@ -1,26 +1,26 @@
 """The reproduction: simulate the trucks, identify over the seeds on all cores, write tables and figures."""
 
-import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel.errors import FifthwheelError
-from fifthwheel.studies.cheng_cebon_2011 import figures, table
+from fifthwheel.errors import FifthwheelError, VehicleError
+from fifthwheel.studies.cheng_cebon_2011 import figures, raw_results, table
 from fifthwheel.studies.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
 from fifthwheel.studies.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
 from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome, outcome
-from fifthwheel.vehicle import get
+from fifthwheel.studies.cheng_cebon_2011.published import RESULTS
+from fifthwheel.studies.pool import run_all
+from fifthwheel.studies.result_table import write_table
+from fifthwheel.vehicle import Vehicle, get
 
 _FIGURES = [f"figure_{number}.{kind}" for number in range(4, 10) for kind in ("png", "svg")]
-FILES = ("reproduction.md", "reproduction.csv", *_FIGURES)
+FILES = ("reproduction.md", "reproduction.csv", "parameters.parquet", "histories.parquet", *_FIGURES)
 """Files of a reproduction."""
+ARMS = ("article", "default", "default, front fixed")
+"""Names of the arms; section 4 without errors has all of them."""
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""
@@ -53,16 +53,30 @@ class Reproduction:
     files: tuple[Path, ...]
 
 
-def reproduce(out: Path, *, quick: bool = False, progress: Progress = lambda *_: None) -> Reproduction:
+def reproduce(
+    out: Path,
+    *,
+    quick: bool = False,
+    seeds: int | None = None,
+    arms: Sequence[str] = (),
+    vehicle: Vehicle | None = None,
+    progress: Progress = lambda *_: None,
+) -> Reproduction:
     """Reproduce sections 3 and 4 of the article on the nonlinear truck.
 
     Args:
-        out: folder for reproduction.md, reproduction.csv and the figures; created if it is missing.
+        out: folder for reproduction.md, reproduction.csv, the figures, parameters.parquet with the estimates of every
+            seed and histories.parquet with the time histories of seed 0; created if it is missing.
         quick: fewer seeds, fewer lane changes and no variants, so more random error.
+        seeds: number of seeds of every experiment; by default 20, or 3 with `quick`.
+        arms: names of the arms to compute; by default all.
+        vehicle: a truck in place of that of section 3. Then section 4 and the variants are left out, and nothing is
+            compared with published numbers.
         progress: called while the trucks are simulated and identified.
 
     Raises:
-        FifthwheelError: MuJoCo or matplotlib is not installed.
+        FifthwheelError: MuJoCo or matplotlib is not installed; an arm does not exist; seeds are below 1.
+        VehicleError: the vehicle does not have the parameters of the article's truck.
     """
     for module in ("mujoco", "matplotlib"):
         try:
@@ -71,8 +85,17 @@ def reproduce(out: Path, *, quick: bool = False, progress: Progress = lambda *_:
             raise FifthwheelError(
                 f"the reproduction needs {module}, which is not installed; pip install 'fifthwheel[studies]'"
             ) from None
+    if unknown := [arm for arm in arms if arm not in ARMS]:
+        raise FifthwheelError(f"arms: no arm {unknown[0]!r}; choose from {', '.join(map(repr, ARMS))}")
+    if seeds is not None and seeds < 1:
+        raise FifthwheelError(f"seeds: expected 1 or more, got {seeds}")
+    if vehicle is not None:
+        _require_article_parameters(vehicle)
     extent = QUICK if quick else FULL
-    experiments, changed = simulate(extent, progress)
+    extent = replace(extent, seeds=seeds or extent.seeds)
+    if vehicle is not None:
+        extent = replace(extent, variant_seeds={})
+    experiments, changed = simulate(extent, progress, arms, vehicle)
     outcomes = identify_all(experiments, changed, extent, progress)
     rows = compare(experiments, outcomes)
     variant_errors = compare_variants(changed, outcomes)
@@ -91,26 +114,45 @@ def reproduce(out: Path, *, quick: bool = False, progress: Progress = lambda *_:
     for name, text in texts.items():
         with atomic_write(out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
+    tables = {
+        "parameters.parquet": raw_results.parameters(experiments | changed, outcomes),
+        "histories.parquet": raw_results.histories(experiments | changed, outcomes),
+    }
+    for name, raw in tables.items():
+        write_table(raw, out / name)
     drawn = figures.draw(experiments, outcomes, out)
     return Reproduction(
         experiments=experiments,
         outcomes=tuple(o for o in outcomes if o.experiment in experiments),
         rows=tuple(rows),
         variants=tuple(variant_errors),
-        files=(*(out / name for name in texts), *drawn),
+        files=(*(out / name for name in (*texts, *tables)), *drawn),
     )
 
 
-def simulate(extent: Extent, progress: Progress) -> tuple[dict[str, Experiment], dict[str, Experiment]]:
-    """The experiments of the article and the variants of section 3, by name, with their runs."""
+def _require_article_parameters(vehicle: Vehicle) -> None:
+    """Raise a VehicleError where a truck does not have the parameters that the article estimates."""
+    values = vehicle.parameters() | vehicle.derived()
+    missing = [p.quantity for p in RESULTS if p.case == "simulation" and p.quantity not in values]
+    if missing:
+        raise VehicleError(
+            f"{missing[0]}: not in {vehicle.name}; the reproduction needs a tractor and a laden semitrailer with the"
+            " names of `fifthwheel vehicle cheng_cebon_2011`; use study() for other vehicles"
+        )
+
+
+def simulate(
+    extent: Extent, progress: Progress, arms: Sequence[str] = (), vehicle: Vehicle | None = None
+) -> tuple[dict[str, Experiment], dict[str, Experiment]]:
+    """The experiments of the article and the variants of section 3, by name, with their runs and the chosen arms."""
     n = extent.repetitions
     selected = variants(get("cheng_cebon_2011")) if extent.variant_seeds else ()
     makers: list[Callable[[], Experiment]] = [
-        partial(section_3, repetitions=n),
-        partial(section_3, repetitions=n, point=True),
-        partial(section_4, repetitions=n),
-        partial(section_4, repetitions=n, errors=True),
+        partial(section_3, repetitions=n, truck=vehicle),
+        partial(section_3, repetitions=n, truck=vehicle, point=True),
     ]
+    if vehicle is None:
+        makers += [partial(section_4, repetitions=n), partial(section_4, repetitions=n, errors=True)]
     total = len(makers) + len(selected)
     experiments: list[Experiment] = []
     for make in makers:
@@ -121,35 +163,24 @@ def simulate(extent: Extent, progress: Progress) -> tuple[dict[str, Experiment],
         progress("simulating", len(experiments) + len(changed), total)
         changed.append(with_variant(experiments[0], variant, repetitions=n))
     progress("simulating", total, total)
-    return {e.name: e for e in experiments}, {e.name: e for e in changed}
+    return _with_arms(experiments, arms), _with_arms(changed, arms)
 
 
-_experiments: dict[str, Experiment] = {}
-"""The experiments in a worker process."""
+def _with_arms(experiments: Sequence[Experiment], arms: Sequence[str]) -> dict[str, Experiment]:
+    """Experiments by name with some of their arms, all if none is given; without those that have none of them."""
+    chosen = [replace(e, arms=tuple(arm for arm in e.arms if not arms or arm.name in arms)) for e in experiments]
+    return {e.name: e for e in chosen if e.arms}
 
 
-def _start_worker(experiments: dict[str, Experiment]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the process without a traceback
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _experiments.update(experiments)
-
-
-def _end_with_parent() -> None:
-    """A parent that is killed cannot end its workers, which would wait for tasks forever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _identify(name: str, arm_index: int, seed: int) -> Outcome:
-    return outcome(_experiments[name], arm_index, seed, keep=seed == 0)
+def _identify(experiments: Mapping[str, Experiment], task: tuple[str, int, int]) -> Outcome:
+    name, arm_index, seed = task
+    return outcome(experiments[name], arm_index, seed, keep=seed == 0)
 
 
 def identify_all(
     experiments: dict[str, Experiment], changed: dict[str, Experiment], extent: Extent, progress: Progress
 ) -> list[Outcome]:
-    """Every outcome in the order of experiments, arms and seeds, computed with one process per core."""
+    """Every outcome in the order of experiments, arms and seeds."""
     tasks = [
         (name, i, seed)
         for name, experiment in (experiments | changed).items()
@@ -157,15 +188,7 @@ def identify_all(
         for seed in range(extent.seeds if name in experiments else extent.variant_seeds[arm.name])
     ]
     done: dict[tuple[str, int, int], Outcome] = {}
-    workers = max(1, min(os.cpu_count() or 1, 16))
-    with ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(experiments | changed,),
-    ) as pool:
-        futures = {pool.submit(_identify, *task): task for task in tasks}
-        for future in as_completed(futures):
-            done[futures[future]] = future.result()
-            progress("identifying", len(done), len(tasks))
+    for task, result in run_all(_identify, experiments | changed, tasks):
+        done[task] = result
+        progress("identifying", len(done), len(tasks))
     return [done[task] for task in tasks]

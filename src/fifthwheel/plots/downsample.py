@@ -30,25 +30,27 @@ def extreme_samples(values: Array, limit: int = MAX_POINTS) -> Index:
     return np.unique(np.minimum(chosen, count - 1))
 
 
-def segments(time: Array, values: Array) -> list[Index]:
+def segments(time: Array, values: Array, *, gaps: bool = True) -> list[Index]:
     """Rows of the segments to draw as one line each: finite values without a gap in time.
 
     A gap is longer than five times the median step of the channel, so a channel with a lower rate than its record has
-    no gaps because of its rate.
+    no gaps because of its rate. Without `gaps`, each value that is not finite interrupts the line, and nothing else.
     """
-    finite = np.flatnonzero(np.isfinite(values))
+    finite = np.flatnonzero(np.isfinite(time) & np.isfinite(values))
     if finite.size < 2:
         return [finite] if finite.size else []
+    if not gaps:
+        return np.split(finite, np.flatnonzero(np.diff(finite) > 1) + 1)
     steps = np.diff(time[finite])
-    gaps = np.flatnonzero(steps > 5 * np.median(steps))
-    if gaps.size > MAX_GAPS:
-        gaps = np.sort(gaps[np.argsort(steps[gaps])[-MAX_GAPS:]])
-    return np.split(finite, gaps + 1)
+    ends = np.flatnonzero(steps > 5 * np.median(steps))
+    if ends.size > MAX_GAPS:
+        ends = np.sort(ends[np.argsort(steps[ends])[-MAX_GAPS:]])
+    return np.split(finite, ends + 1)
 
 
-def rows(time: Array, values: Array, limit: int = MAX_POINTS) -> list[Index]:
+def rows(time: Array, values: Array, limit: int = MAX_POINTS, *, gaps: bool = True) -> list[Index]:
     """Rows to draw of each segment, about `limit` in total."""
-    pieces = segments(time, values)
+    pieces = segments(time, values, gaps=gaps)
     total = max(sum(len(piece) for piece in pieces), 1)
     return [piece[extreme_samples(values[piece], max(int(limit * len(piece) / total), 4))] for piece in pieces]
 
@@ -82,3 +84,8 @@ def numbers(values: Array, digits: int = 5) -> list[float | None]:
     if finite.size == len(values):
         return rounded
     return [value if value is not None and math.isfinite(value) else None for value in rounded]
+
+
+def significant(values: Array, digits: int) -> list[float | None]:
+    """Values for JSON, each rounded to `digits` significant digits; None where not finite."""
+    return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in values.tolist()]

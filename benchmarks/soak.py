@@ -1,0 +1,91 @@
+"""Long operation of the recursive estimators, with faults of the signals.
+
+    python benchmarks/soak.py                     # 10 million samples for the observer, 1 million for the learner
+    python benchmarks/soak.py --observer 100000 --learner 10000
+
+The samples are lane changes of the linear truck, one after the other. Every 1000 samples one fault lasts for up to 200
+samples: missing, not a number, frozen, a spike, or a jump of the time. Printed are the memory in use after each tenth,
+the time of a push, and how often a result with status OK was not finite, or had a sigma that is
+not positive.
+"""
+
+import argparse
+import math
+import random
+import resource
+import time
+from collections import Counter
+from collections.abc import Iterator
+
+from fifthwheel import vehicle
+from fifthwheel.identify.online import Learner
+from fifthwheel.observe import Observer, Status
+from fifthwheel.simulate import simulate
+
+TRUCK = vehicle.get("cheng_cebon_2011")
+RECORD = simulate(TRUCK, count=2, seed=1)
+FAULTS = ("none", "missing", "not a number", "frozen", "spike", "jump of the time")
+
+
+def samples(count: int, rng: random.Random) -> Iterator[dict[str, float | None]]:
+    """Consecutive samples, some with a fault."""
+    names = list(RECORD.signals)
+    rows = list(zip(*(values.tolist() for values in RECORD.signals.values()), strict=True))
+    clock, fault, until, faulty, last = 0.0, "none", 0, names[0], rows[0]
+    for k in range(count):
+        clock += 0.01
+        if k % 1000 == 0:
+            fault, until, faulty = rng.choice(FAULTS), k + rng.randrange(1, 200), rng.choice(names)
+            clock += rng.choice((0.5, 5.0, 100.0)) if fault == "jump of the time" else 0.0
+        row = rows[k % len(rows)]
+        sample: dict[str, float | None] = dict(zip(names, row, strict=True))
+        if k < until:
+            place = names.index(faulty)
+            match fault:
+                case "missing":
+                    sample[faulty] = None
+                case "not a number":
+                    sample[faulty] = math.nan
+                case "frozen":
+                    sample[faulty] = last[place]
+                case "spike" if rng.random() < 0.05:
+                    sample[faulty] = rng.choice((10.0, -1e3, 1e155, -1e300))
+        else:
+            last = row
+        yield sample | {"time": clock}
+
+
+def soak(name: str, estimator: Observer | Learner, count: int) -> None:
+    """Push the samples and print what the docstring of this file says."""
+    statuses, wrong, start = Counter[str](), 0, time.process_time()
+    print(f"{name}: {count} samples; memory, MB:", end=" ", flush=True)
+    for k, sample in enumerate(samples(count, random.Random(1))):
+        result = estimator.push(sample)
+        status = Status(result["status"])
+        statuses[status.name] += 1
+        if status == Status.OK:
+            wrong += not all(map(math.isfinite, result.values()))
+            wrong += min(value for key, value in result.items() if key.endswith(".sigma")) <= 0
+        if (k + 1) % (count // 10) == 0:
+            print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.0f}", end=" ", flush=True)
+    used = (time.process_time() - start) / count * 1e6
+    print(
+        f"\n  {used:.0f} us a sample with this script; wrong results: {wrong}; statuses: {dict(statuses)}", flush=True
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--observer", type=int, default=10_000_000, help="samples")
+    parser.add_argument("--learner", type=int, default=1_000_000, help="samples")
+    given = parser.parse_args()
+    soak("Observer", Observer(TRUCK, RECORD.signals), given.observer)
+    learner = Learner(TRUCK, RECORD.signals)
+    soak("Learner", learner, given.learner)
+    for estimate in learner.parameters:
+        z = (estimate.value - TRUCK.parameters()[estimate.name]) / estimate.sigma
+        print(f"  {estimate.name}: {estimate.verdict}, {z:+.2f} sigma from the true value")
+
+
+if __name__ == "__main__":
+    main()

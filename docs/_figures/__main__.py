@@ -1,0 +1,12 @@
+"""`python docs/_figures` draws all figures that are not plots into docs/_static."""
+
+from pathlib import Path
+
+import architecture
+import vehicle_model
+
+FIGURES = {"architecture.svg": architecture.draw, "vehicle_model.svg": vehicle_model.draw}
+
+if __name__ == "__main__":
+    for name, draw in FIGURES.items():
+        (Path(__file__).parents[1] / "_static" / name).write_text(draw(), encoding="utf-8")

@@ -1,0 +1,252 @@
+"""The linear model at one speed as a state-space system with named inputs, states and outputs.
+
+    x' = A x + B d,    y = C x + D d
+
+d are the steer angles, x the states of `chain`. Range: as the equations of motion, with constant speed.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import signal
+from scipy.linalg import expm
+
+from fifthwheel._extras import require
+from fifthwheel._types import Array
+from fifthwheel.dynamics import chain, sensors
+from fifthwheel.dynamics.matrices import matrices
+from fifthwheel.dynamics.model import all_parameters, topology
+from fifthwheel.dynamics.unit_equations import group_roll
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.names import SignalName
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.vehicle import AxleGroup, Vehicle
+
+COG_ACCELERATION = "cog_acceleration"
+GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_moment": "N m"}
+"""Outputs of an axle group, with their SI units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearSystem:
+    """A linear time-invariant system with k inputs, n states and m outputs; all names are those of signals, all SI."""
+
+    vehicle: str
+    speed: float  # m/s
+    inputs: tuple[str, ...]  # (k,)
+    states: tuple[str, ...]  # (n,)
+    outputs: tuple[str, ...]  # (m,)
+    A: Array  # (n, n)
+    B: Array  # (n, k)
+    C: Array  # (m, n)
+    D: Array  # (m, k)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of every input, state and output, by name."""
+        return {name: _unit(name) for name in (*self.inputs, *self.states, *self.outputs)}
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A (n,), 1/s."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
+
+    def frequency_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Complex gains from the k inputs to the m outputs at each of f frequencies, Hz: (f, m, k)."""
+        s = 2j * np.pi * np.atleast_1d(frequency)[:, None, None]
+        x = np.linalg.solve(s * np.eye(len(self.A)) - self.A, np.broadcast_to(self.B, (len(s), *self.B.shape)))
+        return np.asarray(self.C @ x + self.D)
+
+    def gain(self) -> Array:
+        """Gains of the steady state (m, k), if the system is stable."""
+        return np.asarray(self.frequency_response([0.0])[0].real)
+
+    def response(self, time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Outputs over time by name, (N,) each, from rest.
+
+        Exact for inputs that change linearly between the samples.
+
+        Args:
+            time: (N,), in equal steps, s.
+            inputs: steer angles by name, (N,) each, rad; those that are left out are 0.
+
+        Raises:
+            SignalError: an input does not exist.
+        """
+        for name in inputs:
+            self.input_index(name)
+        d = np.column_stack([inputs.get(name, np.zeros_like(time)) for name in self.inputs])
+        _, y, _ = signal.lsim(self.to_scipy(), d, time)
+        return dict(zip(self.outputs, np.reshape(y, (len(time), -1)).T, strict=True))
+
+    def step(self, dt: float) -> tuple[Array, Array, Array]:
+        """Exact step of dt seconds for inputs that change linearly: x+ = F x + G d + H d+.
+
+        Van Loan (1978), Computing integrals involving the matrix exponential.
+
+        Returns:
+            F (n, n), G (n, k) and H (n, k), for the inputs d before and d+ after the step.
+        """
+        n, k = self.B.shape
+        M = np.zeros((n + 2 * k, n + 2 * k))
+        M[:n, :n], M[:n, n : n + k], M[n : n + k, n + k :] = self.A * dt, self.B * dt, np.eye(k)
+        E = expm(M)
+        H = E[:n, n + k :]
+        return E[:n, :n], E[:n, n : n + k] - H, H
+
+    def input_index(self, name: str) -> int:
+        """Index of an input; a SignalError where there is none."""
+        return _index(name, self.inputs, f"an input of {self.vehicle}")
+
+    def output_index(self, name: str) -> int:
+        """Index of an output; a SignalError where there is none."""
+        return _index(name, self.outputs, "an output of this system")
+
+    def to_scipy(self) -> signal.StateSpace:
+        """The system for scipy.signal, without names."""
+        return signal.StateSpace(self.A, self.B, self.C, self.D)
+
+    def to_control(self) -> Any:
+        """The system for python-control. Its names contain "_" in place of ".", which python-control reserves.
+
+        Raises:
+            FifthwheelError: python-control is not installed.
+        """
+        control = require("control", "control")
+        names = {
+            key: [name.replace(".", "_") for name in getattr(self, key)] for key in ("inputs", "states", "outputs")
+        }
+        return control.ss(self.A, self.B, self.C, self.D, name=self.vehicle.replace(".", "_"), **names)
+
+
+def linear_system(
+    vehicle: Vehicle, speed: float, outputs: Iterable[str] | None = None, *, roll: bool = True
+) -> LinearSystem:
+    """The linear model of a vehicle at one speed.
+
+    An output is a state, a signal that `dynamics.model` has (an accelerometer's `lateral_acceleration.<unit>` contains
+    g times the roll angle), or one of
+
+        cog_acceleration.<unit>        m/s^2; v' + u r on the roll axis under the CoG, without gravity
+        slip_angle.<group>             rad; with a relaxation length, the lagged one
+        lateral_force.<group>          N; side force of all tyres of the group
+        load_transfer_moment.<group>   N m; half the track times the load of the right wheels less that of the left
+                                       ones: the group's part of the roll moment of suspensions and tyres, plus its
+                                       side force times the height of the roll axis, where the unsprung mass is
+
+    <group> is the path of the axle group: tractor.drive, or semitrailer if the unit has one group.
+
+    Args:
+        vehicle: with its numbers.
+        speed: constant, m/s.
+        outputs: names; by default `default_outputs`.
+        roll: use the yaw-roll model, or the yaw model.
+
+    Raises:
+        SignalError: the model does not have an output.
+        VehicleError: the speed is not positive.
+    """
+    names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
+    m = matrices(vehicle, speed, roll=roll)
+    values = all_parameters(vehicle, [name for name in names if _is_sensor(name, m.states)])
+    C, D = (np.array(matrix) for matrix in _output_function(vehicle, names, roll)(list(values.values()), speed))
+    inputs = vehicle.steer_signals()
+    return LinearSystem(
+        vehicle=vehicle.name,
+        speed=speed,
+        inputs=inputs,
+        states=m.states,
+        outputs=names,
+        A=m.A,
+        B=m.B.reshape(len(m.states), len(inputs)),
+        C=C.reshape(len(names), len(m.states)),
+        D=D.reshape(len(names), len(inputs)),
+    )
+
+
+def default_outputs(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
+    """Sideslip, yaw rate, acceleration of the CoG and, with roll, the roll of every unit; all articulation angles."""
+    quantities = ("sideslip", "yaw_rate", COG_ACCELERATION, *(["roll"] if roll else []))
+    names = [unit.name for unit in vehicle.units]
+    return (*(f"{q}.{name}" for q in quantities for name in names), *(f"articulation.{name}" for name in names[1:]))
+
+
+def _is_sensor(name: str, states: tuple[str, ...]) -> bool:
+    """Whether an output comes from `sensors`."""
+    return name not in states and SignalName.of(name).quantity not in {COG_ACCELERATION, *GROUP_QUANTITIES}
+
+
+def _unit(name: str) -> str:
+    quantity = SignalName.of(name).quantity
+    if quantity in GROUP_QUANTITIES:
+        return GROUP_QUANTITIES[quantity]
+    return "m/s^2" if quantity == COG_ACCELERATION else si_unit(name) or "1"
+
+
+_functions: dict[tuple[object, ...], ca.Function] = {}
+
+
+def _output_function(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool) -> ca.Function:
+    """(parameters, speed) -> (C, D), one function for all vehicles of equal topology."""
+    key = (topology(vehicle), outputs, roll)
+    if key not in _functions:
+        states = chain.state_names(vehicle, roll=roll)
+        names = tuple(all_parameters(vehicle, [name for name in outputs if _is_sensor(name, states)]))
+        symbols, u = ca.SX.sym("p", len(names)), ca.SX.sym("u")
+        p = dict(zip(names, ca.vertsplit(symbols), strict=True))
+        x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
+        sensed = sensors.sensor_inputs(p, vehicle, chain.equations(p, vehicle, roll=roll), x, u, d, roll=roll)
+        slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
+        y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
+        stacked = ca.vertcat(*y) if y else ca.SX(0, 1)
+        both = [ca.densify(ca.jacobian(stacked, by)) for by in (x, d)]
+        _functions[key] = ca.Function("outputs", [symbols, u], both, {"cse": True})
+    return _functions[key]
+
+
+def _output(name: str, sensed: sensors.SensorInputs, slip: Mapping[str, ca.SX]) -> ca.SX:
+    """An output that is not a state."""
+    parsed = SignalName.of(name)
+    if parsed.quantity == COG_ACCELERATION:
+        return sensed.acceleration[_index(parsed.unit, [u.name for u in sensed.vehicle.units], f"a unit ({name})")][0]
+    if parsed.quantity in GROUP_QUANTITIES:
+        i, group = _group(name, sensed.vehicle)
+        unit = sensed.vehicle.units[i]
+        path = unit.group_path(group)
+        force = sensed.p[f"{path}.cornering_stiffness"] * slip[path]
+        if parsed.quantity == "slip_angle":
+            return slip[path]
+        if parsed.quantity == "lateral_force":
+            return force
+        if not sensed.roll:
+            raise SignalError(f"{name}: the yaw-only model has no roll; set roll=True or omit the output")
+        stiffness, damping = group_roll(sensed.p, path)
+        moment = stiffness * sensed.motion.roll[i] + damping * sensed.motion.roll_rate[i]
+        return moment + sensed.p[f"{unit.name}.roll_axis_height"] * force
+    known = sorted({*sensors.QUANTITIES, COG_ACCELERATION, *GROUP_QUANTITIES})
+    if parsed.quantity not in known:
+        raise SignalError(f"{name}: no such quantity in the linear model; {suggestion(parsed.quantity, known)}")
+    sensors.require_available(sensed.vehicle, name, roll=sensed.roll)
+    return sensors.sensor_output(sensed, name)
+
+
+def _group(name: str, vehicle: Vehicle) -> tuple[int, AxleGroup]:
+    """Index of the unit and axle group of an output."""
+    groups: dict[str, tuple[int, AxleGroup]] = {
+        unit.group_path(group): (i, group) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups
+    }
+    place = SignalName.of(name).place
+    if place not in groups:
+        raise SignalError(f"{name}: {vehicle.name} has no axle group {place!r}; {suggestion(place, groups)}")
+    return groups[place]
+
+
+def _index(name: str, known: Iterable[str], kind: str) -> int:
+    known = list(known)
+    if name not in known:
+        raise SignalError(f"{name}: not {kind}; {suggestion(name, known)}")
+    return known.index(name)

@@ -1,0 +1,163 @@
+"""What a panel of a plot shows: lines, bands, points, bars, areas, labels, guides and spans.
+
+Values are in the units of the axes. NaN interrupts a line. A colour is "#rrggbb"; None takes the next of the palette.
+"""
+
+from dataclasses import KW_ONLY, dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fifthwheel._types import Array
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.plots.palette import DARK, GREY
+
+Dash = Literal["solid", "dash", "dot"]
+Marker = Literal["circle", "cross", "diamond", "square"]
+
+
+class _Item:
+    """An item with arrays of the same length."""
+
+    _arrays: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        length = None
+        for name in self._arrays:
+            if getattr(self, name) is None:
+                continue
+            values = np.atleast_1d(np.asarray(getattr(self, name), dtype=np.float64))
+            length = values.size if length is None else length
+            if values.shape != (length,):
+                raise FifthwheelError(
+                    f"{type(self).__name__}.{name}: expected {length} values, one for each of {self._arrays[0]}, "
+                    f"got shape {values.shape}; give arrays of the same length"
+                )
+            object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Line(_Item):
+    """A line through points (n,)."""
+
+    x: ArrayLike
+    y: ArrayLike
+    _: KW_ONLY
+    name: str = ""
+    """In the legend; "" for none."""
+    colour: str | None = None
+    width: float = 1.8
+    """Pixels."""
+    dash: Dash = "solid"
+    gaps: bool = False
+    """Interrupt the line where x, the time, has a gap of more than five typical steps."""
+    _arrays = ("x", "y")
+
+
+@dataclass(frozen=True, eq=False)
+class Band(_Item):
+    """The area between two lines over x (n,), such as an estimate ± 2 sigma; it has the colour of the next line."""
+
+    x: ArrayLike
+    lower: ArrayLike
+    upper: ArrayLike
+    _: KW_ONLY
+    name: str = ""
+    colour: str | None = None
+    opacity: float = 0.18
+    gaps: bool = False
+    """As of a `Line`."""
+    _arrays = ("x", "lower", "upper")
+
+
+@dataclass(frozen=True, eq=False)
+class Points(_Item):
+    """Points (n,), with error bars where a sigma is given."""
+
+    x: ArrayLike
+    y: ArrayLike
+    _: KW_ONLY
+    x_sigma: ArrayLike | None = None
+    y_sigma: ArrayLike | None = None
+    name: str = ""
+    colour: str | None = None
+    marker: Marker = "circle"
+    size: float = 7
+    """Pixels."""
+    texts: tuple[str, ...] = ()
+    """Of each point, shown when the cursor is on it."""
+    _arrays = ("x", "y", "x_sigma", "y_sigma")
+
+
+@dataclass(frozen=True, eq=False)
+class Bars(_Item):
+    """Bars of equal width around x (n,), from 0 to the heights (n,)."""
+
+    x: ArrayLike
+    heights: ArrayLike
+    _: KW_ONLY
+    name: str = ""
+    colour: str | None = None
+    _arrays = ("x", "heights")
+
+
+@dataclass(frozen=True, eq=False)
+class Area(_Item):
+    """A closed polygon of corners (n,)."""
+
+    x: ArrayLike
+    y: ArrayLike
+    _: KW_ONLY
+    name: str = ""
+    colour: str | None = None
+    opacity: float = 0.3
+    outline: float = 1.2
+    """Width of its edge, pixels."""
+    _arrays = ("x", "y")
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text centred at a point."""
+
+    x: float
+    y: float
+    text: str
+    _: KW_ONLY
+    colour: str = DARK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guide:
+    """A straight line across the panel, vertical at x or horizontal at y, with a text."""
+
+    x: float | None = None
+    y: float | None = None
+    text: str = ""
+    colour: str = GREY
+    width: float = 1.2
+    dash: Dash = "dash"
+
+    def __post_init__(self) -> None:
+        if (self.x is None) == (self.y is None):
+            raise FifthwheelError(f"Guide: either x or y expected, got x = {self.x} and y = {self.y}; give one of them")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A shaded interval of x."""
+
+    start: float
+    stop: float
+    _: KW_ONLY
+    colour: str = GREY
+    opacity: float = 0.15
+
+
+Item = Line | Band | Points | Bars | Area | Label | Guide | Span
+
+
+def as_array(values: ArrayLike) -> Array:
+    """Values of an item (n,), which its constructor has checked."""
+    return np.asarray(values, dtype=np.float64)

@@ -1,0 +1,69 @@
+"""A record as a plot and as a table of its channels."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fifthwheel._html import Markup, table
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.formatting import digits, percent, shown
+from fifthwheel.names import SignalName
+from fifthwheel.plots import Axis, Line, Panel, Plot
+from fifthwheel.plots.palette import CYCLE
+from fifthwheel.plots.sparkline import sparkline
+from fifthwheel.record.signal_names import QUANTITIES, REFERENCE
+from fifthwheel.record.timestamps import typical_step
+
+
+def channel_plot(time: Array, channels: Mapping[str, Array], names: Sequence[str], title: str) -> Plot:
+    """One panel for each quantity, with one line for each of its channels; reference signals are dashed.
+
+    Args:
+        time: (N,) s.
+        channels: (N,) values by name, SI; "reference.<name>" for reference signals.
+        names: channels to draw; empty for all.
+        title: of the plot.
+
+    Raises:
+        SignalError: a name is not among the channels.
+    """
+    for name in names:
+        if name not in channels:
+            raise SignalError(f"{name}: not in {title}; {suggestion(name, channels)}")
+    by_quantity: dict[str, list[str]] = {}
+    for name in names or channels:
+        by_quantity.setdefault(SignalName.of(name.removeprefix(REFERENCE)).quantity, []).append(name)
+    places = dict.fromkeys(SignalName.of(name.removeprefix(REFERENCE)).place for name in names or channels)
+    colours = {place: CYCLE[k % len(CYCLE)] for k, place in enumerate(places)}
+    panels = []
+    for quantity, members in by_quantity.items():
+        unit = shown(QUANTITIES[quantity])
+        lines = [_line(time, channels[name] * unit.factor, name, colours) for name in members]
+        label = Axis(label=quantity.replace("_", " "), unit=unit.name)
+        panels.append(Panel(items=lines, x=Axis(label="time", unit="s"), y=label))
+    return Plot(panels=panels, title=title)
+
+
+def _line(time: Array, values: Array, name: str, colours: Mapping[str, str]) -> Line:
+    reference = name.startswith(REFERENCE)
+    place = SignalName.of(name.removeprefix(REFERENCE)).place
+    label = ", ".join(filter(None, (place, "reference" if reference else "")))
+    return Line(time, values, name=label, colour=colours[place], dash="dash" if reference else "solid", gaps=True)
+
+
+def channel_table(time: Array, channels: Mapping[str, Array]) -> Markup:
+    """Unit, rate, range, missing samples and course of each channel."""
+    rows = [_row(time, name, values) for name, values in channels.items()]
+    return table(("Signal", "Unit", "Rate", "Lowest", "Highest", "Missing", "Course"), rows)
+
+
+def _row(time: Array, name: str, values: Array) -> tuple[str, ...]:
+    present = np.isfinite(values)
+    unit = shown(QUANTITIES[SignalName.of(name.removeprefix(REFERENCE)).quantity])
+    step = typical_step(time[present])
+    rate = f"{1 / step:.3g} Hz" if step > 0 else "–"
+    ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]
+    low, high = (digits(float(end) * unit.factor, 3) for end in ends)
+    missing = percent(float(1 - present.mean())) if not present.all() else ""
+    return name, unit.name, rate, low, high, missing, sparkline(time, values)

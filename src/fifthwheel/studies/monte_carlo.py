@@ -1,0 +1,178 @@
+"""Monte Carlo studies: trucks, manoeuvres, sensors and estimators over seeds, as one table."""
+
+import hashlib
+import re
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+import pyarrow as pa
+
+from fifthwheel import __version__
+from fifthwheel._atomic.locks import held
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.plant import Sensor
+from fifthwheel.studies.estimators import Estimator, Settings, as_estimator
+from fifthwheel.studies.pool import run_all
+from fifthwheel.studies.result_table import ResultTable, Row, RunName, run_rows
+from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
+from fifthwheel.vehicle import Vehicle, get
+
+Progress = Callable[[str, int, int], None]
+"""Called with a title, the steps done and all steps."""
+Guess = Callable[[Vehicle, int], Vehicle]
+"""The vehicle that an estimator starts from, by the true one and the seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Setup:
+    """What the runs of a study share; sent to each process."""
+
+    scenarios: Mapping[tuple[str, str, str], Scenario]
+    estimators: Mapping[str, Estimator]
+    guess: Guess
+    settling_time: float
+    digests: Mapping[RunName, str]
+
+
+def study(
+    trucks: Mapping[str, Vehicle] | Iterable[str],
+    estimators: Mapping[str, Estimator | Settings],
+    out: str | Path,
+    *,
+    manoeuvres: Mapping[str, SimulatedRun] | None = None,
+    sensors: Mapping[str, Mapping[str, Sensor] | None] | None = None,
+    seeds: Iterable[int] = range(20),
+    guess: Guess = initial_guess,
+    settling_time: float = 0.0,
+    jobs: int | None = None,
+    progress: Progress = lambda *_: None,
+) -> pa.Table:
+    """Simulate and estimate every combination of truck, manoeuvre, sensors, estimator and seed.
+
+    The result has a row for each run and parameter, all SI: the names of the run, parameter, unit, truth, truth_low and
+    truth_high (the range of effective stiffness of nonlinear tyres, else equal), estimate, sigma, verdict, error (the
+    message of a run that failed, else empty), seconds (CPU time of the estimator), and `rms.<state>`: the rms error of
+    every estimated state that the model has a true value of. A run without parameters has one row with an empty
+    parameter. Equal arguments give equal numbers, apart from `seconds`.
+
+    A run that `out` already has is not computed again, if truck, manoeuvre, sensors, estimator and version of this
+    package are the same. Finished runs are kept when the study is interrupted or killed; call it again to continue.
+    Runs in `out` that are not part of this study stay. The code of an own estimator is not compared: give it another
+    name when it changes.
+
+    Args:
+        trucks: by name, or names of the catalogue.
+        estimators: by name: settings of `identify` or of a `Learner`, or any `Estimator`.
+        out: Parquet file.
+        manoeuvres: by name; by default the lane changes of the linear model.
+        sensors: by name; a set is by signal, None for the sensors of Cheng and Cebon (2011), which are the default.
+        seeds: each draws the sensor noise and the initial values; the same in all combinations.
+        guess: the vehicle that each estimator starts from; by default `initial_guess`. For estimators of states
+            only, `exact_guess`.
+        settling_time: time at the start of each run that the rms errors of the states leave out, s.
+        jobs: processes; by default one per core. More than one needs functions at the top level of a module.
+        progress: called while trucks are simulated and runs end.
+
+    Returns:
+        The content of `out`.
+
+    Raises:
+        FifthwheelError: `out` is not the table of a study, another process writes to it, or a worker was killed.
+        SignalError: a nonlinear manoeuvre cannot be simulated. What fails in a single run is in its row.
+    """
+    path, seeds = Path(out), list(seeds)
+    vehicles = dict(trucks) if isinstance(trucks, Mapping) else {name: get(name) for name in trucks}
+    methods = {name: as_estimator(given) for name, given in estimators.items()}
+    runs = manoeuvres or {"lane_changes": SimulatedRun()}
+    fitted = sensors or {"article": None}
+    rule = (guess, settling_time)
+    described = {
+        (truck, run, sensor, method): _digest(vehicles[truck], runs[run], fitted[sensor], methods[method], *rule)
+        for truck in vehicles
+        for run in runs
+        for sensor in fitted
+        for method in methods
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with held(path.with_name(path.name + ".lock"), subject=path):
+        results = ResultTable(path)
+        digests = {RunName(*names, seed): digest for names, digest in described.items() for seed in seeds}
+        todo = [name for name, digest in digests.items() if not results.done(name, digest)]
+        try:
+            if todo:
+                scenarios = _simulate(todo, vehicles, runs, fitted, progress)
+                setup = _Setup(
+                    scenarios=scenarios, estimators=methods, guess=guess, settling_time=settling_time, digests=digests
+                )
+                for k, (name, rows) in enumerate(run_all(_run, setup, todo, jobs=jobs), start=1):
+                    results.add(name, rows)
+                    progress("estimating", k, len(todo))
+        finally:
+            results.save()
+        return results.table()
+
+
+def _simulate(
+    todo: Iterable[RunName],
+    vehicles: Mapping[str, Vehicle],
+    runs: Mapping[str, SimulatedRun],
+    fitted: Mapping[str, Mapping[str, Sensor] | None],
+    progress: Progress,
+) -> dict[tuple[str, str, str], Scenario]:
+    """The scenarios of some runs; each truck is driven once through each manoeuvre."""
+    driven: dict[tuple[str, str], Scenario] = {}
+    pairs = list(dict.fromkeys((name.truck, name.manoeuvre) for name in todo))
+    for k, (truck, run) in enumerate(pairs):
+        progress("simulating", k, len(pairs))
+        driven[truck, run] = simulated(vehicles[truck], runs[run])
+    return {
+        (name.truck, name.manoeuvre, name.sensors): replace(
+            driven[name.truck, name.manoeuvre], sensors=fitted[name.sensors]
+        )
+        for name in todo
+    }
+
+
+def _run(setup: _Setup, name: RunName) -> list[Row]:
+    """The rows of one run."""
+    scenario = setup.scenarios[name.truck, name.manoeuvre, name.sensors]
+    base = {**name._asdict(), "digest": setup.digests[name]}
+    start = time.process_time()
+    try:
+        record = scenario.record(name.seed)
+        given = setup.guess(scenario.vehicle, name.seed)
+        start = time.process_time()
+        estimates = setup.estimators[name.estimator](replace(record, reference={}), given)
+    except FifthwheelError as error:
+        return [base | {"parameter": "", "error": str(error), "seconds": time.process_time() - start}]
+    seconds = time.process_time() - start
+    truth = partial(true_value, scenario.vehicle, scenario.stiffness)
+    settled = record.time >= record.time[0] + setup.settling_time
+    states = {
+        name: float(np.sqrt(np.nanmean((values - record.reference[name])[settled] ** 2)))
+        for name, values in estimates.states.items()
+        if name in record.reference and np.isfinite(values[settled]).any()
+    }
+    return run_rows(base | {"error": "", "seconds": seconds}, estimates.parameters, truth, states)
+
+
+def _digest(*parts: object) -> str:
+    """Digest of everything that determines a result, by the texts of the objects."""
+    text = "\n".join([__version__, *(_text(part) for part in parts)])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _text(part: object) -> str:
+    """A text that differs for objects of different content, without addresses in memory."""
+    name = f"{getattr(part, '__module__', '')}.{getattr(part, '__qualname__', type(part).__qualname__)}"
+    if isinstance(part, FunctionType | type):
+        return name
+    default = type(part).__repr__ is object.__repr__
+    return name + re.sub(
+        r" at 0x[0-9a-f]+", "", repr(vars(part)) if default and hasattr(part, "__dict__") else repr(part)
+    )

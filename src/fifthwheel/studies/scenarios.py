@@ -1,0 +1,157 @@
+"""Scenarios of a study: a truck in a manoeuvre with sensors. The seed draws the noise and the initial values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.manoeuvres import OpenLoop
+from fifthwheel.manoeuvres import course as make_course
+from fifthwheel.names import SignalName
+from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
+from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import AxleGroup, Vehicle
+
+REFERENCE_STEER = (0.1, 1.0)
+"""Steer angles of the steady turns of `effective_stiffness`, deg; those of Cheng and Cebon (2011), section 3.2."""
+
+
+def initial_guess(assumed: Vehicle, seed: int, fixed: Mapping[str, float] | None = None) -> Vehicle:
+    """A vehicle with each parameter of stage 1 at 80 or 120 %, and the fixed parameters at their values."""
+    names = stage_1_names(assumed)
+    factors = np.random.default_rng([seed, 7]).choice([0.8, 1.2], len(names))
+    values = assumed.parameters()
+    return assumed.replace({name: values[name] * f for name, f in zip(names, factors, strict=True)} | dict(fixed or {}))
+
+
+def exact_guess(assumed: Vehicle, seed: int) -> Vehicle:
+    """The vehicle itself, for estimators of states only."""
+    return assumed
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedRun:
+    """A manoeuvre and the model that drives it; None is the default of the manoeuvre."""
+
+    manoeuvre: str = "lane_changes"
+    """One of `MANOEUVRES` that the model has."""
+    model: Literal["linear", "nonlinear"] = "linear"
+    count: int | None = None
+    """Number of lane changes."""
+    speed: float | None = None
+    """m/s."""
+    duration: float | None = None
+    """s."""
+    rate: float = 100.0
+    """Sampling rate, Hz."""
+    properties: Properties = field(default_factory=Properties)
+    """Properties of the nonlinear truck."""
+
+    def options(self) -> dict[str, Any]:
+        """Arguments of the manoeuvre that are given."""
+        given = {"count": self.count, "speed": self.speed, "duration": self.duration}
+        return {key: value for key, value in given.items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One truck in one manoeuvre with one set of sensors."""
+
+    vehicle: Vehicle
+    run: SimulatedRun
+    sensors: Mapping[str, Sensor] | None = None
+    """By signal; None: those of Cheng and Cebon (2011)."""
+    plant_run: PlantRun | None = None
+    """Of the nonlinear truck; see `simulated`."""
+    stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range of effective cornering stiffness of the nonlinear truck, N/rad, by parameter."""
+
+    def record(self, seed: int) -> Record:
+        """Measured signals of a seed; every true signal that the model has as reference.
+
+        Raises:
+            SignalError: the model does not have the manoeuvre or the signal of a sensor.
+        """
+        fitted = article_sensors(self.vehicle) if self.sensors is None else self.sensors
+        time, truth = self._truth(seed, fitted)
+        return Record(time=time, signals=measure(time, truth, fitted, seed=seed), reference=truth, name=f"seed {seed}")
+
+    def _truth(self, seed: int, fitted: Mapping[str, Sensor]) -> tuple[Array, Mapping[str, Array]]:
+        if self.plant_run is not None:
+            return self.plant_run.time, self.plant_run.truth
+        rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in self.vehicle.units]
+        measured = [name for name in fitted if SignalName.of(name).quantity not in ("speed", "steer")]
+        exact = dict.fromkeys([*rates, *measured], 0.0)
+        options = self.run.options()
+        made = simulate(
+            self.vehicle, manoeuvre=self.run.manoeuvre, rate=self.run.rate, seed=seed, sensors=exact, **options
+        )
+        steer = {name: np.zeros(len(made)) for name in self.vehicle.steer_signals()}
+        return made.time, {**steer, **made.signals, **made.reference}
+
+
+def true_value(
+    vehicle: Vehicle, stiffness: Mapping[str, tuple[float, float]], parameter: str
+) -> tuple[float, float, float] | None:
+    """True value of a parameter or derived quantity, and the ends of its range; None if the truck has none.
+
+    Args:
+        vehicle: the truck.
+        stiffness: ranges of effective stiffness, if its tyres are nonlinear.
+        parameter: its name.
+    """
+    values = vehicle.parameters() | vehicle.derived()
+    if parameter not in values:
+        return None
+    low, high = sorted(stiffness.get(parameter, (values[parameter],) * 2))
+    return values[parameter], low, high
+
+
+def simulated(vehicle: Vehicle, run: SimulatedRun) -> Scenario:
+    """The scenario of a truck and a manoeuvre; the nonlinear truck is driven once, and random courses have seed 0."""
+    if run.model == "linear":
+        return Scenario(vehicle=vehicle, run=run)
+    driven = Plant(vehicle, run.properties).drive(make_course(run.manoeuvre, vehicle, **run.options()), rate=run.rate)
+    speed = float(np.mean(driven.truth["speed"]))
+    ranges = effective_stiffness(vehicle, run.properties, speed)
+    return Scenario(vehicle=vehicle, run=run, plant_run=driven, stiffness=ranges)
+
+
+def effective_stiffness(
+    truck: Vehicle, properties: Properties, speed: float, steer: tuple[float, float] = REFERENCE_STEER
+) -> dict[str, tuple[float, float]]:
+    """Side force divided by slip angle of every axle group in two steady turns, N/rad, by its parameter.
+
+    The article uses steer angles of 0.1 and 1 degree; the slip angles at 1 degree are close to the largest of the lane
+    change (section 3.2).
+
+    Args:
+        truck: the vehicle.
+        properties: of the nonlinear truck.
+        speed: m/s.
+        steer: steer angles of the two turns, deg.
+    """
+    plant = Plant(truck, properties)
+    turns = []
+    for degrees in steer:
+        time = np.arange(0, 12.001, 0.01)
+        angle = np.radians(degrees) * np.clip(time / 4, 0, 1)
+        turns.append(plant.drive(OpenLoop(time=time, steer=angle, speed=np.full_like(time, speed), name="turn")).truth)
+    return {
+        f"{unit.group_path(group)}.cornering_stiffness": (
+            _final_stiffness(turns[0], unit.name, group),
+            _final_stiffness(turns[1], unit.name, group),
+        )
+        for unit in truck.units
+        for group in unit.axle_groups
+    }
+
+
+def _final_stiffness(truth: Mapping[str, Array], unit: str, group: AxleGroup) -> float:
+    """Side force divided by slip angle of an axle group at the end of a run, N/rad."""
+    axles = [f"{unit}.{axle.name}" for axle in group.axles]
+    return sum(float(truth[f"lateral_force.{a}"][-1] / truth[f"slip_angle.{a}"][-1]) for a in axles)

@@ -1,0 +1,221 @@
+"""Faults of one channel: both sides of every limit, and the median of five against SciPy."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from fifthwheel.checks import Fault, check
+from fifthwheel.checks.samples import (
+    LIMITS,
+    dropouts,
+    impossible_samples,
+    remove_input_spikes,
+    spike_mask,
+    spikes,
+    stuck,
+)
+from fifthwheel.names import SignalName
+from fifthwheel.record import Record
+
+STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
+TIME = np.arange(0, 40, 0.02)
+
+
+def of(**signals):
+    """A record of 40 s at 50 Hz with a speed of 20 m/s and the tractor's weave."""
+    every = {"speed": np.full(TIME.size, 20.0), RATE: 0.05 * np.sin(TIME)}
+    return Record(time=TIME, signals=every | {name.replace("__", "."): v for name, v in signals.items()})
+
+
+def without(start, stop, of_time=TIME):
+    return np.where((of_time > start) & (of_time < stop), np.nan, 0.05 * np.sin(of_time))
+
+
+def test_limits_are_those_of_a_truck():
+    """Jumps are beyond the fastest lane change of a truck; a turn is well above the noise of a sensor."""
+    for quantity, limit in LIMITS.items():
+        assert 0 < limit.jump < limit.magnitude, quantity
+        assert limit.turn == np.inf or 0.01 * limit.magnitude < 3 * limit.turn < limit.magnitude, quantity
+
+
+@pytest.mark.parametrize(
+    ("values", "severity", "text"),
+    [
+        (without(10, 10.24), None, ""),
+        (without(10, 10.28), "warning", "between 9.98"),
+        (without(10, 10.5), "warning", "between 9.98"),
+        (without(10, 10.54), "warning", "longest gap is 10.00 to 10.54 s"),
+        (without(10, 29.9), "warning", "longest gap is 10.00 to 29.90 s"),
+        (without(10, 30.2), "error", "longest gap is 10.00 to 30.20 s"),
+        (without(39.44, 99), "warning", "longest gap is 39.44 to 39.98 s"),
+        (without(39.52, 99), "warning", "between 34.98"),
+        (without(39.78, 99), None, ""),
+        (without(-1, 0.52), "warning", "longest gap is 0.00 to 0.52 s"),
+        (without(-1, 0.48), "warning", "between 0.00"),
+        (without(-1, 0.22), None, ""),
+    ],
+)
+def test_gaps(values, severity, text):
+    """Up to 5 % may be missing within five seconds; a gap above half a second is named; an error above half of all."""
+    findings = list(dropouts(of(yaw_rate__semitrailer=values), RATE2))
+    assert [(f.fault, f.severity) for f in findings] == ([(Fault.DROPOUT, severity)] if severity else [])
+    assert all(text in f.message for f in findings)
+
+
+@pytest.mark.parametrize(("every", "found"), [(12, True), (30, False)])
+def test_single_missing_samples(every, found):
+    """One in twelve is 8 %, one in thirty 3 %; up to 5 % within five seconds is permitted."""
+    values = np.where(np.arange(TIME.size) % every == 3, np.nan, 0.05 * np.sin(TIME))
+    assert bool(list(dropouts(of(yaw_rate__semitrailer=values), RATE2))) == found
+    only_here = np.where((TIME > 10) & (TIME < 15), values, 0.05 * np.sin(TIME))
+    (message,) = [f.message for f in dropouts(of(yaw_rate__semitrailer=only_here), RATE2)] or [""]
+    assert ("8% between 9.98 and 14.98 s" in message) == found
+
+
+def test_no_sample_is_missing_between_successive_instants():
+    """A time base with a pause that all channels share: only what one channel lacks there is missing."""
+    keep = (TIME < 10) | (TIME > 14)
+    values = np.where(np.arange(keep.sum()) == 100, np.nan, 0.05 * np.sin(TIME[keep]))
+    record = Record(time=TIME[keep], signals={RATE: values})
+    assert list(dropouts(record, RATE)) == []
+
+
+def test_one_sample_is_not_a_channel():
+    for count in (0, 1, 2):
+        values = np.where(np.arange(TIME.size) < count, 0.1, np.nan)
+        found = [
+            (f.severity, f"{count} samples" in f.message)
+            for f in dropouts(of(roll_rate__tractor=values), "roll_rate.tractor")
+        ]
+        assert found == [("error", count < 2)]
+
+
+def reference_spikes(time, values, jump):
+    """By SciPy: the median of five with mirrored ends, and its robust sigma."""
+    deviation = np.abs(values - ndimage.median_filter(values, 5, mode="mirror"))
+    sigma = 1.4826 * np.median(deviation)  # the deviations are from a median, not from their own
+    return (deviation > 8 * sigma) & (deviation > jump * max(1, np.median(np.diff(time)) / 0.1))
+
+
+@pytest.mark.parametrize(
+    ("step", "noise", "size"), [(0.01, 0.0, 0.16), (0.01, 0.1, 2.0), (0.5, 0.0, 0.9), (0.5, 0.0, 0.6)]
+)
+def test_spikes_equal_those_of_scipy(step, noise, size):
+    random = np.random.default_rng(5)
+    values = noise * random.normal(size=500)
+    rows = random.permutation(500)[:20]
+    values[rows] += size * random.uniform(0.5, 2.0, 20)
+    values[[0, -1]] += size
+    time = step * np.arange(500)
+    mask = spike_mask(time, values, 0.15)
+    assert np.array_equal(mask, reference_spikes(time, values, 0.15))
+    assert 0 < mask.sum() < 23
+    assert not spike_mask(time[:4], np.array([0, 9.0, 0, 0]), 0.15).any()
+    assert spike_mask(time[:5], np.array([0, 0, 9.0, 0, 0]), 0.15).tolist() == [False, False, True, False, False]
+
+
+@pytest.mark.parametrize(("count", "found"), [(0, False), (1, True), (199, True), (200, False)])
+@pytest.mark.parametrize("name", [STEER, RATE2])
+def test_spikes_up_to_a_tenth_of_the_samples(name, count, found):
+    values = np.zeros(TIME.size)
+    values[5 : 5 + 10 * count : 10] = 0.5
+    record = of(**{name.replace(".", "__"): values})
+    findings = list(spikes(record, name))
+    assert [(f.fault, f.severity) for f in findings] == [(Fault.SPIKE, "warning")] * found
+    for finding in findings:
+        assert f"{count} spike{'s' * (count > 1)}, the first 0.5" in finding.message
+        assert "at 0.10 s" in finding.message
+        assert ("repair them" in finding.message) == (name == STEER)
+    repaired = remove_input_spikes(record).signals[name]
+    assert np.isnan(repaired).sum() == (count if found and name == STEER else 0)
+    assert np.array_equal(repaired, np.where(np.isnan(repaired), np.nan, values), equal_nan=True)
+
+
+def test_impossible_samples():
+    """Ten times the range of the quantity, below 1 % of the samples; where they are more, only above 1e9."""
+    for count, expected in ((9, 9), (10, 0)):
+        values = np.zeros(1000)
+        values[:count] = -15.01
+        assert impossible_samples(RATE, values).sum() == expected
+        values[999] = 1.1e9
+        assert impossible_samples(RATE, values).sum() == (10 if count < 9 else 1)
+    values = np.zeros(1000)
+    values[:5] = 14.99
+    assert not impossible_samples(RATE, values).any()
+    values[:4] = [1e9, 1.01e9, -1.01e9, np.inf]
+    assert impossible_samples("time_of_day", values).tolist()[:4] == [False, True, True, True]
+    everywhere = np.full(10, np.inf)
+    assert not impossible_samples(RATE, everywhere).any()
+
+
+@pytest.mark.parametrize(("seconds", "severity"), [(0.96, None), (1.06, "warning"), (3.9, "warning"), (4.1, "error")])
+def test_a_constant_value_in_a_turn(seconds, severity):
+    """Longer than a second; an error from a tenth of the record on."""
+    values = 0.04 * np.sin(TIME + 1)
+    values[(TIME >= 12) & (12 + seconds >= TIME)] = 0.123
+    findings = list(stuck(of(yaw_rate__semitrailer=values), RATE2, 5.0))
+    assert [f.severity for f in findings] == ([severity] if severity else [])
+    for f in findings:
+        assert f"constant at 0.123 rad/s from 12.00 to {12 + seconds:.2f} s" in f.message
+
+
+def test_a_value_repeated_by_a_slow_sensor_is_not_stuck():
+    """Three times the typical time of a value is permitted."""
+    slow = 0.04 * np.sin(np.floor(TIME / 0.5) * 0.5)
+    assert not list(stuck(of(yaw_rate__semitrailer=slow), RATE2, 5.0))
+    for seconds, found in ((1.4, False), (1.6, True)):
+        held = np.where((TIME >= 12) & (12 + seconds > TIME), 0.2, slow)
+        assert bool(list(stuck(of(yaw_rate__semitrailer=held), RATE2, 5.0))) == found
+
+
+@pytest.mark.parametrize(("speed", "change", "found"), [(20, 0.04, True), (20, 0.02, False), (4.9, 0.04, False)])
+def test_a_constant_value_needs_a_turn_of_another_signal(speed, change, found):
+    """A yaw rate changes by more than 0.03 rad/s in a turn, for a constant steer angle by more than twice that."""
+    ramp = change / 0.8 * np.clip((TIME - 20) / 4, 0, 1)  # 80 % of it between the quantiles of 10 and 90 %
+    inside = (TIME >= 20) & (TIME <= 24)
+    record = of(yaw_rate__semitrailer=np.where(inside, 0.0, 0.04 * np.sin(TIME)), yaw_rate__tractor=ramp)
+    record = record.with_signals({"speed": np.full(TIME.size, float(speed))})
+    assert bool(list(stuck(record, RATE2, 5.0))) == found
+    steer = record.with_signals({STEER: record.signals[RATE2], RATE2: np.zeros(TIME.size)})
+    assert not list(stuck(steer, STEER, 5.0))
+    twice = steer.with_signals({RATE: 2 * ramp})
+    assert bool(list(stuck(twice, STEER, 5.0))) == found
+
+
+QUANTITIES = {
+    # signal: magnitude, jump, and change in a turn, SI
+    "speed": (45.0, 2.0, None),
+    STEER: (1.2, 0.15, 0.01),
+    RATE2: (1.5, 0.15, 0.03),
+    "articulation.semitrailer": (1.7, 0.06, 0.02),
+    "lateral_acceleration.tractor": (12.0, 3.0, 1.0),
+    "lateral_velocity.tractor": (10.0, 1.0, None),
+    "sideslip.tractor": (1.0, 0.1, None),
+    "roll.tractor": (0.5, 0.05, 0.02),
+    "roll_rate.tractor": (2.0, 0.4, None),
+    "wheel_speed.tractor.front.left": (45.0, 2.0, None),
+    "longitudinal_acceleration.tractor": (12.0, 3.0, None),
+    "axle_load.tractor.drive": (5e5, 1e5, None),
+}
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_magnitude_jump_and_turn_of_each_quantity(name):
+    """What a truck can reach, what it can reach within 0.1 s, and what tells a turn from straight driving."""
+    assert {SignalName.of(n).quantity for n in QUANTITIES} == set(LIMITS)
+    magnitude, jump, turn = QUANTITIES[name]
+    ranges = {Fault.OUT_OF_RANGE, Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL}
+    for factor, beyond in ((0.999, False), (1.001, True)):
+        values = factor * magnitude * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
+        record = Record(time=TIME, signals={name: values})
+        assert bool(ranges & {f.fault for f in check(record)}) == beyond
+        spike = np.zeros(TIME.size)
+        spike[700] = factor * jump
+        assert bool(list(spikes(Record(time=TIME, signals={name: spike}), name))) == beyond
+        other = RATE if name != RATE else RATE2
+        turning = {name: (turn or magnitude) * factor / 0.8 * np.clip((TIME - 20) / 4, 0, 1)}
+        still = {"roll_rate.semitrailer": np.where(np.abs(TIME - 22) <= 2, 0.0, 0.01 * np.sin(TIME)), other: 0 * TIME}
+        record = Record(time=TIME, signals={"speed": np.full(TIME.size, 20.0), **still, **turning})
+        if name != "speed":
+            found = bool(list(stuck(record, "roll_rate.semitrailer", 5.0)))
+            assert found == (beyond and turn is not None)

@@ -1,0 +1,203 @@
+"""What to do next, for results of which each verdict, sigma and log is chosen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.diagnose.advice import LANE_CHANGE, describe_remedy, next_steps
+from fifthwheel.diagnose.cautions import describe_cause
+from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.identify import Verdict
+from fifthwheel.identify.design import Remedy
+from fifthwheel.identify.doubts import Cause
+from tests.diagnose.chosen import AXIS, FRONT, HEIGHT, INERTIA, REAR, SOFTENING, assessment, estimate, of, outlook
+
+
+def messages(identification, *arguments):
+    return [step.message for step in next_steps(identification, *arguments)]
+
+
+def test_a_good_result_needs_a_validation_only(result):
+    good = of(result, estimate(FRONT))
+    (step,) = next_steps(good)
+    assert "Validate the result" in step.message
+    assert step.parameters == step.signals == step.logs == ()
+    (fit, *fits) = good.fits
+    assert next_steps(replace(good, fits=(*fits, replace(fit, identified_on=False)))) == []
+    assert not any("Validate" in m for m in messages(of(result, estimate(FRONT, Verdict.NOT_CONVERGED))))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "text"),
+    [
+        (Verdict.AT_BOUND, "usually indicates an error in the vehicle file or a log"),
+        (Verdict.DOUBTFUL, "Check the numbers that the cautions name"),
+        (Verdict.NOT_CONVERGED, "may compensate each other"),
+    ],
+)
+def test_verdicts(result, verdict, text):
+    steps = next_steps(of(result, estimate(FRONT, verdict), estimate(REAR, verdict), estimate(INERTIA)))
+    assert [step.parameters for step in steps if text in step.message] == [(FRONT, REAR)]
+    assert not any(text in m for m in messages(of(result, estimate(FRONT))))
+
+
+def test_poorly_predicted_logs_are_to_be_used(result):
+    unseen = [replace(fit, identified_on=False, explained=0.5, rms=1e3) for fit in of(result).fits]
+    one = of(result, estimate(FRONT), fits=tuple(replace(fit, log="a") for fit in unseen))
+    first = next_steps(one)[0]
+    assert (first.message, first.logs) == (
+        "Use a for the identification too, because it is predicted poorly.",
+        ("a",),
+    )
+    two = replace(one, fits=(*one.fits, *(replace(fit, log="b") for fit in unseen)))
+    first = next_steps(two)[0]
+    assert first.message == "Use a and b for the identification too, because they are predicted poorly."
+    assert first.logs == ("a", "b")
+
+
+def test_more_excitation_by_the_quantity_that_is_missing(result):
+    wide = [estimate(name, sigma=0.2) for name in (FRONT, REAR, INERTIA, HEIGHT)]
+    steps = {step.parameters: step.message for step in next_steps(of(result, *wide)) if "To improve" in step.message}
+    assert list(steps) == [(FRONT, REAR), (INERTIA,), (HEIGHT,)]
+    assert steps[FRONT, REAR].startswith(f"To improve {FRONT} and {REAR}, add a log with a lane change")
+    assert "fast lane changes or a slalom" in steps[INERTIA,]
+    assert "more roll" in steps[HEIGHT,]
+    not_excited = estimate(FRONT, Verdict.NOT_EXCITED, sigma=0.3)
+    assert any("To improve" in m for m in messages(of(result, not_excited)))
+    for nothing in (
+        estimate(FRONT, Verdict.NOT_IDENTIFIABLE, sigma=0.3),
+        estimate(FRONT, Verdict.NOT_CONVERGED, sigma=0.3),
+        estimate(FRONT, Verdict.NOT_EXCITED, sigma=None),
+    ):
+        assert not any("To improve" in m for m in messages(of(result, nothing)))
+    budget = {FRONT: {AXIS: 0.6}}  # another run would not help
+    assert not any("To improve" in m for m in messages(of(result, estimate(FRONT, sigma=0.2), variance_budget=budget)))
+
+
+def test_only_runs_of_the_identification_are_straight(result):
+    wide, used = estimate(FRONT, sigma=0.2), result.identification.logs[0].name
+
+    def advice(*runs):
+        summaries = [RunSummary(name=name, speed=(20.0, 25.0), acceleration=a) for name, a in runs]
+        return messages(of(result, wide), summaries)[0]
+
+    straight = f"Drive two or more lane changes ({LANE_CHANGE}) and add that log. The present logs reach a lateral "
+    assert advice((used, 0.3)).startswith(f"{straight}acceleration of only 0.30 m/s²")
+    assert advice((used, 0.3), (used, 0.4)).startswith(f"{straight}acceleration of only 0.40 m/s²")
+    for runs in ([(used, 0.3), (used, 1.0)], [("other", 0.3)], [(used, np.nan)], []):
+        assert advice(*runs).startswith("To improve")
+    assert advice((used, np.nan), (used, 0.3)).startswith(straight)
+    lonely = messages(of(result, estimate(FRONT)), [RunSummary(name=used, speed=(20.0, 25.0), acceleration=0.1)])
+    assert not any("lane changes" in m for m in lonely)
+
+
+def test_a_missing_roll_rate(result):
+    for verdict, sigma in ((Verdict.NOT_IDENTIFIABLE, 0.3), (Verdict.NOT_EXCITED, None)):
+        steps = next_steps(of(result, estimate(HEIGHT, verdict, sigma=sigma), estimate(FRONT)))
+        (step,) = (step for step in steps if step.signals)
+        assert (step.signals, step.parameters) == (("roll_rate.semitrailer",), (HEIGHT,))
+        assert step.message.startswith("Log the roll rate of the semitrailer (roll_rate.semitrailer)")
+        assert f"do not determine {HEIGHT}, nor" in step.message
+    for other in (
+        estimate(HEIGHT, Verdict.NOT_EXCITED, sigma=0.3),
+        estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(AXIS,)),
+        estimate(HEIGHT, Verdict.NOT_CONVERGED),
+    ):
+        assert not any(step.signals for step in next_steps(of(result, other)))
+
+
+def test_what_separates_correlated_parameters(result):
+    for other, cure in ((AXIS, f"fix {AXIS} at a value from another source (--fix)"), ("steer.x.gain", "calibration")):
+        correlated = estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(other, REAR))
+        (step,) = (s for s in next_steps(of(result, correlated)) if "To identify" in s.message)
+        assert step.parameters == (HEIGHT,)
+        assert step.message.startswith(f"To identify {HEIGHT}, ")
+        assert cure in step.message
+        assert other in step.message
+    assert not any("To identify" in m for m in messages(of(result, estimate(HEIGHT, correlated_with=(AXIS,)))))
+
+
+def test_dominant_uncertainties(result):
+    axis = estimate(AXIS, Verdict.FIXED, value=-2.0, sigma=0.3)
+    wide = estimate(HEIGHT, sigma=0.1)
+    for source, uncertain, text in (
+        (
+            AXIS,
+            (axis,),
+            f"60 % of the variance of {HEIGHT} comes from {AXIS} (assumed uncertainty 15 %). Measure it, or ",
+        ),
+        (AXIS, (axis,), f"--consider {AXIS}=5%"),
+        (AXIS, (replace(axis, sigma=None),), "(assumed uncertainty 0 %)"),
+        (SOFTENING, (), f"comes from {SOFTENING}. Tyres soften with the slip angle"),
+        ("mass_scale", (), "comes from mass_scale. Measure it, and state its uncertainty in the vehicle file."),
+    ):
+        steps = next_steps(of(result, wide, variance_budget={HEIGHT: {source: 0.6}}, uncertain=uncertain))
+        assert [step.parameters for step in steps if text in step.message] == [(HEIGHT,)]
+
+
+def test_the_predicted_effect_of_changes(result):
+    run, channel = Remedy(drive="lane_change", sigma=0.1), Remedy(channel="roll_rate.semitrailer", sigma=0.3)
+    known = Remedy(known=(AXIS,), sigma=0.2)
+    future = outlook(assessment(FRONT, run, known), assessment(REAR, run, channel), assessment(INERTIA, run))
+    estimates = (
+        estimate(FRONT, Verdict.NOT_EXCITED), estimate(REAR, Verdict.NOT_IDENTIFIABLE), estimate(INERTIA)
+    )  # fmt: skip
+    predicted = [s for s in next_steps(of(result, *estimates), (), future) if "Predicted" in s.message]
+    assert [(s.message, s.parameters) for s in predicted] == [
+        (
+            "Predicted sigma if one more lane change (SAE J2179) at 90 km/h is driven (lower limit): "
+            f"{FRONT} 5 % and {REAR} 5 %.",
+            (FRONT, REAR),
+        ),
+        (f"Predicted sigma if roll_rate.semitrailer is logged (lower limit): {REAR} 15 %.", (REAR,)),
+    ]
+
+
+def test_changes_in_words():
+    assert describe_remedy(Remedy(drive="again")) == "if the same run is repeated"
+    assert describe_remedy(Remedy(drive="lane_change")) == "if one more lane change is driven"
+    both = Remedy(drive="lane_change", channel="roll_rate.tractor")
+    assert describe_remedy(both, "a slalom") == "if roll_rate.tractor is logged and a slalom is driven"
+
+
+def cause(changes, name=None, prior_sigmas=4.0):
+    return Cause(name=name or next(iter(changes)), changes=changes, prior_sigmas=prior_sigmas)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_causes_in_words(result, sign):
+    vehicle = result.identification.initial_vehicle
+    values = vehicle.parameters()
+    later = sign > 0
+    times = "4.0 times the assumed uncertainty"
+    mass, stiffness = "tractor.mass", "semitrailer.roll_stiffness"
+    larger = "larger" if later else "smaller"
+    position = "tractor.front.position"
+    for what, text in (
+        (
+            cause({"time_base.scale": sign * 0.02}, "time_base"),
+            f"the time base runs 2 % too {'slow' if later else 'fast'} (timestamps)",
+        ),
+        (cause({mass: sign * 0.1 * values[mass]}, "mass_scale", sign * 4.0), f"all masses are 10 % {larger} ({times})"),
+        (
+            cause({"yaw_rate.tractor.delay": sign * 0.05}, prior_sigmas=sign * 4.0),
+            f"yaw_rate.tractor is 50 ms {'late' if later else 'early'} ({times})",
+        ),
+        (cause({"tractor.softening": sign * 1.0}), f"the tyres of tractor soften with the slip angle ({times})"),
+        (
+            cause({position: sign * 0.1, "tractor.drive.position": sign * -0.25}, "tractor.axle_positions"),
+            f"the axles of tractor are up to 0.25 m {'closer to' if later else 'further from'} its front ({times})",
+        ),
+        (cause({"yaw_rate.tractor.gain": sign * 0.1}), f"yaw_rate.tractor.gain is different ({times})"),
+        (
+            cause({position: sign * 0.1}),
+            f"{position} is 0.10 m further to the {'front' if later else 'rear'} ({times})",
+        ),
+        (cause({stiffness: sign * 0.2 * values[stiffness]}), f"{stiffness} is 20 % {larger} ({times})"),
+        (
+            cause({stiffness: sign * 0.2 * values[stiffness], mass: 1.0}),
+            f"{stiffness} is 20 % {larger} with 1 other numbers that belong to it ({times})",
+        ),
+    ):
+        assert describe_cause(what, vehicle) == text

@@ -1,0 +1,102 @@
+"""Parts of the result of one stage, for posteriors that are chosen."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.one_stage.identification import (
+    _correlated,
+    _uncertain_estimate,
+    _variance_budget,
+    _without_number,
+)
+from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.verdict import Verdict
+
+FRONT, REAR, AXIS = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "tractor.roll_axis_height"
+HEIGHT, OFFSET = "semitrailer.payload.height", "yaw_rate.tractor.offset"
+
+
+@pytest.mark.parametrize(
+    ("name", "single", "several"),
+    [
+        (FRONT, FRONT, FRONT),
+        (f"{OFFSET}@0", OFFSET, f"{OFFSET}@0"),
+        (f"{OFFSET}@12", OFFSET, f"{OFFSET}@12"),
+        ("bank.road@1.0", "bank.road", "bank.road"),
+    ],
+)
+def test_the_number_of_a_log_is_shown_if_there_are_several(name: str, single: str, several: str) -> None:
+    assert _without_number(name, True) == single
+    assert _without_number(name, False) == several
+
+
+def unknown(name: str, *, considered: bool = False, suspect: bool = False) -> Unknown:
+    return Unknown(
+        name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, considered=considered, suspect=suspect
+    )
+
+
+def test_an_uncertain_parameter_is_estimated_if_the_logs_inform_on_it() -> None:
+    """Below the limit of the settings; a considered one is fixed, whatever its sigma is."""
+    settings, u = OneStage(excited=0.6), unknown(AXIS)
+    for sigma, verdict in ((0.599, Verdict.CONVERGED), (0.6, Verdict.NOT_EXCITED)):
+        estimate = _uncertain_estimate(u, 2.2, sigma, settings)
+        assert (estimate.verdict, estimate.value) == (verdict, 2.2)
+        assert estimate.sigma == pytest.approx(sigma * 0.1 * 2.2)
+        assert _uncertain_estimate(unknown(AXIS, considered=True), 2.2, sigma, settings).verdict is Verdict.FIXED
+
+
+def test_the_variance_budget_is_the_squared_correlation() -> None:
+    """With every considered unknown but suspects, the largest first: against fits with the unknown fixed."""
+    rng = np.random.default_rng(1)
+    jacobian = rng.normal(size=(50, 4))
+    names = (FRONT, REAR, AXIS, "mass_scale")
+    posterior = Posterior.from_information(names, jacobian.T @ jacobian / 20, considered=names[2:])
+    problem = SimpleNamespace(
+        unknowns=[
+            unknown(FRONT), unknown(REAR), unknown(AXIS, considered=True), unknown("mass_scale", considered=True),
+        ]
+    )  # fmt: skip
+    budget = _variance_budget(problem, posterior, names[:2])
+    H = jacobian.T @ jacobian / 20
+    P = np.linalg.inv(np.eye(2) + H[:2, :2])
+    for i, name in enumerate(names[:2]):
+        shifts = (P @ H[:2, 2:])[i]  # of the estimate by one sigma of each considered unknown
+        variance = P[i, i] + (shifts**2).sum()
+        expected = dict(zip(names[2:], shifts**2 / variance, strict=True))
+        assert budget[name] == pytest.approx(expected)
+        assert list(budget[name].values()) == sorted(expected.values(), reverse=True)
+    problem.unknowns[3] = replace(problem.unknowns[3], suspect=True)
+    assert {tuple(terms) for terms in _variance_budget(problem, posterior, names[:2]).values()} == {(AXIS,)}
+
+
+def test_which_unknowns_a_parameter_is_correlated_with() -> None:
+    """Without initial states; one that limits it if there is no other reason, and none for a missing roll rate."""
+    names = (FRONT, f"{OFFSET}@0", "yaw_rate.tractor", HEIGHT)
+    row = np.array([[1.0, 1.0, 0.0, 0.0], [1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+    def correlated(
+        name: str, verdict: Verdict, rows: np.ndarray, logs: int = 1, excited: float = 0.7
+    ) -> tuple[str, ...]:
+        solution = SimpleNamespace(
+            problem=SimpleNamespace(model=SimpleNamespace(outputs=("yaw_rate.tractor",), states=("yaw_rate.tractor",))),
+            dataset=SimpleNamespace(logs=[None] * logs),
+            settings=OneStage(excited=excited),
+        )
+        return _correlated(solution, Posterior.from_information(names, 1e6 * rows.T @ rows), name, verdict)
+
+    assert correlated(FRONT, Verdict.CONVERGED, row[:1]) == (OFFSET,)
+    assert correlated(FRONT, Verdict.CONVERGED, row[:1], logs=2) == (f"{OFFSET}@0",)
+    assert correlated(FRONT, Verdict.CONVERGED, row[1:2]) == ()
+    assert correlated(HEIGHT, Verdict.NOT_IDENTIFIABLE, row) == ()
+    weak = np.array([[1.0, 0.3, 0.3, 0.3]])
+    assert correlated(FRONT, Verdict.CONVERGED, weak) == ()
+    confounded = correlated(FRONT, Verdict.NOT_IDENTIFIABLE, weak)
+    assert len(confounded) == 1
+    assert confounded[0] != FRONT
+    assert correlated(FRONT, Verdict.NOT_IDENTIFIABLE, weak, excited=1e-9) == ()

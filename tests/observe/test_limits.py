@@ -1,0 +1,233 @@
+"""Both sides of every limit of an observer, and its parts against plain formulas."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from fifthwheel.errors import SignalError
+from fifthwheel.filters.update import ChannelUpdate
+from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
+from fifthwheel.observe import monitor as monitor_module
+from fifthwheel.observe.inputs import HeldInputs
+from fifthwheel.observe.observer_step import reported_signals
+from fifthwheel.observe.segments import without_measurement
+from tests.observe.conftest import STEER, YAWS, rows, samples
+
+EDGE = 1e-6
+
+
+def test_numbers_of_the_status():
+    """Files and live answers contain the number."""
+    numbers = {"OK": 0, "COASTING": 1, "TOO_SLOW": 2, "INPUT_MISSING": 3, "INCONSISTENT": 4}
+    assert {status.name: int(status) for status in Status} == numbers
+
+
+@pytest.mark.parametrize(
+    ("speed", "steer", "time", "taken"),
+    [
+        (45.0, 0.1, 9.0, (True, True)),
+        (45.0 + EDGE, 0.1, 9.0, (False, True)),
+        (20.0, 1.2, 9.0, (True, True)),
+        (20.0, -1.2 - EDGE, 9.0, (True, False)),
+        (22.0 - EDGE, 0.1, 0.1, (True, True)),
+        (22.0 + EDGE, 0.1, 0.1, (False, True)),
+        (18.0 - EDGE, 0.1, 0.1, (False, True)),
+        (20.0, 0.3 - EDGE, 0.1, (True, True)),
+        (20.0, 0.3 + EDGE, 0.1, (True, False)),
+        (20.0, -0.3 - EDGE, 0.1, (True, False)),
+        (20.0, 0.03 - EDGE, 0.001, (True, True)),  # the change of 10 ms within any shorter time
+        (20.0, 0.03 + EDGE, 0.001, (True, False)),
+        (29.9, 1.1, 0.3, (False, False)),
+        (29.9, 1.1, 0.3 + EDGE, (True, True)),  # any possible value after the longest hold
+        (None, None, 0.1, (False, False)),
+        (float("nan"), float("nan"), 0.1, (False, False)),
+    ],
+)
+def test_which_inputs_are_plausible(speed, steer, time, taken):
+    """20 m/s^2 and 3 rad/s, for 0.3 s, and the largest magnitudes of a truck."""
+    inputs = HeldInputs(("speed", STEER), ObserverSettings(hold=0.3))
+    assert not inputs.update(-1.0, {})
+    assert inputs.update(0.0, {"speed": 20.0, STEER: 0.0})
+    fresh = inputs.update(time, {"speed": speed, STEER: steer})
+    assert inputs.values == [new if ok else old for ok, new, old in zip(taken, (speed, steer), (20, 0), strict=True)]
+    assert inputs.times == [time if ok else 0.0 for ok in taken]
+    assert fresh == (all(taken) or time <= 0.3)
+
+
+def reference_monitor(carry, innovations, variances, accepted, weight, dt, limit, window, restart_after):
+    """The monitor in plain Python."""
+    nis, elapsed, duration = carry[0], carry[1] + dt, carry[2]
+    if not any(weight):
+        return [nis, elapsed, duration + dt if duration >= 0 else duration], [nis, 0]
+    used = [i for i, w in enumerate(weight) if w]
+    mean = np.mean([min(innovations[i] ** 2 / variances[i], limit) for i in used])
+    nis += min(elapsed / (window + elapsed), 0.1) * (mean - nis)
+    rejected = len(used) - sum(accepted[i] for i in used)
+    if 2 * rejected < len(used) or rejected < min(len(used), 2):
+        return [nis, 0, -1], [nis, 0]
+    lasted = duration + dt if duration >= 0 else -1
+    return [nis, 0, max(lasted, 0)], [nis, int(lasted >= restart_after)]
+
+
+def test_the_monitor_equals_plain_python():
+    """Of three channels, rejected and missing at random; at a long step the average has at least ten samples."""
+    symbols = {name: ca.SX.sym(name, 3) for name in ("innovation", "variance", "accepted", "weight", "carry")}
+    dt, settings = ca.SX.sym("dt"), ca.SX.sym("settings", 2)
+    columns = zip(*(ca.vertsplit(symbols[n]) for n in ("innovation", "variance", "accepted")), strict=True)
+    fields = ("innovation", "variance", "accepted")
+    channels = [ChannelUpdate(**dict(zip(fields, column, strict=True))) for column in columns]
+    results = monitor_module.monitor(symbols["carry"], channels, symbols["weight"], dt, ca.SX(36.0), settings)
+    step = ca.Function("monitor", [*symbols.values(), dt, settings], list(results))
+    random, restarts, rejections = np.random.default_rng(2), 0, set()
+    carry = expected = monitor_module.START
+    for k in range(3000):
+        innovation, variance = random.normal(size=3) * random.choice([1, 20], size=3), random.uniform(0.5, 2, 3)
+        weight = (random.random(3) < 0.7).astype(float)
+        if k % 300 > 250:
+            innovation[:] = 50.0  # a disagreement that lasts
+        innovation *= weight
+        accepted = weight * (innovation**2 / variance <= 36)
+        gap = random.choice([0.01, 0.05, 2.0])
+        carry, found = step(innovation, variance, accepted, weight, carry, gap, [1.0, 0.1])
+        expected, answer = reference_monitor(expected, innovation, variance, accepted, weight, gap, 36.0, 1.0, 0.1)
+        assert carry.full().ravel() == pytest.approx(expected)
+        assert found.full().ravel() == pytest.approx(answer)
+        restarts += answer[1]
+        rejections.add((int(weight.sum()), int(weight.sum() - accepted.sum())))
+    assert restarts > 10
+    assert len(rejections) == 10  # every number of measured and rejected channels
+    assert monitor_module.after_restart(3.0).tolist() == [3.0, 0.0, -1.0]
+
+
+@pytest.mark.parametrize("bank", [None, 0.02])
+def test_reported_signals(truck, bank):
+    units, road = ("tractor", "semitrailer"), () if bank is None else ("bank.road",)
+    plane = [f"{quantity}.{unit}" for quantity in ("sideslip", "yaw_rate") for unit in units]
+    plane.append("articulation.semitrailer")
+    roll = [f"{quantity}.{unit}" for quantity in ("roll", "roll_rate") for unit in units]
+    assert reported_signals(truck, roll=False, bank=bank is not None) == (*plane, *road)
+    assert reported_signals(truck, roll=True, bank=bank is not None) == (*plane, *roll, *road)
+
+
+def test_coasting_starts_after_its_time():
+    time = np.arange(6) * 0.25
+    accepted = np.array([[0, 0], [1, 0], [0, 0], [0, 0], [0, 0], [0, 1]])
+    assert without_measurement(time, accepted, 0.5).tolist() == [False, False, False, False, True, False]
+    assert without_measurement(time, 0 * accepted, 0.5).tolist() == [False] * 3 + [True] * 3  # since the start
+
+
+@pytest.mark.parametrize(("gap", "starts"), [(0.999, False), (1.001, True)])
+def test_a_gap_of_more_than_the_largest_starts_again(truck, lane_changes, gap, starts):
+    record = rows(lane_changes, (lane_changes.time <= 4) | (lane_changes.time > 4 + gap))
+    o = Observer(truck, lane_changes.signals)
+    first = np.searchsorted(record.time, 4.005)
+    fresh = o.batch(record.cut(record.time[first]))
+    states = o.batch(record)
+    same = states.sigma["roll.semitrailer"][first] == fresh.sigma["roll.semitrailer"][0]
+    assert same == starts
+    answers = []
+    for k in range(first + 1):
+        sample = {n: float(v[k]) for n, v in record.signals.items()}
+        answers.append(o.push({"time": float(record.time[k]), **sample}))
+    assert answers[-1]["roll.semitrailer.sigma"] == states.sigma["roll.semitrailer"][first]
+
+
+def test_a_resumed_observer_remembers_its_last_measurement(truck, lane_changes):
+    """Half a second ago; without measurements it coasts after another half."""
+    every = list(samples(lane_changes.cut(0, 2.5)))
+    inputs = [{n: v for n, v in sample.items() if "rate" not in n} for sample in every]
+    o, other = (Observer(truck, lane_changes.signals) for _ in range(2))
+    for sample in (*every[:100], *inputs[100:150]):
+        o.push(sample)
+    other.push({**every[0], "time": -50.0})
+    other.resume(o.save())
+    status = [other.push(sample)["status"] for sample in inputs[150:]]
+    assert status == [o.push(sample)["status"] for sample in inputs[150:]]
+    assert status[:45] == [Status.OK] * 45
+    assert status[55:] == [Status.COASTING] * len(status[55:])
+
+
+@pytest.mark.parametrize(
+    ("settings", "allowed"),
+    [
+        ({"hold": 0.0}, True),
+        ({"hold": -EDGE}, False),
+        ({"process_noise": 0.0}, True),
+        ({"process_noise": -EDGE}, False),
+        ({"restart_after": 0.0}, True),
+        ({"restart_after": -EDGE}, False),
+        *(({name: value}, value > 0) for name in ("min_speed", "coast", "max_gap", "gate") for value in (EDGE, 0.0)),
+        ({"gate": float("nan")}, False),
+        ({"bank": EDGE}, True),
+        ({"bank": 0.0}, False),
+        ({"bank": 1.0 - EDGE}, True),
+        ({"bank": 1.0}, False),
+        ({"noise": {"a": EDGE}}, True),
+        ({"noise": {"a": 0.0}}, False),
+        ({"noise": {"a": float("inf")}}, False),
+        ({"noise": {"a": "1"}}, False),
+        ({"sensor_errors": {"a": -1.0}}, True),
+        ({"sensor_errors": {"a": float("nan")}}, False),
+        ({"positions": {"a": None}}, False),
+        ({"positions": {"a": -2.0}}, True),
+    ],
+    ids=str,
+)
+def test_ranges_of_the_settings(settings, allowed):
+    if allowed:
+        ObserverSettings(**settings)
+        return
+    name = "a" if isinstance(next(iter(settings.values())), dict) else next(iter(settings))
+    with pytest.raises(SignalError, match=f"^{name}: expected"):
+        ObserverSettings(**settings)
+
+
+def test_negligible_directions_are_left_out():
+    """Of the correlation matrix, a millionth of its trace; the variance of the names has no effect."""
+    for difference, kept in ((1.8e-6, 1), (2.2e-6, 2)):  # the eigenvalues are 2 - d and d, their sum 2
+        r = 1 - difference
+        for scale in (np.ones(2), np.array([1e-6, 1e6])):
+            covariance = np.array([[1, r], [r, 1]]) * np.outer(scale, scale)
+            assert Uncertainty(names=("a", "b"), covariance=covariance).columns().shape == (2, kept)
+
+
+def test_sigma_points_change_by_half_a_logarithm_at_most():
+    """A longer column is shortened, and its step says by how much; other parameters change linearly."""
+    values = {"a": 2.0, "b": -3.0}
+    for sigma, step in ((0.99, 1.0), (1.01, 0.5 / 0.505), (4.0, 0.25)):
+        (pair,) = Uncertainty(names=("a",), covariance=np.array([[sigma**2]])).pairs(values, {"a"})
+        assert pair.step == pytest.approx(step)
+        assert abs(np.log(pair.plus["a"] / 2.0)) == pytest.approx(sigma / 2 * step)
+        assert pair.plus["a"] * pair.minus["a"] == pytest.approx(4.0)
+    (pair,) = Uncertainty(names=("b",), covariance=np.array([[9e4]])).pairs(values, {"a"})
+    assert pair.step == 1.0
+    assert sorted((pair.plus["b"], pair.minus["b"])) == pytest.approx([-303.0, 297.0])
+
+
+def test_which_matrices_are_covariances():
+    """Symmetric to a millionth, with correlations up to 1, and without a negative eigenvalue."""
+
+    def allowed(matrix):
+        try:
+            Uncertainty(names=tuple("abc"[: len(matrix)]), covariance=np.array(matrix))
+        except SignalError:
+            return False
+        return True
+
+    for unit in (1.0, 1e-8):
+        assert allowed(unit * np.array([[1.0, 0.5 + 0.9e-6], [0.5, 1.0]]))
+        assert not allowed(unit * np.array([[1.0, 0.5 + 1.1e-6], [0.5, 1.0]]))
+        assert allowed(unit * np.array([[1.0, 1.0 + 0.5e-6], [1.0 + 0.5e-6, 1.0]]))
+        assert not allowed(unit * np.array([[1.0, 1.0 + 3e-6], [1.0 + 3e-6, 1.0]]))
+        assert not allowed(unit * np.array([[-1e-3, 0.0], [0.0, 1.0]]))
+        assert allowed(unit * np.array([[0.0, 0.0], [0.0, 1.0]]))
+    for r, possible in ((-0.499, True), (-0.501, False)):  # of three equal correlations at least -0.5
+        assert allowed(np.full((3, 3), r) + (1 - r) * np.eye(3)) == possible
+
+
+def test_yaw_rates_are_needed(truck):
+    acceleration = "lateral_acceleration.tractor"
+    with pytest.raises(SignalError, match=r"yaw_rate\.tractor: not among the signals"):
+        Observer(truck, ("speed", STEER, acceleration))
+    assert Observer(truck, ("speed", STEER, acceleration, YAWS[0])).roll
+    assert not Observer(truck, ("speed", STEER, YAWS[0])).roll

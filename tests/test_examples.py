@@ -1,0 +1,74 @@
+"""The examples of own estimators, on short runs: against each other where they must agree, and with the truth."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.studies import initial_guess
+from fifthwheel.studies.scenarios import simulated
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+TRUCK = fw.vehicle("cheng_cebon_2011")
+SHORT = fw.SimulatedRun(manoeuvre="sweep", duration=2.5)
+
+
+@pytest.fixture(scope="module")
+def example():
+    """Imports an example by name."""
+    pytest.importorskip("filterpy")
+    sys.path.insert(0, str(EXAMPLES))
+    yield importlib.import_module
+    sys.path.remove(str(EXAMPLES))
+
+
+@pytest.fixture(scope="module")
+def record() -> fw.Record:
+    return simulated(TRUCK, SHORT).record(1)
+
+
+def test_both_are_estimators(example) -> None:
+    assert isinstance(example("unscented_filter").UnscentedFilter(), fw.Estimator)
+    assert isinstance(example("particle_filter").ParticleFilter(), fw.Estimator)
+
+
+def test_with_known_parameters_both_are_the_kalman_filter(example, record) -> None:
+    unscented = example("unscented_filter").UnscentedFilter(prior=1e-6)(record, TRUCK).states
+    particle = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, TRUCK).states
+    assert unscented.keys() == particle.keys()
+    for name, values in unscented.items():
+        assert particle[name] == pytest.approx(values, abs=1e-5 * np.abs(values).max() + 1e-9), name
+
+
+def test_particles_correct_the_initial_values(example) -> None:
+    record, guess = simulated(TRUCK, fw.SimulatedRun(count=1)).record(1), initial_guess(TRUCK, 1)
+    estimates = example("particle_filter").ParticleFilter(particles=40)(record, guess)
+    known = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, guess)
+    true = TRUCK.parameters()
+    errors = [estimate.value / true[estimate.name] - 1 for estimate in estimates.parameters]
+    assert np.sqrt(np.mean(np.square(errors))) < 0.1  # they start at 0.2
+    name = "sideslip.semitrailer"
+    rms = [np.sqrt(np.mean((e.states[name] - record.reference[name]) ** 2)) for e in (estimates, known)]
+    assert rms[0] < 0.5 * rms[1]
+
+
+@pytest.mark.slow
+def test_unscented_filter_corrects_the_initial_values(example, record) -> None:
+    estimates = example("unscented_filter").UnscentedFilter()(record, initial_guess(TRUCK, 1))
+    for estimate in estimates.parameters:
+        error = estimate.value - TRUCK.parameters()[estimate.name]
+        assert abs(error) < 4 * estimate.sigma < 0.6 * estimate.value
+
+
+@pytest.mark.slow
+def test_comparison(example, capsys, monkeypatch) -> None:
+    module = example("compare")
+    monkeypatch.setattr(module, "LANE_CHANGES", {"short": SHORT})
+    particle = example("particle_filter").ParticleFilter(particles=10)
+    rows = module.compare({"own": particle}, seeds=1, jobs=1)
+    assert [row["estimator"].split(",")[0] for row in rows] == ["Kalman filter"] * 2 + ["own", "one stage"]
+    assert rows[0]["sideslip"] < rows[1]["sideslip"]
+    assert len(capsys.readouterr().out.splitlines()) == 5

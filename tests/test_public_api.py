@@ -1,0 +1,96 @@
+"""The public names: lazy, complete, documented, with examples that run."""
+
+import ast
+import doctest
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from mypy import api
+
+import fifthwheel as fw
+
+SLOW = ("Learner", "design_experiment")
+"""Names whose examples compile large models."""
+ROOT = Path(__file__).parents[1]
+NAMES = [name for name in fw.__all__ if name != "__version__"]
+
+
+def run(code):
+    """What a new process prints."""
+    completed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return completed.stdout.strip()
+
+
+def public(name):
+    """A public object; the function of a module that is called like one."""
+    value = getattr(fw, name)
+    return value.__call__ if isinstance(value, ModuleType) and callable(value) else value
+
+
+def test_nothing_is_imported_before_its_first_use():
+    loaded = run("import sys, fifthwheel; print([m for m in sys.modules if m.startswith(('fifthwheel.', 'numpy'))])")
+    assert loaded == "[]"
+
+
+def test_dir_lists_the_public_names():
+    assert dir(fw) == sorted(fw.__all__)
+
+
+def test_type_checkers_and_run_time_agree():
+    tree = ast.parse(Path(fw.__file__).read_text(encoding="utf-8"))
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    seen: dict[str, object] = {}
+    exec(compile(ast.Module(block.body, []), fw.__file__, "exec"), seen)
+    assert all(seen[name] is public(name) for name in NAMES)
+    assert seen.keys() - {"__builtins__", "get"} == set(NAMES)
+
+
+@pytest.mark.slow
+def test_type_checkers_see_functions_and_not_modules(tmp_path):
+    code = "import fifthwheel as fw\nfrom fifthwheel.vehicle import laden\n"
+    (tmp_path / "notebook.py").write_text(
+        code + 'fw.identify([fw.simulate(fw.vehicle("a"))], fw.vehicle("a"))["a"].sigma\n'
+    )
+    out, _, status = api.run(["--config-file", str(ROOT / "pyproject.toml"), str(tmp_path / "notebook.py")])
+    assert status == 0, out
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'idnetify'"):
+        fw.idnetify  # noqa: B018
+
+
+def test_modules_are_called_like_their_functions():
+    """Also where something else imported them first; and they stay modules."""
+    calls = "import fifthwheel as fw; print(callable(fw.identify), callable(fw.simulate), callable(fw.vehicle))"
+    assert run(f"import fifthwheel.identify, fifthwheel.vehicle; {calls}") == "True True True"
+    for name in ("identify", "simulate", "vehicle"):
+        assert isinstance(getattr(fw, name), ModuleType)
+        assert inspect.signature(getattr(fw, name)) == inspect.signature(public(name))
+
+
+def test_every_public_name_and_method_is_documented():
+    missing = [name for name in NAMES if not inspect.getdoc(public(name))]
+    for name in NAMES:
+        for attribute, value in vars(public(name)).items() if isinstance(public(name), type) else ():
+            value = value.__func__ if isinstance(value, classmethod | staticmethod) else value
+            described = inspect.isfunction(value) or isinstance(value, property)
+            if not attribute.startswith("_") and described and not (value.__doc__ or "").strip():
+                missing.append(f"{name}.{attribute}")
+    assert not missing
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in NAMES]
+)
+def test_every_public_name_has_an_example_that_runs(name):
+    finder = doctest.DocTestFinder(recurse=False)
+    (example,) = finder.find(public(name), name=name, globs={}, module=False)
+    assert example.examples
+    failures: list[str] = []
+    doctest.DocTestRunner(verbose=False).run(example, out=failures.append)
+    assert not failures, "".join(failures)
