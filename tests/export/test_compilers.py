@@ -46,7 +46,7 @@ def test_without_undefined_behaviour(
 
 
 def test_the_static_checker_finds_nothing(lane: Record, tmp_path: Path) -> None:
-    """With a yaw model: the checker needs hours for the long step of a yaw-roll model, which has no other statements."""
+    """With a yaw model: for the long step of a yaw-roll model, which has no other statements, it needs hours."""
     if shutil.which("cppcheck") is None:
         pytest.skip("cppcheck is not installed")
     signals = [name for name in lane.signals if not name.startswith("roll_rate")]

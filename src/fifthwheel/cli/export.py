@@ -28,8 +28,8 @@ def c(
         list[str] | None,
         typer.Option(
             "--signal",
-            help="A signal that the control unit has; may be repeated. Default: those of the identification, or speed, the "
-            "steer angles that the vehicle file says, yaw rate and roll rate of every unit.",
+            help="A signal that the control unit has; may be repeated. Default: those of the identification, or speed, "
+            "the steer angles that the vehicle file says, yaw rate and roll rate of every unit.",
         ),
     ] = None,
     min_speed: Annotated[

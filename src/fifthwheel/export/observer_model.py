@@ -59,7 +59,7 @@ def source(observer: Observer) -> str:
         "BANK_SIGMA": 0.0 if settings.bank is None else settings.bank,
     }
     times = {"HOLD": settings.hold, "MAX_GAP": settings.max_gap, "COAST": settings.coast}
-    tables = {
+    tables: dict[str, Iterable[float]] = {
         "input_magnitude": [magnitude(name) for name in observer.inputs],
         "input_rate": [largest_rate(name, settings) for name in observer.inputs],
         "measured_magnitude": [magnitude(name) for name in observer.outputs],
