@@ -37,6 +37,7 @@ ROOMS = (
     "time_bases",
     "observe",
     "identify",
+    "export",
     "diagnose",
     "report",
     "workflow",

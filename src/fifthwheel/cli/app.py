@@ -15,6 +15,11 @@ app = typer.Typer(
     help="Estimate parameters and states of articulated heavy vehicles from logged sensor signals.",
 )
 
+export_app = typer.Typer(
+    no_args_is_help=True, rich_markup_mode="markdown", help="Write an estimator in another language."
+)
+app.add_typer(export_app, name="export")
+
 RENAMED_OPTIONS = {"--hold": "--fix", "--want": "--target"}
 """Former name of an option -> its name. Remove the former names in the next version."""
 
@@ -28,10 +33,10 @@ class CommandWithFormerNames(TyperCommand):
         return super().parse_args(ctx, [_present_name(argument, own) for argument in args])
 
 
-def command(*examples: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function as the command of its name; its help ends with the examples."""
     epilog = "**Examples**\n\n" + "\n\n".join(f"`{line}`" for line in examples)
-    return app.command(cls=CommandWithFormerNames, epilog=epilog)
+    return of.command(cls=CommandWithFormerNames, epilog=epilog)
 
 
 def _present_name(argument: str, own: set[str]) -> str:

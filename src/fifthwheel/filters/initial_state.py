@@ -26,6 +26,9 @@ TYPICAL_STEER_SIGMA = 0.015
 STEER_BANDWIDTH = 0.4
 """Bandwidth of the steer angles, Hz: that of a lane change."""
 
+SMITH_SHIFT, SMITH_PRECISION = 10.0, 1e-12
+"""s of Smith's method, rad/s, and the largest element of the first power of C that is left out."""
+
 
 def steady_initial_state(
     vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float], *, roll: bool, bank: float = 0.0
@@ -101,8 +104,9 @@ def initial_state(
 def random_steer_covariance(m: dynamics.Matrices) -> Array:
     """Stationary covariance (n, n) of the states per variance of a random first steer angle; zero if unstable.
 
-    The steer angle is white noise through a first-order low-pass of `STEER_BANDWIDTH`. The eigenvectors of A solve the
-    Lyapunov equation A P + P A' + Q = 0 of low-pass and vehicle.
+    The steer angle is white noise through a first-order low-pass of `STEER_BANDWIDTH`. The covariance of low-pass and
+    vehicle solves the Lyapunov equation A P + P A' + Q = 0. By Smith's method (SIAM J. Appl. Math. 16, 1968) it is the
+    sum of C^k D C'^k with C = (A - s)^-1 (A + s), for any s > 0; each round doubles the number of terms.
 
     Args:
         m: with the bank as a state.
@@ -110,9 +114,11 @@ def random_steer_covariance(m: dynamics.Matrices) -> Array:
     n, rate = len(m.A) - 1, 2 * np.pi * STEER_BANDWIDTH
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[:n, n], A[n, n] = m.A[:n, :n], m.B[:n, 0], -rate
-    values, vectors = np.linalg.eig(A)
-    if values.real.max() >= 0:
+    if np.linalg.eigvals(A).real.max() >= 0:
         return np.zeros((n, n))
-    excitation = np.linalg.solve(vectors, np.eye(n + 1)[:, n])
-    modal = -2 * rate * np.outer(excitation, excitation.conj()) / (values[:, None] + values.conj())
-    return np.asarray((vectors @ modal @ vectors.conj().T).real[:n, :n])
+    shift, unit = SMITH_SHIFT * np.eye(n + 1), np.eye(n + 1)[:, n:]
+    C, excitation = np.linalg.solve(A - shift, A + shift), np.linalg.solve(A - shift, unit)
+    P = 4 * rate * SMITH_SHIFT * excitation @ excitation.T
+    while np.abs(C).max() > SMITH_PRECISION:
+        P, C = P + C @ P @ C.T, C @ C
+    return np.asarray(P[:n, :n])

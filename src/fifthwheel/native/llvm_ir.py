@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.native.instructions import translate
+
 _BINARY = {ca.OP_ADD: "fadd contract", ca.OP_SUB: "fsub contract", ca.OP_MUL: "fmul contract", ca.OP_DIV: "fdiv"}
 _COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
 _INTRINSIC = {
@@ -106,7 +108,7 @@ class Emitter:
             vector, _ = self.emit(f"insertelement {self.type} {vector}, double {result}, i32 {lane}", invariant)
         return vector, invariant
 
-    def operation(self, op: int, arguments: list[Register]) -> Register:
+    def operation(self, op: int, arguments: Sequence[Register]) -> Register:
         """Write an operation on registers.
 
         Raises:
@@ -225,25 +227,14 @@ def module(step: ca.Function, lanes: int = 1) -> str:
         NotImplementedError: an operation of the step cannot be translated.
     """
     emitter = Emitter(step.name(), lanes)
-    register: dict[int, Register] = {}
-    stores: list[tuple[int, int, str]] = []
-    loaded: dict[tuple[int, int], Register] = {}
-    for k in range(step.n_instructions()):
-        op = step.instruction_id(k)
-        inputs, outputs = step.instruction_input(k), step.instruction_output(k)
-        if op == ca.OP_CONST:
-            register[outputs[0]] = (emitter.constant(step.instruction_constant(k)), True)
-        elif op == ca.OP_INPUT:
-            source = (inputs[0], inputs[1])
-            if source not in loaded:
-                loaded[source] = emitter.load(_ARGUMENTS[source[0]], source[1])
-            register[outputs[0]] = loaded[source]
-        elif op == ca.OP_OUTPUT:
-            stores.append((outputs[0], outputs[1], register[inputs[0]][0]))
-        else:
-            register[outputs[0]] = emitter.operation(op, [register[i] for i in inputs])
-    for argument, element, value in stores:  # last, so that the old carry is read before the new one is written
-        emitter.store(value, ("carry", "output")[argument], element)
+    results = translate(
+        step,
+        constant=lambda value: (emitter.constant(value), True),
+        load=lambda argument, element: emitter.load(_ARGUMENTS[argument], element),
+        operation=emitter.operation,
+    )
+    for place, element, (value, _) in results:  # last, so that the old carry is read before the new one is written
+        emitter.store(value, ("carry", "output")[place], element)
     n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
     n_output = step.numel_out(1)
     layouts = [

@@ -111,6 +111,11 @@ class Observer:
         """The compiled step."""
         return self._model.scan
 
+    @property
+    def constant(self) -> Array:
+        """The constant of the compiled step (n_constant,): vehicle, noise and settings, see `observer_step`."""
+        return self._buffers.constant.copy()
+
     def __getstate__(self) -> dict[str, Any]:
         """The attributes without the model and its memory, which a copy makes anew."""
         state = {name: value for name, value in vars(self).items() if name not in ("_model", "_buffers")}

@@ -6,6 +6,7 @@ from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle
 from fifthwheel.workflow.log_contents import LogContents, survey_file
+from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
@@ -22,6 +23,7 @@ __all__ = [
     "axle_load_differences",
     "check_record",
     "design_run",
+    "exported_observer",
     "one_stage_settings",
     "read_records",
     "read_vehicle",

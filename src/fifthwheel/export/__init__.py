@@ -1,0 +1,9 @@
+"""Estimators in other languages: C99 for a control unit.
+
+observer_model  the generated C of one observer: its step, matrices, names and constants
+project         the folder with library, build file and test program
+"""
+
+from fifthwheel.export.project import FILES, export_c
+
+__all__ = ["FILES", "export_c"]

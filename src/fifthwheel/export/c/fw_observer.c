@@ -1,0 +1,358 @@
+/* State observer of an articulated heavy vehicle. See fw_observer.h.
+
+   The Kalman filter itself is fw_step() in fw_model.c, which is generated. This file holds what is the same for every
+   vehicle: plausible and held inputs, the start of the filter, steps between samples, and statuses. */
+
+#include "fw_observer.h"
+#include "fw_model.h"
+
+#include <math.h>
+
+#define FW_OUTPUTS ((2 * FW_STATE_COUNT) + (3 * FW_MEASURED_COUNT) + 2)
+#define FW_ACCEPTED ((2 * FW_STATE_COUNT) + (2 * FW_MEASURED_COUNT))
+#define FW_NIS (FW_OUTPUTS - 2)
+#define FW_RESTART (FW_OUTPUTS - 1)
+#define FW_SAMPLE (1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
+#define FW_N FW_MODEL_STATES    /* states of the vehicle, without the bank of the road */
+#define FW_L (FW_MODEL_STATES + 1) /* with the low-pass of the steer angle */
+#define FW_COVARIANCE ((FW_FILTER_STATES * (FW_FILTER_STATES + 1)) / 2)
+#define FW_MAX_STEPS 100000.0
+#define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
+#define FW_SMITH_POLE FW_REAL(10.0) /* rad/s; any positive number gives the same solution */
+#define FW_SMITH_DOUBLINGS 24
+
+/* Solves a x = b for `columns` right sides by Gaussian elimination; b becomes x. Returns 0 if a is singular. */
+static int fw_solve(int size, fw_real *a, int columns, fw_real *b)
+{
+    for (int i = 0; i < size; i++) {
+        int pivot = i;
+        for (int row = i + 1; row < size; row++) {
+            if (FW_ABS(a[(row * size) + i]) > FW_ABS(a[(pivot * size) + i])) {
+                pivot = row;
+            }
+        }
+        if (!(FW_ABS(a[(pivot * size) + i]) > FW_REAL(0.0))) {
+            return 0;
+        }
+        for (int j = 0; (pivot != i) && (j < size); j++) {
+            const fw_real swap = a[(i * size) + j];
+            a[(i * size) + j] = a[(pivot * size) + j];
+            a[(pivot * size) + j] = swap;
+        }
+        for (int j = 0; (pivot != i) && (j < columns); j++) {
+            const fw_real swap = b[(i * columns) + j];
+            b[(i * columns) + j] = b[(pivot * columns) + j];
+            b[(pivot * columns) + j] = swap;
+        }
+        for (int row = i + 1; row < size; row++) {
+            const fw_real factor = a[(row * size) + i] / a[(i * size) + i];
+            for (int j = i; j < size; j++) {
+                a[(row * size) + j] -= factor * a[(i * size) + j];
+            }
+            for (int j = 0; j < columns; j++) {
+                b[(row * columns) + j] -= factor * b[(i * columns) + j];
+            }
+        }
+    }
+    for (int i = size - 1; i >= 0; i--) {
+        for (int j = 0; j < columns; j++) {
+            for (int k = i + 1; k < size; k++) {
+                b[(i * columns) + j] -= a[(i * size) + k] * b[(k * columns) + j];
+            }
+            b[(i * columns) + j] /= a[(i * size) + i];
+        }
+    }
+    return 1;
+}
+
+/* Stationary covariance p (FW_L x FW_L) of low-pass and vehicle for a steer angle of variance 1: A p + p A' + Q = 0.
+   Smith's method: with C = (A - s I)^-1 (A + s I) it is the sum of C^k D C'^k, doubled in each round. */
+static void fw_random_steer(const fw_real *a, const fw_real *b, fw_real *p)
+{
+    fw_real left[FW_L * FW_L];
+    fw_real c[FW_L * FW_L];
+    fw_real e[FW_L];
+    fw_real work[FW_L * FW_L];
+    for (int i = 0; i < FW_L; i++) {
+        for (int j = 0; j < FW_L; j++) {
+            fw_real value = FW_REAL(0.0);
+            if ((i < FW_N) && (j < FW_N)) {
+                value = a[(i * FW_N) + j];
+            } else if (i < FW_N) {
+                value = b[i * FW_STEER_COUNT];
+            } else if (j == FW_N) {
+                value = -FW_STEER_RATE;
+            } else {
+                value = FW_REAL(0.0);
+            }
+            left[(i * FW_L) + j] = value - ((i == j) ? FW_SMITH_POLE : FW_REAL(0.0));
+            c[(i * FW_L) + j] = value + ((i == j) ? FW_SMITH_POLE : FW_REAL(0.0));
+            work[(i * FW_L) + j] = left[(i * FW_L) + j];
+        }
+        e[i] = (i == FW_N) ? FW_REAL(1.0) : FW_REAL(0.0);
+    }
+    if ((fw_solve(FW_L, left, FW_L, c) == 0) || (fw_solve(FW_L, work, 1, e) == 0)) {
+        return;
+    }
+    for (int i = 0; i < FW_L; i++) {
+        for (int j = 0; j < FW_L; j++) {
+            p[(i * FW_L) + j] = FW_REAL(4.0) * FW_STEER_RATE * FW_SMITH_POLE * e[i] * e[j];
+        }
+    }
+    for (int round = 0; round < FW_SMITH_DOUBLINGS; round++) {
+        fw_real largest = FW_REAL(0.0);
+        for (int i = 0; i < FW_L; i++) { /* left = c p */
+            for (int j = 0; j < FW_L; j++) {
+                fw_real sum = FW_REAL(0.0);
+                for (int k = 0; k < FW_L; k++) {
+                    sum += c[(i * FW_L) + k] * p[(k * FW_L) + j];
+                }
+                left[(i * FW_L) + j] = sum;
+            }
+        }
+        for (int i = 0; i < FW_L; i++) { /* p += left c' */
+            for (int j = 0; j < FW_L; j++) {
+                fw_real sum = FW_REAL(0.0);
+                for (int k = 0; k < FW_L; k++) {
+                    sum += left[(i * FW_L) + k] * c[(j * FW_L) + k];
+                }
+                p[(i * FW_L) + j] += sum;
+            }
+        }
+        for (int i = 0; i < FW_L; i++) { /* c = c c */
+            for (int j = 0; j < FW_L; j++) {
+                fw_real sum = FW_REAL(0.0);
+                for (int k = 0; k < FW_L; k++) {
+                    sum += c[(i * FW_L) + k] * c[(k * FW_L) + j];
+                }
+                work[(i * FW_L) + j] = sum;
+            }
+        }
+        for (int i = 0; i < (FW_L * FW_L); i++) {
+            c[i] = work[i];
+            largest = (FW_ABS(c[i]) > largest) ? FW_ABS(c[i]) : largest;
+        }
+        if (largest < FW_REAL(1e-12)) {
+            break;
+        }
+    }
+}
+
+/* Starts the filter at the steady state of the inputs. */
+static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, fw_real steer_sigma)
+{
+    fw_real a[FW_N * FW_N];
+    fw_real work[FW_N * FW_N];
+    fw_real b[FW_N * FW_STEER_COUNT];
+    fw_real effect[FW_N]; /* of the bank of the road on the accelerations */
+    fw_real x[FW_N * 2]; /* steady states of the inputs and of the bank */
+    fw_real p[FW_L * FW_L] = {FW_REAL(0.0)};
+    fw_real *carry = observer->carry;
+    int place = FW_FILTER_STATES;
+    const int stable = inputs[0] < FW_CRITICAL_SPEED;
+    fw_matrices(&inputs[0], a, b, effect);
+    for (int i = 0; i < FW_N; i++) {
+        x[2 * i] = FW_REAL(0.0);
+        for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
+            x[2 * i] -= b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j] * (inputs[1 + j] - fw_steer_offset[j]);
+        }
+        x[(2 * i) + 1] = (stable != 0) ? -effect[i] : FW_REAL(0.0);
+        for (int j = 0; j < FW_N; j++) {
+            work[(i * FW_N) + j] = a[(i * FW_N) + j];
+        }
+    }
+    if (stable != 0) {
+        (void)fw_solve(FW_N, work, 2, x);
+        fw_random_steer(a, b, p);
+    }
+    for (int i = 0; i < FW_FILTER_STATES; i++) {
+        carry[i] = (i < FW_N) ? x[2 * i] : FW_REAL(0.0);
+    }
+    for (int j = 0; j < FW_FILTER_STATES; j++) { /* lower triangle by columns */
+        for (int i = j; i < FW_FILTER_STATES; i++) {
+            const fw_real one = (j < FW_N) ? x[(2 * j) + 1] : FW_REAL(1.0);
+            const fw_real other = (i < FW_N) ? x[(2 * i) + 1] : FW_REAL(1.0);
+            fw_real value = FW_BANK_SIGMA * FW_BANK_SIGMA * one * other;
+            if (i < FW_N) {
+                value += steer_sigma * steer_sigma * p[(i * FW_L) + j];
+                value += (i == j) ? fw_initial_variance[i] : FW_REAL(0.0);
+            }
+            carry[place] = value;
+            place++;
+        }
+    }
+    carry[place] = nis;
+    carry[place + 1] = FW_REAL(0.0);
+    carry[place + 2] = -FW_REAL(1.0);
+}
+
+/* The longest step of the model at a speed, s. */
+static fw_real fw_longest_step(fw_real speed)
+{
+    fw_real longest = fw_step_limit[FW_SPEED_COUNT - 1];
+    if (speed <= fw_step_speed[0]) {
+        longest = fw_step_limit[0] * (speed / fw_step_speed[0]);
+    } else if (speed >= fw_step_speed[FW_SPEED_COUNT - 1]) {
+        longest *= fw_step_speed[FW_SPEED_COUNT - 1] / speed;
+    } else {
+        int i = 0;
+        fw_real slope;
+        while (speed > fw_step_speed[i + 1]) {
+            i++;
+        }
+        slope = (fw_step_limit[i + 1] - fw_step_limit[i]) / (fw_step_speed[i + 1] - fw_step_speed[i]);
+        longest = fw_step_limit[i] + (slope * (speed - fw_step_speed[i]));
+    }
+    return longest;
+}
+
+/* Takes the plausible inputs of a sample; whether every input is then at most FW_HOLD seconds old. */
+static int fw_hold_inputs(fw_observer *observer, const fw_sample *sample)
+{
+    int fresh = 1;
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        const fw_real value = sample->input[i];
+        const double age = sample->time - observer->seen[i];
+        const fw_real within = (age > (double)FW_SHORTEST) ? (fw_real)age : FW_SHORTEST;
+        const int possible = FW_ABS(value) <= fw_input_magnitude[i];
+        const int follows = FW_ABS(value - observer->held[i]) <= (fw_input_rate[i] * within);
+        if ((possible != 0) && ((follows != 0) || !(age <= FW_HOLD))) {
+            observer->held[i] = value;
+            observer->seen[i] = sample->time;
+        } else if (!(age <= FW_HOLD)) {
+            fresh = 0;
+        } else {
+            /* the last value is held */
+        }
+    }
+    return fresh;
+}
+
+/* Runs all steps between two samples but the last one, and gives its length; the inputs before it are in row. */
+static fw_real fw_subdivide(fw_observer *observer, double before, double time, const fw_real *inputs, fw_real *row)
+{
+    const double gap = time - before;
+    const fw_real first = fw_longest_step(observer->last[0]);
+    const fw_real second = fw_longest_step(inputs[0]);
+    const double count = ceil(gap / (double)((first < second) ? first : second));
+    double last = before;
+    if (!(count < FW_MAX_STEPS)) {
+        return FW_REAL(-1.0);
+    }
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        row[1 + i] = observer->last[i];
+    }
+    for (int step = 1; (double)step < count; step++) {
+        fw_real out[FW_OUTPUTS];
+        const double fraction = (double)step / count;
+        const double now = before + (gap * fraction);
+        row[0] = (fw_real)(now - last);
+        for (int i = 0; i < FW_INPUT_COUNT; i++) {
+            row[1 + FW_INPUT_COUNT + i] = observer->last[i] + ((inputs[i] - observer->last[i]) * (fw_real)fraction);
+        }
+        for (int i = 1 + (2 * FW_INPUT_COUNT); i < FW_SAMPLE; i++) {
+            row[i] = FW_REAL(0.0);
+        }
+        fw_step(observer->carry, row, observer->carry, out);
+        for (int i = 0; i < FW_INPUT_COUNT; i++) {
+            row[1 + i] = row[1 + FW_INPUT_COUNT + i];
+        }
+        last = now;
+    }
+    return (fw_real)(time - last);
+}
+
+void fw_observer_init(fw_observer *observer)
+{
+    *observer = (fw_observer){.time = -INFINITY, .accepted = -INFINITY};
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        observer->held[i] = (fw_real)NAN;
+        observer->seen[i] = -INFINITY;
+    }
+}
+
+fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_states *states)
+{
+    const double time = sample->time;
+    const double previous = observer->time;
+    fw_real row[FW_SAMPLE];
+    fw_real out[FW_OUTPUTS];
+    fw_real inputs[FW_INPUT_COUNT];
+    int fresh;
+    int accepted = 0;
+    if (!(time > previous) || !(time < INFINITY)) {
+        return FW_ERROR_TIME;
+    }
+    fresh = fw_hold_inputs(observer, sample);
+    observer->time = time;
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        inputs[i] = observer->held[i];
+    }
+    states->time = time;
+    states->status = (fresh == 0) ? FW_INPUT_MISSING : ((inputs[0] < FW_MIN_SPEED) ? FW_TOO_SLOW : FW_OK);
+    if (states->status != FW_OK) {
+        observer->running = 0;
+        states->nis = (fw_real)NAN;
+        for (int i = 0; i < FW_STATE_COUNT; i++) {
+            states->value[i] = (fw_real)NAN;
+            states->sigma[i] = (fw_real)NAN;
+        }
+        return FW_SUCCESS;
+    }
+    if ((observer->running == 0) || ((time - previous) > FW_MAX_GAP)) {
+        fw_start(observer, inputs, FW_REAL(1.0), FW_TYPICAL_STEER_SIGMA);
+        observer->running = 1;
+        observer->accepted = time;
+        row[0] = FW_REAL(0.0);
+        for (int i = 0; i < FW_INPUT_COUNT; i++) {
+            row[1 + i] = inputs[i];
+        }
+    } else {
+        row[0] = fw_subdivide(observer, previous, time, inputs, row);
+        if (row[0] < FW_REAL(0.0)) {
+            observer->running = 0;
+            return FW_ERROR_GAP;
+        }
+    }
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        row[1 + FW_INPUT_COUNT + i] = inputs[i];
+    }
+    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
+        const fw_real value = sample->measured[i];
+        const int present = FW_ABS(value) <= fw_measured_magnitude[i];
+        row[1 + (2 * FW_INPUT_COUNT) + i] = (present != 0) ? value : FW_REAL(0.0);
+        row[1 + (2 * FW_INPUT_COUNT) + FW_MEASURED_COUNT + i] = (present != 0) ? FW_REAL(1.0) : FW_REAL(0.0);
+    }
+    fw_step(observer->carry, row, observer->carry, out);
+    if (out[FW_RESTART] != FW_REAL(0.0)) { /* the measurements contradict the state */
+        fw_start(observer, inputs, out[FW_NIS], FW_SUSPECT_STEER_SIGMA);
+        row[0] = FW_REAL(0.0);
+        for (int i = 0; i < FW_INPUT_COUNT; i++) {
+            row[1 + i] = inputs[i];
+        }
+        fw_step(observer->carry, row, observer->carry, out);
+    }
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        observer->last[i] = inputs[i];
+    }
+    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
+        accepted = ((accepted != 0) || (out[FW_ACCEPTED + i] != FW_REAL(0.0))) ? 1 : 0;
+    }
+    if (accepted != 0) {
+        observer->accepted = time;
+    } else if ((time - observer->accepted) > FW_COAST) {
+        states->status = FW_COASTING;
+    } else {
+        /* no measurement for a short time */
+    }
+    if (out[FW_NIS] > FW_MAX_NIS) {
+        states->status = FW_INCONSISTENT;
+    }
+    states->nis = out[FW_NIS];
+    for (int i = 0; i < FW_STATE_COUNT; i++) {
+        const fw_real variance = out[FW_STATE_COUNT + i];
+        states->value[i] = out[i];
+        states->sigma[i] = FW_SQRT((variance > FW_REAL(0.0)) ? variance : FW_REAL(0.0));
+    }
+    return FW_SUCCESS;
+}

@@ -1,0 +1,111 @@
+"""The generated part of an observer in C: names and sizes for its header, step and constants for its source."""
+
+from collections.abc import Iterable
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics.chain import equations, state_names
+from fifthwheel.dynamics.steps import SPEEDS, step_limit
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
+from fifthwheel.names import SignalName
+from fifthwheel.native import c_code
+from fifthwheel.observe import Observer
+from fifthwheel.observe.inputs import largest_rate, magnitude
+from fifthwheel.observe.observer_model import SUSPECT_STEER_SIGMA
+from fifthwheel.record.signal_names import si_unit
+
+
+def identifier(prefix: str, signal: str) -> str:
+    """Name of a signal as an enumerator of C: FW_INPUT_STEER_TRACTOR_FRONT for steer.tractor.front."""
+    return f"FW_{prefix}_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in signal).upper()
+
+
+def header(observer: Observer) -> str:
+    """Enumerations of the signals and sizes, for the public header."""
+    groups = {"INPUT": observer.inputs, "MEASURED": observer.outputs, "STATE": observer.reported}
+    lines: list[str] = []
+    for prefix, names in groups.items():
+        identifiers = [identifier(prefix, name) for name in names]
+        if len(set(identifiers)) < len(names):
+            raise FifthwheelError(f"{', '.join(names)}: two names are equal in C; rename a unit in the vehicle file")
+        lines += [f"enum fw_{prefix.lower()} {{"]
+        lines += [
+            f"    {key} = {i}, /* {n}, {si_unit(n)} */"
+            for i, (key, n) in enumerate(zip(identifiers, names, strict=True))
+        ]
+        lines += [f"    FW_{prefix}_COUNT = {len(names)}", "};", ""]
+    states = len(observer.model.states)
+    carry = states + states * (states + 1) // 2 + 3
+    return "\n".join([*lines, f"#define FW_CARRY_COUNT {carry} /* numbers in the state of the filter */"])
+
+
+def source(observer: Observer) -> str:
+    """The step of the filter, the matrices of the vehicle and all constants, for the private header."""
+    settings, vehicle = observer.settings, observer.vehicle
+    states = state_names(vehicle, roll=observer.roll)
+    floor = [INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states]
+    critical = dynamics.critical_speed(vehicle, roll=observer.roll)
+    errors, steered = settings.sensor_errors, vehicle.steer_signals()
+    numbers = {
+        "MIN_SPEED": settings.min_speed,
+        "MAX_NIS": settings.max_nis,
+        "STEER_RATE": 2 * np.pi * STEER_BANDWIDTH,
+        "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
+        "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
+        "CRITICAL_SPEED": 1e6 if critical is None else critical,
+        "BANK_SIGMA": 0.0 if settings.bank is None else settings.bank,
+    }
+    times = {"HOLD": settings.hold, "MAX_GAP": settings.max_gap, "COAST": settings.coast}
+    tables: dict[str, Iterable[float]] = {
+        "input_magnitude": [magnitude(name) for name in observer.inputs],
+        "input_rate": [largest_rate(name, settings) for name in observer.inputs],
+        "measured_magnitude": [magnitude(name) for name in observer.outputs],
+        "steer_gain": [errors.get(f"{name}.gain", 1.0) for name in steered],
+        "steer_offset": [errors.get(f"{name}.offset", 0.0) for name in steered],
+        "initial_variance": floor,
+        "step_speed": SPEEDS,
+        "step_limit": step_limit(vehicle, observer.roll).longest,
+    }
+    sizes = {
+        "FILTER_STATES": len(observer.model.states),
+        "MODEL_STATES": len(states),
+        "STEER_COUNT": len(steered),
+        "SPEED_COUNT": len(SPEEDS),
+    }
+    return "\n".join(
+        [
+            *(f"#define FW_{name} {size}" for name, size in sizes.items()),
+            *(f"#define FW_{name} {c_code.literal(float(value))}" for name, value in numbers.items()),
+            *(f"#define FW_{name} {value!r} /* s */" for name, value in times.items()),
+            "",
+            *(_table(name, values) for name, values in tables.items()),
+            "",
+            c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
+            c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
+        ]
+    )
+
+
+def _table(name: str, values: Iterable[float]) -> str:
+    numbers = [c_code.literal(float(value)) for value in values]
+    return f"static const fw_real fw_{name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
+
+
+def _matrices(observer: Observer) -> ca.Function:
+    """speed -> A (n, n) and B (n, k) by rows, and the effect (n,) of the bank, with the numbers of the vehicle."""
+    speed, n = ca.SX.sym("speed"), len(state_names(observer.vehicle, roll=observer.roll))
+    values = {name: ca.SX(value) for name, value in observer.vehicle.parameters().items()}
+    A, B = equations(values, observer.vehicle, roll=observer.roll, bank=True).state_space(speed)
+    parts = A[:n, :n], B[:n, :], A[:n, n]
+    return ca.Function("matrices", [speed], [ca.vec(ca.densify(part).T) for part in parts], {"cse": True})
+
+
+def _step(observer: Observer) -> ca.Function:
+    """The step of the observer with its constants as numbers."""
+    step = observer.scan.step
+    carry, sample = ca.SX.sym("carry", step.numel_in(0)), ca.SX.sym("sample", step.numel_in(1))
+    results = step(carry, sample, ca.DM(observer.constant))
+    return ca.Function("step", [carry, sample], list(map(ca.densify, results)), {"cse": True})

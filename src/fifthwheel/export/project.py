@@ -1,0 +1,51 @@
+"""The folder of a C library."""
+
+from importlib import resources
+from pathlib import Path
+
+from fifthwheel import __version__
+from fifthwheel._atomic import atomic_write
+from fifthwheel.export import observer_model
+from fifthwheel.observe import Observer
+
+FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_model.h", "replay.c")
+"""The files of an exported observer."""
+
+
+def export_c(observer: Observer, folder: Path) -> list[Path]:
+    """Write an observer as a library in C99, with its build file and a test program.
+
+    Args:
+        observer: with vehicle, signals and settings; its present state is not exported.
+        folder: for `FILES`; made if it does not exist.
+
+    Returns:
+        The files.
+
+    Raises:
+        FifthwheelError: two signals have the same name in C.
+    """
+    states = len(observer.model.states)
+    inputs = len(observer.inputs)
+    numbers = 2 + 3 * inputs + states + states * (states + 1) // 2 + 3
+    names = {
+        "TITLE": "".join(c for c in observer.vehicle.name if c.isalnum() or c in " -_.,()"),
+        "VERSION": __version__,
+        "COLUMNS": ", ".join((*observer.inputs, *observer.outputs)),
+        "BYTES": str(8 * numbers + 8),
+        "ENUMERATIONS": observer_model.header(observer),
+        "MODEL": observer_model.source(observer),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    sources = resources.files("fifthwheel.export") / "c"
+    for name in FILES:
+        given = sources / name
+        if given.is_file():
+            text = given.read_text(encoding="utf-8")
+        else:
+            text = (sources / f"{name}.in").read_text(encoding="utf-8")
+            for key, value in names.items():
+                text = text.replace(f"@{key}@", value)
+        with atomic_write(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [folder / name for name in FILES]

@@ -1,0 +1,86 @@
+"""C99 of a symbolic step: one statement for each CasADi instruction, without loops, branches or memory of its own.
+
+The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and functions are `FW_SQRT`, `FW_EXP`, `FW_LOG` and
+`FW_ABS`, so that one text serves float and double.
+"""
+
+import math
+from collections.abc import Sequence
+
+import casadi as ca
+
+from fifthwheel.native.instructions import translate
+
+_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
+_FUNCTIONS = {ca.OP_SQRT: "FW_SQRT", ca.OP_FABS: "FW_ABS", ca.OP_EXP: "FW_EXP", ca.OP_LOG: "FW_LOG"}
+ONE, ZERO = "FW_REAL(1.0)", "FW_REAL(0.0)"
+
+
+def literal(value: float) -> str:
+    """A number as a C literal that gives the same double.
+
+    Raises:
+        NotImplementedError: the number is not finite.
+    """
+    if not math.isfinite(value):
+        raise NotImplementedError(f"{value} has no literal in C")
+    return f"FW_REAL({value!r})"
+
+
+def function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
+    """C99 of `static void name(const fw_real *argument, ..., fw_real *result, ...)`.
+
+    All arguments are read before the first result is written, so a result may be the memory of an argument.
+
+    Args:
+        step: with dense column vectors as arguments and results.
+        name: of the function.
+        arguments, results: names of the pointers.
+
+    Raises:
+        NotImplementedError: an operation of the step cannot be translated.
+    """
+    lines: list[str] = []
+
+    def assign(text: str) -> str:
+        lines.append(f"    const fw_real v{len(lines)} = {text};")
+        return f"v{len(lines) - 1}"
+
+    def operation(op: int, values: Sequence[str]) -> str:
+        a, b = values[0], values[-1]
+        if op in _BINARY:
+            return assign(f"{a} {_BINARY[op]} {b}")
+        if op in _COMPARE:
+            return assign(f"({a} {_COMPARE[op]} {b}) ? {ONE} : {ZERO}")
+        if op in _FUNCTIONS:
+            return assign(f"{_FUNCTIONS[op]}({a})")
+        match op:
+            case ca.OP_NEG:
+                return assign(f"-{a}")
+            case ca.OP_SQ:
+                return assign(f"{a} * {a}")
+            case ca.OP_TWICE:
+                return assign(f"{a} + {a}")
+            case ca.OP_INV:
+                return assign(f"{ONE} / {a}")
+            case ca.OP_FMIN:
+                return assign(f"({a} < {b}) ? {a} : {b}")
+            case ca.OP_FMAX:
+                return assign(f"({a} > {b}) ? {a} : {b}")
+            case ca.OP_IF_ELSE_ZERO:
+                return assign(f"({a} != {ZERO}) ? {b} : {ZERO}")
+            case ca.OP_NOT:
+                return assign(f"({a} == {ZERO}) ? {ONE} : {ZERO}")
+            case ca.OP_AND:
+                return assign(f"(({a} != {ZERO}) && ({b} != {ZERO})) ? {ONE} : {ZERO}")
+            case ca.OP_OR:
+                return assign(f"(({a} != {ZERO}) || ({b} != {ZERO})) ? {ONE} : {ZERO}")
+            case ca.OP_ASSIGN:
+                return a
+        raise NotImplementedError(f"{name}: CasADi operation {op} cannot be written in C; write the step without it")
+
+    stores = translate(step, literal, lambda place, element: assign(f"{arguments[place]}[{element}]"), operation)
+    lines += [f"    {results[place]}[{element}] = {value};" for place, element, value in stores]
+    parameters = [*(f"const fw_real *{a}" for a in arguments), *(f"fw_real *{r}" for r in results)]
+    return "\n".join([f"static void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"

@@ -1,0 +1,77 @@
+"""An exported observer on an emulated Cortex-M: gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fifthwheel.export import export_c
+from fifthwheel.observe import Observer
+from fifthwheel.record import Record
+
+GCC, SIZE, QEMU = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
+MISSING = [tool for tool in (GCC, SIZE, QEMU) if shutil.which(tool) is None]
+CORES = {
+    "cortex-m4": ("fpv4-sp-d16", "mps2-an386"),
+    "cortex-m7": ("fpv5-sp-d16", "mps2-an500"),
+}
+"""Floating-point unit and board of QEMU of each core."""
+INSTRUCTIONS_PER_TICK = 40
+"""QEMU with `-icount shift=0` takes 1 ns for an instruction; the boards' clock has 25 MHz."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Emulation:
+    """What a core computed, and what it needed."""
+
+    rows: np.ndarray  # [status, states, sigmas] of each sample
+    flash: int
+    """Bytes of code and constants of the library."""
+    memory: int
+    """Bytes of the observer, and of the stack at its deepest by `-fstack-usage`."""
+    stack: int
+    instructions: np.ndarray
+    """Of each push."""
+
+
+def emulated(observer: Observer, record: Record, core: str, folder: Path, optimisation: str = "-O2") -> Emulation:
+    """Replay a record in single precision on an emulated core."""
+    unit, board = CORES[core]
+    export_c(observer, folder)
+    columns = [record.time, *[record.signals[name] for name in (*observer.inputs, *observer.outputs)]]
+    table = np.column_stack(columns)
+    rows = ",\n".join("{" + ", ".join(map(repr, row)) + "}" for row in table.tolist()).replace("nan", "(0.0 / 0.0)")
+    text = f"#define ROWS {len(table)}\nstatic const double samples[ROWS][{table.shape[1]}] = {{\n{rows}}};\n"
+    (folder / "log.h").write_text(text)
+    here = Path(__file__).parent
+    for name in ("startup.c", "main.c", "memory.ld"):
+        shutil.copy(here / name, folder)
+    target = [GCC, f"-mcpu={core}", "-mthumb", "-mfloat-abi=hard", f"-mfpu={unit}", "-DFW_FLOAT", optimisation]
+
+    def run(*command: str) -> str:
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+        assert done.returncode == 0, done.stderr[:2000]
+        return done.stdout
+
+    run(*target, "-std=c99", "-fstack-usage", "-c", "fw_observer.c", "-o", "observer.o")
+    start = run(*target, "--specs=rdimon.specs", "--print-file-name=rdimon-crt0.o").strip()
+    program = [*target, "-std=gnu99", "--specs=rdimon.specs", "-nostartfiles", "-T", "memory.ld", "startup.c", "main.c"]
+    run(*program, "observer.o", start, "-lc", "-lrdimon", "-lm", "-o", "program.elf")
+    machine = ["-M", board, "-cpu", core, "-nographic", "-icount", "shift=0", "-kernel", "program.elf"]
+    output = run(QEMU, *machine, "-semihosting-config", "enable=on,target=native")
+    values = np.array([[float(x) for x in line.split(",")] for line in output.splitlines() if line.count(",") > 2])
+    usage = dict(re.findall(r":(\w+)\t(\d+)\t", (folder / "observer.su").read_text()))
+    deepest = max(int(usage.get(name, 0)) for name in ("fw_step", "fw_start", "fw_subdivide"))
+    inner = max(int(usage.get(name, 0)) for name in ("fw_solve", "fw_random_steer", "fw_matrices"))
+    states = len(observer.model.states)
+    carry = states + states * (states + 1) // 2 + 3
+    return Emulation(
+        rows=values[:, 1:],
+        flash=int(run(SIZE, "observer.o").splitlines()[1].split()[0]),
+        memory=8 * (2 + len(observer.inputs)) + 4 * (2 * len(observer.inputs) + carry + 1),
+        stack=int(usage["fw_observer_push"]) + deepest + inner,
+        instructions=INSTRUCTIONS_PER_TICK * values[:, 0],
+    )

@@ -1,0 +1,81 @@
+"""The exported observer with other compilers, sanitizers, a static checker, and on emulated control units."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel import vehicle
+from fifthwheel.export import export_c
+from fifthwheel.observe import Observer
+from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from tests.export.cortex_m import CORES, MISSING, emulated
+from tests.export.test_c_observer import FAULTS, assert_equal, compiled, pushed, replayed, with_fault
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def lane() -> Record:
+    return simulate(vehicle.get("cheng_cebon_2011"), count=1, seed=3)
+
+
+@pytest.fixture(scope="module")
+def observer(lane: Record) -> Observer:
+    """With 8 states: without relaxation lengths."""
+    truck = vehicle.get("cheng_cebon_2011")
+    truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
+    return Observer(truck, lane.signals)
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("precision", [(), ("-DFW_FLOAT",)])
+def test_without_undefined_behaviour(
+    observer: Observer, lane: Record, tmp_path: Path, compiler: str, precision: tuple[str, ...]
+) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    replay = compiled(observer, tmp_path, "-O1", *sanitizers, *precision, compiler=shutil.which(compiler))
+    for fault in FAULTS:
+        record = with_fault(lane, fault)
+        assert_equal(replayed(replay, observer, record), pushed(observer, record), 1e-4 if precision else 1e-12)
+
+
+def test_the_static_checker_finds_nothing(lane: Record, tmp_path: Path) -> None:
+    """With a yaw model: for the long step of a yaw-roll model, which has no other statements, it needs hours."""
+    if shutil.which("cppcheck") is None:
+        pytest.skip("cppcheck is not installed")
+    signals = [name for name in lane.signals if not name.startswith("roll_rate")]
+    truck = vehicle.get("cheng_cebon_2011")
+    export_c(Observer(truck.replace({f"{p}.relaxation_length": 0.0 for p in truck.axle_loads()}), signals), tmp_path)
+    command = ["cppcheck", "--std=c99", "--enable=warning,portability,performance", "--error-exitcode=1", "--quiet"]
+    done = subprocess.run([*command, "fw_observer.c"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_build_file(observer: Observer, lane: Record, tmp_path: Path) -> None:
+    if shutil.which("cmake") is None:
+        pytest.skip("cmake is not installed")
+    export_c(observer, tmp_path)
+    for command in (["cmake", "-S", ".", "-B", "build"], ["cmake", "--build", "build"]):
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert_equal(replayed(tmp_path / "build" / "replay", observer, lane), pushed(observer, lane), 1e-12)
+
+
+@pytest.mark.skipif(bool(MISSING), reason=f"{', '.join(MISSING)} not installed")
+@pytest.mark.parametrize("core", CORES)
+def test_a_control_unit_gives_what_the_host_gives(observer: Observer, lane: Record, tmp_path: Path, core: str) -> None:
+    record = with_fault(lane, "gaps").cut(0.0, 4.0)
+    found = emulated(observer, record, core, tmp_path)
+    host = replayed(compiled(observer, tmp_path, "-DFW_FLOAT", "-ffp-contract=off"), observer, record)[:, 1:]
+    expected = np.delete(host, 1, axis=1)  # without nis
+    assert found.rows.shape == expected.shape
+    assert (found.rows[:, 0] == expected[:, 0]).all()
+    assert np.nanmax(np.abs(found.rows - expected) / np.nanmax(np.abs(expected), axis=0).clip(1e-12)) < 1e-5
+    assert found.flash <= 64_000
+    assert found.memory + found.stack <= 8_000
+    assert np.median(found.instructions) <= 40_000
