@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
-from fifthwheel.dynamics.matrices import matrices
+from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.model import all_parameters, topology
 from fifthwheel.dynamics.unit_equations import group_roll
 from fifthwheel.errors import SignalError, suggestion
