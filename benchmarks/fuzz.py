@@ -37,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.logs.formats import CAN_MAP, DBC, FORMATS, stored
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.can.database import load as load_database
 from fifthwheel.plant import read_sensors
@@ -45,7 +45,7 @@ from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue, dump, get, load
 from fifthwheel.vehicle.files import loads
-from fifthwheel.workflow import load_identification, survey_file
+from fifthwheel.workflow import survey_file
 
 OUTCOMES = ("read", "refused", "time limit", "memory limit", "crash of the child", "foreign", "hang")
 LIMITS = {"SECONDS": "10", "MEMORY": "1000", "SAMPLES": "100"}
@@ -260,7 +260,7 @@ def cases(folder: Path, chosen: list[str]) -> Iterator[tuple[str, bytes | Iterat
     if wanted("identification.json"):
         stored_json = folder / "identification.json"
         stored_json.write_text(json.dumps(identify([record], truck, OneStage()).as_dict()))
-        yield "identification.json", stored_json.read_bytes(), load_identification
+        yield "identification.json", stored_json.read_bytes(), Identification.load
     for kind in ("csv", "parquet"):
         if wanted(f"hostile names, {kind}"):
             contents = hostile_tables(folder, kind=kind)

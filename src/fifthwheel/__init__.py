@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fifthwheel import plot as plot
     from fifthwheel.dynamics import LinearSystem as LinearSystem
     from fifthwheel.dynamics import linear_system as linear_system
+    from fifthwheel.dynamics.summary import summarize as summarize
     from fifthwheel.errors import FifthwheelError as FifthwheelError
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from fifthwheel.identify.design import design_experiment as design_experiment
     from fifthwheel.identify.online import Learner as Learner
     from fifthwheel.identify.online import LearnerSettings as LearnerSettings
+    from fifthwheel.logs import LiveMap as LiveMap
     from fifthwheel.logs import SignalMap as SignalMap
     from fifthwheel.logs import read_log as read_log
     from fifthwheel.logs import write_record as write_record
@@ -64,6 +66,7 @@ _MODULES = {
     "Learner": "identify.online",
     "LearnerSettings": "identify.online",
     "LinearSystem": "dynamics",
+    "LiveMap": "logs",
     "Observer": "observe",
     "ObserverSettings": "observe",
     "OneStage": "identify",
@@ -91,6 +94,7 @@ _MODULES = {
     "read_log": "logs",
     "simulate": "",
     "study": "studies",
+    "summarize": "dynamics.summary",
     "vehicle": "",
     "write_record": "logs",
     "write_report": "report",

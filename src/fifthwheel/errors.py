@@ -11,7 +11,16 @@ _CONTROL = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u2
 
 
 class FifthwheelError(ValueError):
-    """Base of every error that a user's input can cause. Its text is safe for a terminal."""
+    """Base of every error that a user's input can cause. Its text is safe for a terminal.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> try:
+        ...     fw.vehicle("cheng_cebon")
+        ... except fw.FifthwheelError as error:
+        ...     print(error)
+        cheng_cebon: no such vehicle in the catalogue; did you mean 'cheng_cebon_2011' or 'cheng_cebon_2011_vehicle'?
+    """
 
     def __str__(self) -> str:
         text = printable_lines(super().__str__())
@@ -20,11 +29,29 @@ class FifthwheelError(ValueError):
 
 
 class VehicleError(FifthwheelError):
-    """A vehicle description that is impossible: an unknown key, a unit that does not fit, an impossible number."""
+    """A vehicle description that is impossible: an unknown key, a unit that does not fit, an impossible number.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> try:
+        ...     fw.vehicle("cheng_cebon_2011").replace({"tractor.mass": -1.0})
+        ... except fw.VehicleError as error:
+        ...     print(error)
+        tractor.mass: expected a number > 0, got -1.0; correct it
+    """
 
 
 class SignalError(FifthwheelError):
-    """A log, or one of its signals, that cannot be used as it is."""
+    """A log, or one of its signals, that cannot be used as it is.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> try:
+        ...     fw.Record(time=[0.0, 1.0], signals={"speeed": [20.0, 20.0]})
+        ... except fw.SignalError as error:
+        ...     print(error)
+        speeed: not the name of a signal; did you mean 'speed'?
+    """
 
 
 class UnitError(SignalError):

@@ -48,6 +48,11 @@ def simulate(
     Raises:
         SignalError: the speed is out of range, or the linear model does not have the manoeuvre or a sensor.
         VehicleError: the truck is unstable at this speed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.simulate(fw.vehicle("cheng_cebon_2011"), count=2, seed=1).span
+        (0.0, 15.99)
     """
     if not 5 <= speed <= 40:
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model is valid at road speeds")

@@ -9,7 +9,8 @@ import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
 
-from fifthwheel import cli
+from fifthwheel import cli, vehicle
+from fifthwheel.identify import Identification, LogSummary, OneStage
 from fifthwheel.logs import write_record
 from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.simulate import simulate
@@ -37,8 +38,26 @@ def states(*arguments: str) -> tuple[dict, dict[str, np.ndarray]]:
 
 
 def identification(**more) -> str:
-    contents = {"sensors": [], "logs": [{"name": "run", "noise": {}}], **more}
-    Path("identification.json").write_text(json.dumps(contents))
+    """An identification.json without sensor errors."""
+    log = LogSummary(name="run", span=(0, 1), samples=2, used=1, speed=(20, 20), rejected={}, noise={}, notes=())
+    truck = vehicle.get(NAME)
+    empty = Identification(
+        method="one-stage",
+        vehicle=truck,
+        initial_vehicle=truck,
+        signals=(),
+        parameters=(),
+        derived=(),
+        sensors=(),
+        histories={},
+        logs=(log,),
+        fits=(),
+        settings=OneStage(),
+        rounds=1,
+        notes=(),
+        version="",
+    )
+    Path("identification.json").write_text(json.dumps(empty.as_dict() | more))
     return "identification.json"
 
 
@@ -50,10 +69,9 @@ def same(columns: dict[str, np.ndarray], expected) -> None:
 
 def test_equal_to_the_observer(record, truck):
     o = Observer(truck, record.signals)
-    for more in ({}, {"uncertainty": None}):
-        printed, columns = states("-i", identification(**more))
-        assert (printed["smoothed"], printed["uncertain"]) == (False, [])
-        same(columns, o.batch(record))
+    printed, columns = states("-i", identification())
+    assert (printed["smoothed"], printed["uncertain"]) == (False, [])
+    same(columns, o.batch(record))
     printed, columns = states("--smooth", "-i", identification(uncertainty=UNCERTAINTY.as_dict()))
     assert (printed["smoothed"], printed["uncertain"]) == (True, list(UNCERTAINTY.names))
     same(columns, o.smooth(record, UNCERTAINTY))

@@ -199,6 +199,7 @@ def test_import_is_light() -> None:
     )
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
     assert {m for m in loaded if not m.startswith("fifthwheel.vehicle")} == {
+        "fifthwheel._callable",
         "fifthwheel.errors",
         "fifthwheel.names",
         "fifthwheel.units",

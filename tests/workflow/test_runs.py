@@ -9,14 +9,13 @@ import pytest
 from pyarrow import parquet
 
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.logs import write_record
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get, load, save
 from fifthwheel.workflow import (
     IdentificationRun,
-    load_identification,
     read_records,
     read_vehicle,
     run_identification,
@@ -72,14 +71,13 @@ def test_files_of_an_identification(run, tmp_path):
     assert json.loads(files["identification.json"].read_text()) == json.loads(json.dumps(run.as_dict()))
     assert load(files["vehicle.toml"]).parameters() == pytest.approx(run.identification.vehicle.parameters())
     assert set(parquet.read_table(files["states.parquet"])["log"].to_pylist()) == {"run", "other"}
-    stored = load_identification(files["identification.json"])
-    assert stored.logs == {"run"}
-    assert stored.uncertainty is not None
-    assert stored.uncertainty.names == run.identification.covariance.names
+    stored = Identification.load(files["identification.json"])
+    assert [log.name for log in stored.logs] == ["run"]
+    assert stored.covariance.names == run.identification.covariance.names
 
 
 def test_states_with_the_sensor_errors_of_each_log(run, tmp_path, capsys):
-    stored = load_identification(write_results(run, tmp_path)["identification.json"])
+    stored = Identification.load(write_results(run, tmp_path)["identification.json"])
     vehicle = run.identification.vehicle
     states = run_states([RUN, OTHER], vehicle, identification=stored)
     (note,) = states.notes
@@ -87,13 +85,13 @@ def test_states_with_the_sensor_errors_of_each_log(run, tmp_path, capsys):
     for k in range(2):
         for name, values in run.states[k].values.items():
             np.testing.assert_allclose(states.states[k].values[name], values, rtol=1e-6, atol=1e-9)
-    assert states.uncertain == stored.uncertainty.names
+    assert states.uncertain == stored.covariance.names
     assert capsys.readouterr() == ("", "")
     assert set(write_results(states, tmp_path)) == {"states.parquet", "report.html"}
 
 
 def test_states_of_a_log_without_information_on_its_sensors(run, tmp_path):
-    stored = load_identification(write_results(run, tmp_path)["identification.json"])
+    stored = Identification.load(write_results(run, tmp_path)["identification.json"])
     slow = OTHER.with_signals({"speed": np.ones(len(OTHER))})
     states = run_states([slow], run.identification.vehicle, identification=stored, check=False)
     assert states.notes[0].startswith("other: not a log of the identification; its sensor errors are unknown")
@@ -120,7 +118,7 @@ def test_another_file_than_identification_json_is_refused(text, tmp_path):
     with pytest.raises(
         SignalError, match=r"identification\.json: not an? (identification\.json|JSON file).*; .* `fifthwheel identify`"
     ):
-        load_identification(path)
+        Identification.load(path)
 
 
 def test_records_of_the_same_stem_have_distinct_names(tmp_path):
@@ -143,22 +141,16 @@ def test_a_vehicle_by_name_or_file(tmp_path):
 
 @pytest.mark.parametrize("value", [math.nan, None, math.inf, "0.1"], ids=str)
 @pytest.mark.parametrize("place", ["sensor error", "sensor error of a log", "noise"])
-def test_a_stored_value_that_is_not_a_number_is_refused(tmp_path, value, place):
+def test_a_stored_value_that_is_not_a_number_is_refused(run, tmp_path, value, place):
     """It made all states NaN with the status OK."""
+    path = write_results(run, tmp_path)["identification.json"]
+    contents = json.loads(path.read_text())
     name = "yaw_rate.tractor" if place == "noise" else "yaw_rate.tractor.offset"
-    error = {
-        "name": "yaw_rate.tractor.offset",
-        "value": 0.0,
-        "log": "run" if place == "sensor error of a log" else None,
-    }
-    contents = {"sensors": [error], "logs": [{"name": "run", "noise": {"yaw_rate.tractor": 1e-5}}]}
-    path = tmp_path / "identification.json"
-    path.write_text(json.dumps(contents))
-    assert load_identification(path).logs == {"run"}
     if place == "noise":
         contents["logs"][0]["noise"][name] = value
     else:
-        error["value"] = value
+        error = next(error for error in contents["sensors"] if error["name"] == name)
+        error |= {"value": value, "log": "run" if place == "sensor error of a log" else None}
     path.write_text(json.dumps(contents))
     with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: {name}: expected "):
-        load_identification(path)
+        Identification.load(path)

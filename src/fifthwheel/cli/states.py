@@ -65,16 +65,17 @@ def states(
     for the identification, its sensor errors are estimated from the log itself.
     """
     from fifthwheel.filters.initial_state import INITIAL_SIGMA
+    from fifthwheel.identify import Identification
     from fifthwheel.observe import ObserverSettings
     from fifthwheel.report import provenance_of_run, show_states
     from fifthwheel.report.figures.static import checked_format
-    from fifthwheel.workflow import STATES_FILES, load_identification, read_vehicle, run_states, write_results
+    from fifthwheel.workflow import STATES_FILES, read_vehicle, run_states, write_results
 
     if figures:
         checked_format(figures)
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)
-        stored = load_identification(identification) if identification else None
+        stored = Identification.load(identification) if identification else None
     positions = options.named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
     settings = ObserverSettings(min_speed=min_speed, positions=positions, bank=INITIAL_SIGMA["bank"] if bank else None)
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]

@@ -13,7 +13,7 @@ from fifthwheel.dynamics.model import (
     rate_input,
     steer_parameters,
 )
-from fifthwheel.dynamics.responses import frequency_response, rearward_amplification, understeer_gradient
+from fifthwheel.dynamics.responses import frequency_response, rearward_amplification, steady_steer, understeer_gradient
 from fifthwheel.dynamics.state_space import LinearSystem, linear_system
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "rearward_amplification",
     "state_names",
     "steady_state",
+    "steady_steer",
     "steer_parameters",
     "understeer_gradient",
 ]

@@ -8,21 +8,33 @@ from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.state_space import COG_ACCELERATION, linear_system
 from fifthwheel.vehicle import Vehicle
 
+SPEEDS = (10.0, 20.0)
+"""m/s; any two give the same L and K."""
 
-def understeer_gradient(vehicle: Vehicle, speed: float, *, roll: bool = True) -> float:
-    """Understeer gradient K of the first unit, rad s^2/m: the steer angle of a steady turn is L/R + K u^2/R.
 
-    L is `Vehicle.wheelbase`, and the first steered axle steers. With several axle groups on the first unit, or with
-    units behind it, K changes with the speed.
+def steady_steer(vehicle: Vehicle, *, roll: bool = True) -> tuple[float, float]:
+    """L, m, and K, rad s^2/m, of the steer angle (L + K u^2) / R of a steady turn with radius R at speed u.
+
+    L is the wheelbase with the effect of axles that scrub in a bend, K the understeer gradient of the first unit
+    (ISO 4138). The first steered axle steers.
 
     Args:
         vehicle: with its numbers.
-        speed: m/s.
         roll: yaw and roll, or yaw only.
+
+    Raises:
+        VehicleError: no axle is steerable.
     """
-    first = f"{COG_ACCELERATION}.{vehicle.units[0].name}"
-    gain = linear_system(vehicle, speed, [first], roll=roll).gain()[0, 0]
-    return float(1 / gain - vehicle.wheelbase / speed**2)
+    steered = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
+    output = f"yaw_rate.{vehicle.units[0].name}"
+    low, high = (speed / linear_system(steered, speed, [output], roll=roll).gain()[0, 0] for speed in SPEEDS)
+    gradient = (high - low) / (SPEEDS[1] ** 2 - SPEEDS[0] ** 2)
+    return float(low - gradient * SPEEDS[0] ** 2), float(gradient)
+
+
+def understeer_gradient(vehicle: Vehicle, *, roll: bool = True) -> float:
+    """Understeer gradient K of the first unit, rad s^2/m; positive for understeer. See `steady_steer`."""
+    return steady_steer(vehicle, roll=roll)[1]
 
 
 def frequency_response(

@@ -199,3 +199,13 @@ def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: 
         noise={name: log.noise[name] for name in measured},
         notes=record.notes,
     )
+
+
+def used_signals(vehicle: Vehicle, logs: Sequence[LogSummary]) -> tuple[str, ...]:
+    """Inputs and measured signals of an identification.
+
+    Args:
+        vehicle: steered as logged.
+        logs: with the noise of their measured signals.
+    """
+    return ("speed", *vehicle.steer_signals(), *dict.fromkeys(name for log in logs for name in log.noise))

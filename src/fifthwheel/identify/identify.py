@@ -34,6 +34,17 @@ def identify(
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.
         VehicleError: a parameter in the settings does not exist or cannot be estimated or fixed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> guess = truck.replace({"tractor.front.cornering_stiffness": 4.0e5})
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> result = fw.identify([record], guess, settings)
+        >>> front = result["tractor.front.cornering_stiffness"]
+        >>> abs(front.value - 475e3) < 3 * front.sigma
+        True
     """
     settings = settings or OneStage()
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these

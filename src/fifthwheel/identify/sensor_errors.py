@@ -1,13 +1,14 @@
 """Sensor errors of a log of an identified vehicle."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.parameters import estimated_parameters
-from fifthwheel.identify.result import sensor_settings
+from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.names import is_sensor_error
 from fifthwheel.observe import Uncertainty
@@ -38,10 +39,38 @@ def estimate_sensor_errors(
     exact = OneStage(priors={}, consider={}, check=False)
     fixed = OneStage(fixed=tuple(estimated_parameters(vehicle, exact)), priors={}, consider={}, check=False)
     identification = identify_one_stage([record], vehicle, fixed)
-    settings = sensor_settings(identification.as_dict(), record.name)
+    settings = identification.sensor_settings(record.name)
     sensors = identification.uncertainty(record.name)
     if known is None or sensors is None:
         return settings, None
     parameters = known.among([name for name in known.names if not is_sensor_error(name)])
     covariance = np.asarray(block_diag(parameters.covariance, sensors.covariance), dtype=np.float64)
     return settings, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
+
+
+class LogSensors(NamedTuple):
+    """The sensors of one log."""
+
+    settings: dict[str, Any]
+    """Sensor errors and noise, as arguments of `ObserverSettings`."""
+    uncertainty: Uncertainty | None
+    """Joint uncertainty of vehicle and sensors."""
+    note: str
+    """Where the sensor errors come from, if not from the identification; else empty."""
+
+
+def log_sensors(identification: Identification, record: Record, vehicle: Vehicle) -> LogSensors:
+    """The sensors of a log; those of a log that was not identified on are estimated from the log itself.
+
+    Args:
+        vehicle: as identified.
+    """
+    note, uncertainty = "", identification.covariance
+    if record.name not in {log.name for log in identification.logs}:
+        note = f"{record.name}: not a log of the identification; its sensor errors are "
+        try:
+            estimated = estimate_sensor_errors(record, vehicle, uncertainty)
+            return LogSensors(*estimated, f"{note}estimated from the log itself")
+        except SignalError as error:
+            note += f"unknown, and sigma includes their prior ({error})"
+    return LogSensors(identification.sensor_settings(record.name), uncertainty, note)

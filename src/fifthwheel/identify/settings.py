@@ -80,7 +80,13 @@ def _require_positive(settings: CommonSettings, *names: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class TwoStage(CommonSettings):
-    """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method."""
+    """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.TwoStage(fixed=("tractor.front.cornering_stiffness",)).preset
+        'default'
+    """
 
     initial_sigma: float | None = None
     """Initial standard deviation in the filter, P_p(0), as a fraction of the initial value; None takes the prior."""
@@ -143,7 +149,14 @@ their prior standard deviation as a fraction of the value; see `OneStage.conside
 
 @dataclass(frozen=True, kw_only=True)
 class OneStage(CommonSettings):
-    """Settings of the identification in one stage: all unknowns together, over complete logs."""
+    """Settings of the identification in one stage: all unknowns together, over complete logs.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> settings = fw.OneStage(fixed=("tractor.drive.cornering_stiffness",), steer_delay_prior=0.005)
+        >>> settings.prior
+        0.3
+    """
 
     free: tuple[str, ...] | None = None
     """Paths of the estimated parameters; None for the cornering stiffness of every axle group, the yaw inertia of every
@@ -212,6 +225,11 @@ def article(**changes: Any) -> TwoStage:
 
     Published: Q_x = 0; Q_p of 0.1 % of the nominal value (0.005 m for the height), shrunk by lambda at every step; the
     average once within 1 %. Not published: P_p(0), here Q_p after its name "initial parameter covariance", and bounds.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.article().forgetting
+        0.999
     """
     preset = TwoStage(
         preset="article",

@@ -8,7 +8,13 @@ from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
 
 
 class Verdict(StrEnum):
-    """How far an estimate can be trusted."""
+    """How far an estimate can be trusted.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> [verdict.value for verdict in fw.Verdict][:3]
+        ['converged', 'doubtful', 'not_converged']
+    """
 
     CONVERGED = "converged"
     DOUBTFUL = "doubtful"

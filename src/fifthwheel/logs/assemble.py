@@ -1,7 +1,7 @@
 """From the columns of a log and a signal map to a record on one time base."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from fifthwheel._types import Array
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import Channel, SignalMap
-from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
@@ -30,7 +30,7 @@ _MAX_TIME = 1e100
 """s; a larger magnitude is no timestamp, and differences would overflow."""
 _LOGGER = "logger"
 """Name of the logger's own clock, where the steer angle has another one."""
-_SAME_INSTANT = 1e-6
+SAME_INSTANT = 1e-6
 """s; timestamps closer than this are one instant."""
 
 
@@ -113,9 +113,9 @@ def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], Channel]) -> 
     return {signal: name or _LOGGER for signal, name in names.items() if name != common}
 
 
-def time_column(log: LogSource) -> str | None:
+def time_column(columns: Mapping[str, Column]) -> str | None:
     """The column with the time of a table's rows by its name and unit, if there is one."""
-    rows = [column for column in log.columns.values() if not column.clock]
+    rows = [column for column in columns.values() if not column.clock]
     by_name = {column.name.lower(): column.name for column in reversed(rows)}
     timed = [column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())]
     return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
@@ -217,7 +217,7 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
     """The column with the time of a table's rows."""
     if signal_map.time is not None and signal_map.time.column is not None:
         return log.find(signal_map.time.column)
-    column = time_column(log)
+    column = time_column(log.columns)
     if column is None:
         raise SignalError(
             f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
@@ -235,7 +235,7 @@ def _samples(
     first = sources[0][0]
     delay = quantity(channel.delay, "s")
     with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
-        values = channel.sign * channel.gain * _sum(channel, log, sources, si) - quantity(channel.offset, si)
+        values = channel.converted(_on_first_time_base(log, sources), si)
     impossible = impossible_samples(signal, values)
     note = None
     if impossible.any():
@@ -246,21 +246,19 @@ def _samples(
     return Samples(time=first.time - delay, values=values, own_time=first is not rows or delay != 0), note
 
 
-def _sum(channel: Channel, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], si: str) -> Array:
-    """The sum of a channel's columns on the time base of the first one, in SI."""
+def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]) -> Iterator[tuple[Array, str | None]]:
+    """Values of a channel's columns on the time base of the first one, and their units."""
     first = sources[0][0]
-    total = np.zeros(first.time.size)
     for time_base, column in sources:
         values = time_base.values[column]
         if time_base is not first:
             present = np.isfinite(values)
             values = (
-                _interpolated(first.time, time_base.time[present], values[present])
+                interpolated(first.time, time_base.time[present], values[present])
                 if present.any()
-                else np.full(total.size, np.nan)
+                else np.full(first.time.size, np.nan)
             )
-        total = total + channel.calibrated(values, log.columns[column].unit, si)
-    return total
+        yield values, log.columns[column].unit
 
 
 def align(
@@ -296,7 +294,7 @@ def _union(rows: Samples | None, channels: Sequence[tuple[str, Samples]]) -> Arr
     times = [] if rows is None else [rows.time]
     times += [s.time[np.isfinite(s.values)] for name, s in channels if s.own_time and not is_input(name)]
     instants = np.unique(np.concatenate(times or [s.time for _, s in channels]))
-    time = instants[np.concatenate([[True], np.diff(instants) > _SAME_INSTANT])] if instants.size else instants
+    time = instants[np.concatenate([[True], np.diff(instants) > SAME_INSTANT])] if instants.size else instants
     if time.size < 2:
         raise SignalError(
             f"time: {time.size} instants in all channels together, at least 2 expected; check the time columns"
@@ -316,20 +314,20 @@ def _snapped(name: str, samples: Samples, rate: float) -> Samples:
 def _placed(time: Array, name: str, samples: Samples) -> Array:
     """A channel (N,) on the common time: an input interpolated, a measurement at its instants and NaN elsewhere."""
     if is_input(name) and samples.time.size:
-        return _interpolated(time, samples.time, samples.values)
+        return interpolated(time, samples.time, samples.values)
     result = np.full(time.size, np.nan)
     present = np.isfinite(samples.values)
-    nearest = np.searchsorted(time, samples.time[present] + _SAME_INSTANT, side="right") - 1
+    nearest = np.searchsorted(time, samples.time[present] + SAME_INSTANT, side="right") - 1
     result[nearest] = samples.values[present]
     return result
 
 
-def _interpolated(time: Array, sample_time: Array, values: Array) -> Array:
+def interpolated(time: Array, sample_time: Array, values: Array) -> Array:
     """Linear between samples; NaN outside, next to missing ones, and in gaps above 0.5 s and three typical steps."""
     result = np.interp(time, sample_time, values, left=np.nan, right=np.nan)
     if sample_time.size > 1:
         steps = np.diff(sample_time)
         after = np.clip(np.searchsorted(sample_time, time, side="left"), 1, sample_time.size - 1)
-        inside = (time - sample_time[after - 1] > _SAME_INSTANT) & (sample_time[after] - time > _SAME_INSTANT)
+        inside = (time - sample_time[after - 1] > SAME_INSTANT) & (sample_time[after] - time > SAME_INSTANT)
         result[inside & (steps[after - 1] > max(0.5, 3 * typical_step(sample_time)))] = np.nan
     return result

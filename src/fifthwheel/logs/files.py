@@ -34,6 +34,12 @@ def read_log(
 
     Raises:
         SignalError: the file cannot be read, or holds no signal.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> signal_map = fw.SignalMap.load("signals.toml")  # doctest: +SKIP
+        >>> fw.read_log("run.mf4", signal_map)  # doctest: +SKIP
+        Record('run', 6000 samples, 0 to 59.99 s at 100 Hz: speed, steer.tractor.front, yaw_rate.tractor)
     """
     path = Path(path)
     given = signals or SignalMap()
@@ -60,6 +66,15 @@ def write_record(record: Record, path: str | Path) -> None:
 
     Raises:
         SignalError: the ending is another one, or the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> import fifthwheel as fw
+        >>> record = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     fw.write_record(record, f"{folder}/run.parquet")
+        ...     fw.read_log(f"{folder}/run.parquet") == record
+        True
     """
     path = Path(path)
     columns = {"time": record.time, **record.signals, **{REFERENCE + n: v for n, v in record.reference.items()}}

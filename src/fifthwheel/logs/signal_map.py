@@ -125,6 +125,15 @@ class Channel(BaseModel):
             self.unit or si, si
         )
 
+    def converted(self, columns: Iterable[tuple[Array, str | None]], si: str) -> Array:
+        """The signal (n,) in the SI unit `si`, without the delay.
+
+        Args:
+            columns: values (n,) of each column, and its unit in the log.
+        """
+        total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
+        return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
+
     @property
     def columns(self) -> tuple[str, ...]:
         """The column, or the columns of the sum."""
@@ -148,7 +157,18 @@ Name = Annotated[str, AfterValidator(checked_name)]
 
 
 class SignalMap(BaseModel):
-    """The map from the columns of a log to signals, normally read from a signals.toml."""
+    """The map from the columns of a log to signals, normally read from a signals.toml.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> signal_map = fw.SignalMap.parse('''
+        ... [signals]
+        ... speed = "vx [km/h]"
+        ... "yaw_rate.tractor" = { column = "gyro", unit = "deg/s", sign = -1 }
+        ... ''')
+        >>> signal_map.signals["yaw_rate.tractor"].sign
+        -1
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

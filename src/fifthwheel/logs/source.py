@@ -54,6 +54,26 @@ class Chunk:
     """Fraction of the file that has been read, 0 to 1."""
 
 
+def find_column(text: str, columns: Collection[str], log: str) -> str:
+    """Name of the column that a text refers to; see `LogSource.find`.
+
+    Args:
+        columns: names of all columns, without units.
+        log: name of the log, for messages.
+    """
+    if text in columns:
+        return text
+    name = split_header(text)[0]
+    if name in columns:
+        return name
+    alike = [column for column in columns if split_source(column)[0] == name]
+    if len(alike) == 1:
+        return alike[0]
+    if alike:
+        raise SignalError(f"{log}: column {name!r} has several sources; say which: {', '.join(alike)}")
+    raise SignalError(f"{log}: no column {name!r}; {suggestion(name, list(columns))}")
+
+
 class LogSource(ABC):
     """An open log: its columns, and its samples in chunks, so that memory does not grow with the file."""
 
@@ -83,17 +103,7 @@ class LogSource(ABC):
         Raises:
             SignalError: no column, or more than one, has that name.
         """
-        if text in self.columns:
-            return text
-        name = split_header(text)[0]
-        if name in self.columns:
-            return name
-        alike = [column for column in self.columns if split_source(column)[0] == name]
-        if len(alike) == 1:
-            return alike[0]
-        if alike:
-            raise SignalError(f"{self.name}: column {name!r} has several sources; say which: {', '.join(alike)}")
-        raise SignalError(f"{self.name}: no column {name!r}; {suggestion(name, list(self.columns))}")
+        return find_column(text, self.columns, self.name)
 
     def by_clock(self, columns: Collection[str]) -> dict[str, list[str]]:
         """Columns by their clocks, in the order of the log; SignalError for one that is not there."""

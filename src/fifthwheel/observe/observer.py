@@ -53,6 +53,16 @@ class Observer:
         SignalError: the speed or every steer angle is missing, no signal is a measurement, or the settings give a
             position for a signal that has none.
         VehicleError: no axle of the vehicle is steerable.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> observer = fw.Observer(truck, record.signals)  # of an identification: result.observer()
+        >>> states = observer.batch(record)
+        >>> sample = {"time": record.time[0]} | {name: values[0] for name, values in record.signals.items()}
+        >>> bool(observer.push(sample)["sideslip.semitrailer"] == states.values["sideslip.semitrailer"][0])
+        True
     """
 
     def __init__(self, vehicle: Vehicle, signals: Iterable[str], settings: ObserverSettings | None = None) -> None:

@@ -14,6 +14,11 @@ class ObserverSettings:
 
     Raises:
         SignalError: a value is outside its range.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.ObserverSettings(min_speed=7.0, bank=0.03).coast
+        1.0
     """
 
     min_speed: float = 5.0

@@ -4,16 +4,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel._extras import require
 from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.formatting import percent, shown
+from fifthwheel.names import SignalName
+from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Span, downsample
+from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.record import Record
+from fifthwheel.record.signal_names import si_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Status(IntEnum):
-    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING."""
+    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.Status(2).name
+        'TOO_SLOW'
+    """
 
     OK = 0
     COASTING = 1
@@ -27,9 +45,20 @@ class Status(IntEnum):
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class States:
-    """States of a record of N samples."""
+    """States of a record of N samples.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> states = fw.Observer(truck, record.signals).batch(record)
+        >>> states
+        States('simulated', 800 samples, 100 % OK: sideslip, yaw_rate, articulation, roll, roll_rate)
+        >>> states.to_pandas()[["sideslip.semitrailer", "sideslip.semitrailer.sigma"]].shape
+        (800, 2)
+    """
 
     name: str
     time: Array  # (N,) s
@@ -40,6 +69,64 @@ class States:
     innovation: Mapping[str, Array]  # by measured signal, measurement less prediction, (N,), NaN where missing
     innovation_sigma: Mapping[str, Array]  # standard deviation, (N,) each
     accepted: Mapping[str, NDArray[np.bool_]]  # (N,) each, False where missing or outside the gate
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """States in SI over the time in s, each with "<state>.sigma", "status" (`Status`) and "nis".
+
+        Raises:
+            FifthwheelError: pandas is not installed.
+        """
+        pandas = require("pandas", "pandas")
+        frame: pd.DataFrame = pandas.DataFrame(self._columns(), index=pandas.Index(self.time, name="time"))
+        return frame
+
+    def plot(self, *names: str, record: Record | None = None) -> Plot:
+        """States over time with a band of two sigma; times without valid states are grey.
+
+        Args:
+            names: states, such as "sideslip.semitrailer"; all by default.
+            record: its signals and reference signals of the same names are drawn too.
+
+        Raises:
+            SignalError: there is no such state.
+        """
+        for name in names:
+            if name not in self.values:
+                raise SignalError(f"{name}: not among the states; {suggestion(name, self.values)}")
+        invalid = self._invalid_spans()
+        panels = []
+        for name in names or self.values:
+            unit = shown(si_unit(name))
+            values, sigma = self.values[name] * unit.factor, self.sigma[name] * unit.factor
+            items: list[Item] = [*invalid]
+            if record is not None and name in record.signals:
+                measured = record.signals[name] * unit.factor
+                items.append(Line(record.time, measured, name="measured", colour=GREY, width=1, gaps=True))
+            items.append(
+                Band(self.time, values - 2 * sigma, values + 2 * sigma, name="± 2 sigma", colour=BLUE, gaps=True)
+            )
+            items.append(Line(self.time, values, name="estimate", colour=BLUE, gaps=True))
+            if record is not None and name in record.reference:
+                reference = record.reference[name] * unit.factor
+                items.append(Line(record.time, reference, name="reference", colour=VERMILLION, dash="dash", gaps=True))
+            panels.append(Panel(items=items, title=name, x=Axis(label="time", unit="s"), y=Axis(unit=unit.name)))
+        return Plot(panels=panels, title=self.name)
+
+    def _invalid_spans(self) -> list[Span]:
+        """Times in which the status is neither OK nor COASTING."""
+        invalid = ~np.isin(self.status, (Status.OK, Status.COASTING))
+        ends = np.append(self.time[1:], self.time[-1])
+        return [Span(float(self.time[first]), float(ends[last])) for first, last in downsample.runs(invalid)]
+
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        """States, their sigmas, status and nis by name."""
+        sigma = {f"{name}.sigma": values for name, values in self.sigma.items()}
+        return {**self.values, **sigma, "status": self.status, "nis": self.nis}
+
+    def __repr__(self) -> str:
+        quantities = ", ".join(dict.fromkeys(SignalName.of(name).quantity for name in self.values))
+        ok = percent(float((self.status == Status.OK).mean()), round_down=True).replace(".0", "")
+        return f"States({self.name!r}, {len(self.time)} samples, {ok} OK: {quantities})"
 
 
 def write_states(states: Sequence[States], path: Path) -> None:
@@ -53,9 +140,7 @@ def write_states(states: Sequence[States], path: Path) -> None:
 
     tables = []
     for record in states:
-        sigma = {f"{name}.sigma": values for name, values in record.sigma.items()}
         log = pa.array([record.name] * len(record.time)).dictionary_encode()
-        columns = {"time": record.time, **record.values, **sigma, "status": record.status, "nis": record.nis}
-        tables.append(pa.table({**columns, "log": log}))
+        tables.append(pa.table({"time": record.time, **record._columns(), "log": log}))
     with atomic_write(path) as temporary:
         parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)

@@ -39,6 +39,12 @@ class Uncertainty:
 
     Raises:
         SignalError: a name occurs twice, or the matrix is not a covariance of the size of the names.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> known = fw.Uncertainty(names=("tractor.front.cornering_stiffness",), covariance=[[2.0e4**2]])
+        >>> known.among(["tractor.mass"]).names
+        ()
     """
 
     names: tuple[str, ...]

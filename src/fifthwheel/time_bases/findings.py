@@ -24,6 +24,14 @@ def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Findin
 
     Time offsets, clock rates and exchanged gyros are looked for if no other error explains the signals. What they
     explain is not reported as a wrong column or sign.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> inverted = record.with_signals({"yaw_rate.tractor": -record.signals["yaw_rate.tractor"]})
+        >>> [finding.signal for finding in fw.check_record(inverted, truck)]
+        ['yaw_rate.tractor']
     """
     if vehicle is None:
         findings = check(record)

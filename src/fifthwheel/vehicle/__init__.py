@@ -3,12 +3,13 @@
 from fifthwheel._callable import make_callable
 from fifthwheel.vehicle import catalogue
 from fifthwheel.vehicle.catalogue import get, names
+from fifthwheel.vehicle.coupling import Coupling
 from fifthwheel.vehicle.files import dump, load, save
 from fifthwheel.vehicle.paths import unit_of
 from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS, Change, DefaultSigma, changes
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
-from fifthwheel.vehicle.vehicle import Coupling, Vehicle
+from fifthwheel.vehicle.vehicle import Vehicle
 from fifthwheel.vehicle.weighing import with_axle_loads
 
 __all__ = [

@@ -19,6 +19,11 @@ def get(name: str) -> Vehicle:
 
     Raises:
         VehicleError: the catalogue has no vehicle of that name.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.vehicle("cheng_cebon_2011")
+        Vehicle('cheng_cebon_2011', tractor + semitrailer, 40.6 t)
     """
     return loads(text(name))
 

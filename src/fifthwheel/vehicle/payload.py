@@ -4,7 +4,8 @@ C. Cheng, D. Cebon, "Parameter and state estimation for articulated heavy vehicl
 The functions use only + - * /, so they accept floats, NumPy arrays and CasADi symbols.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from fifthwheel.vehicle.unit import Unit
@@ -103,3 +104,17 @@ def laden(p: Mapping[str, T], unit: Unit) -> Laden[T]:
             uniform=unit.payload.shape == "uniform",
         ),
     )
+
+
+def lumped_sigmas(stated: Mapping[str, float], unit: str, paths: Iterable[str]) -> dict[str, float]:
+    """Stated standard deviations once the payload of a unit is lumped into its sprung body; see `Vehicle.lumped`."""
+    body, payload = f"{unit}.sprung.", f"{unit}.payload."
+    inputs = [path for path in paths if path.startswith((body, payload)) or path == f"{unit}.roll_axis_height"]
+    replaced = {f"{body}{key}" for key in ("mass", "cog_height", "roll_inertia")}
+    lumped = {path: s for path, s in stated.items() if path not in replaced and not path.startswith(payload)}
+    masses = [stated[path] for path in (f"{body}mass", f"{payload}mass") if path in stated]
+    if len(masses) == 2:
+        lumped[f"{body}mass"] = math.hypot(*masses)
+    if all(stated.get(path) == 0 for path in inputs):
+        lumped |= dict.fromkeys(replaced, 0.0)
+    return lumped

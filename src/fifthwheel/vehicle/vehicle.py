@@ -1,19 +1,25 @@
 """A vehicle: a chain of units, with one coupling between each unit and the next."""
 
 import functools
-import math
 from collections.abc import Container, Iterable, Mapping
 from itertools import pairwise
-from typing import Any, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import Field, model_validator
 
+from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.axle_loads import static_axle_loads
-from fifthwheel.vehicle.component import Component, Name, NonNegative, NonNegatives, Number
-from fifthwheel.vehicle.paths import SI_UNITS
-from fifthwheel.vehicle.payload import laden
+from fifthwheel.vehicle.component import Component, NonNegatives
+from fifthwheel.vehicle.coupling import Coupling
+from fifthwheel.vehicle.paths import SI_UNITS, unit_of
+from fifthwheel.vehicle.payload import laden, lumped_sigmas
 from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit, require_unique
+
+if TYPE_CHECKING:
+    from fifthwheel.plots import Plot
 
 MAX_UNITS = 8
 """The time to compile the model of more would be hours."""
@@ -26,19 +32,18 @@ FieldLocation = tuple[str | int, ...]
 """Keys from the vehicle's fields to a scalar: ('units', 0, 'sprung', 'mass')."""
 
 
-class Coupling(Component):
-    """A fifth wheel or a drawbar eye between a unit and the unit behind it; it transmits side force and roll moment."""
-
-    name: Name = "fifth_wheel"
-    leading_position: Number = Field(description="x on the unit in front, from that unit's origin, m.")
-    trailing_position: Number = Field(description="x on the unit behind, from that unit's origin, m.")
-    height: NonNegative = Field(description="Above the ground, m.")
-    roll_stiffness: NonNegative = Field(description="Between the two sprung bodies, N m/rad; 0 for a drawbar eye.")
-    roll_damping: NonNegative = Field(default=0.0, description="Between the two sprung bodies, N m s/rad.")
-
-
 class Vehicle(Component):
-    """Units from front to rear, and the couplings between them. Every scalar has a path; see `parameters`."""
+    """Units from front to rear, and the couplings between them. Every scalar has a path; see `parameters`.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> truck
+        Vehicle('cheng_cebon_2011', tractor + semitrailer, 40.6 t)
+        >>> soft = truck.replace({"tractor.front.cornering_stiffness": 4.0e5})
+        >>> soft.parameters()["tractor.front.cornering_stiffness"]
+        400000.0
+    """
 
     name: str
     source: str = Field(default="", description="Origin of the numbers.")
@@ -47,6 +52,58 @@ class Vehicle(Component):
     stated: NonNegatives = Field(
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
     )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a vehicle from a TOML file (`toml_format`).
+
+        Raises:
+            VehicleError: the file is not readable, not TOML, or not a valid vehicle; the message begins with the path.
+        """
+        text = toml_format.read(Path(path))
+        try:
+            return cls.loads(text)
+        except VehicleError as error:
+            raise VehicleError(f"{path}: {error}") from None
+
+    @classmethod
+    def loads(cls, text: str) -> Self:
+        """Read a vehicle from a TOML text; errors as in `load`."""
+        fields, exact = toml_format.parse(text, cls)
+        vehicle = cls(**fields)
+        return vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0)) if exact else vehicle
+
+    def save(self, path: str | Path) -> None:
+        """Write the vehicle to a TOML file, from which `load` reads an equal vehicle.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        with atomic_write(path) as temporary:
+            temporary.write_text(self.to_toml(), encoding="utf-8")
+
+    def to_toml(self) -> str:
+        """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""
+        stated = {} if self.is_exact else self.stated
+        texts = {path: toml_format.text(v, unit_of(path), stated.get(path)) for path, v in self.parameters().items()}
+        return toml_format.dump(self.fields_with(texts) | {"stated": self.is_exact or None})
+
+    def plot(self) -> "Plot":
+        """A drawing to scale, from the side and from above: axles, couplings, payload and CoG.
+
+        Wheels and bodies are symbols: a vehicle file has neither their diameters nor the length of a body.
+        """
+        from fifthwheel.vehicle.drawing import drawing  # only a plot needs NumPy
+
+        joints = [(c.leading_position, c.trailing_position, c.height) for c in self.couplings]
+        return drawing(self.name, self.units, joints)
+
+    def __repr__(self) -> str:
+        names = " + ".join(unit.name for unit in self.units)
+        return f"Vehicle({self.name!r}, {names}, {sum(unit.mass for unit in self.units) / 1000:.1f} t)"
+
+    def __str__(self) -> str:
+        return repr(self)
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:
@@ -127,7 +184,7 @@ class Vehicle(Component):
             add(coupling.name, Coupling, ("couplings", i))
         return locations
 
-    def replace(self, values: Mapping[str, float]) -> "Vehicle":
+    def replace(self, values: Mapping[str, float]) -> Self:
         """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay.
 
         Args:
@@ -136,9 +193,9 @@ class Vehicle(Component):
         Raises:
             VehicleError: a path does not exist, or a value is not valid.
         """
-        return Vehicle(**self.fields_with(values))
+        return type(self)(**self.fields_with(values))
 
-    def with_stated(self, sigmas: Mapping[str, float]) -> "Vehicle":
+    def with_stated(self, sigmas: Mapping[str, float]) -> Self:
         """The same vehicle with other stated standard deviations of some parameters.
 
         Args:
@@ -147,7 +204,7 @@ class Vehicle(Component):
         Raises:
             VehicleError: a path does not exist, or a standard deviation is negative or not finite.
         """
-        return Vehicle(**self.model_dump() | {"stated": {**self.stated, **sigmas}})
+        return type(self)(**self.model_dump() | {"stated": {**self.stated, **sigmas}})
 
     @property
     def is_exact(self) -> bool:
@@ -173,7 +230,7 @@ class Vehicle(Component):
                 raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, locations)}")
         return {path: locations[path] for path in paths}
 
-    def lumped(self) -> "Vehicle":
+    def lumped(self) -> Self:
         """The same vehicle with each payload lumped into its sprung body.
 
         The load may then have any shape: CoG height and roll inertia of the body are two independent parameters.
@@ -188,10 +245,10 @@ class Vehicle(Component):
                 about_cog = body.roll_inertia - body.mass * lever**2
                 unit["sprung"] |= {"mass": body.mass, "cog_height": body.cog_height, "roll_inertia": about_cog}
                 unit["payload"] = None
-                fields["stated"] = _lumped_sigmas(fields["stated"], unit["name"], p)
-        return Vehicle(**fields)
+                fields["stated"] = lumped_sigmas(fields["stated"], unit["name"], p)
+        return type(self)(**fields)
 
-    def with_logged_steering(self, signals: Container[str], source: str) -> "Vehicle":
+    def with_logged_steering(self, signals: Container[str], source: str) -> Self:
         """The same vehicle with every axle locked whose steer angle is not among the signals.
 
         Args:
@@ -211,7 +268,7 @@ class Vehicle(Component):
         for unit in fields["units"]:
             for axle in (axle for group in unit["axle_groups"] for axle in group["axles"]):
                 axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
-        return Vehicle(**fields)
+        return type(self)(**fields)
 
     def axle_loads(self) -> dict[str, float]:
         """Static vertical load of each axle group by its path, N, on level ground.
@@ -244,20 +301,6 @@ class Vehicle(Component):
             values[f"{unit.name}.cog_height"] = body.cog_height
             values[f"{unit.name}.roll_inertia"] = body.roll_inertia
         return values
-
-
-def _lumped_sigmas(stated: Mapping[str, float], unit: str, paths: Iterable[str]) -> dict[str, float]:
-    """Stated standard deviations once the payload of a unit is lumped into its sprung body; see `Vehicle.lumped`."""
-    body, payload = f"{unit}.sprung.", f"{unit}.payload."
-    inputs = [path for path in paths if path.startswith((body, payload)) or path == f"{unit}.roll_axis_height"]
-    replaced = {f"{body}{key}" for key in ("mass", "cog_height", "roll_inertia")}
-    lumped = {path: s for path, s in stated.items() if path not in replaced and not path.startswith(payload)}
-    masses = [stated[path] for path in (f"{body}mass", f"{payload}mass") if path in stated]
-    if len(masses) == 2:
-        lumped[f"{body}mass"] = math.hypot(*masses)
-    if all(stated.get(path) == 0 for path in inputs):
-        lumped |= dict.fromkeys(replaced, 0.0)
-    return lumped
 
 
 def _require_within(path: str, position: float, low: float, high: float) -> None:

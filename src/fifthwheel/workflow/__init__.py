@@ -9,7 +9,6 @@ from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
-from fifthwheel.workflow.stored_identification import StoredIdentification, load_identification
 
 __all__ = [
     "IDENTIFICATION_FILES",
@@ -19,12 +18,10 @@ __all__ = [
     "IdentificationRun",
     "LogContents",
     "StatesRun",
-    "StoredIdentification",
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
     "design_run",
-    "load_identification",
     "one_stage_settings",
     "read_records",
     "read_vehicle",

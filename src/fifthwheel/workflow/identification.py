@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, OneStage, TwoStage, Verdict, identify
-from fifthwheel.identify.result import sensor_settings
+from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
-from fifthwheel.workflow.stored_identification import StoredIdentification
 
 if TYPE_CHECKING:
     from fifthwheel.identify.design.assess import InformationAssessment
@@ -62,10 +61,9 @@ def run_identification(
     identification = identify(records, vehicle, settings, validate=validate, progress=progress)
     everything = (*records, *validate)
     progress("states", 0, len(everything))
-    stored = StoredIdentification(contents=identification.as_dict(), uncertainty=identification.covariance)
     states = []
     for i, record in enumerate(everything):
-        states.append(_estimate_states(stored, record, identification.vehicle))
+        states.append(_estimate_states(identification, record))
         progress("states", i + 1, len(everything))
     assessment = _assess_remedies(identification, records)
     return IdentificationRun(
@@ -77,11 +75,11 @@ def run_identification(
     )
 
 
-def _estimate_states(identification: StoredIdentification, record: Record, vehicle: Vehicle) -> States:
+def _estimate_states(identification: Identification, record: Record) -> States:
     """States of a record; two stages give no uncertainty, and their sensor errors hold for a predicted log too."""
-    settings, uncertainty = sensor_settings(identification.contents, record.name), None
-    if identification.uncertainty is not None:
-        settings, uncertainty, _ = identification.sensors(record, vehicle)
+    vehicle, settings, uncertainty = identification.vehicle, identification.sensor_settings(record.name), None
+    if identification.covariance is not None:
+        settings, uncertainty, _ = log_sensors(identification, record, vehicle)
     return Observer(vehicle, record.signals, ObserverSettings(**settings)).batch(record, uncertainty)
 
 

@@ -6,13 +6,14 @@ from typing import Any
 
 import fifthwheel
 from fifthwheel.checks import raise_errors
+from fifthwheel.identify import Identification
+from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States, Status
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
-from fifthwheel.workflow.stored_identification import StoredIdentification
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +47,7 @@ def run_states(
     vehicle: Vehicle,
     settings: ObserverSettings | None = None,
     *,
-    identification: StoredIdentification | None = None,
+    identification: Identification | None = None,
     smooth: bool = False,
     check: bool = True,
     progress: Progress = lambda *_: None,
@@ -67,7 +68,7 @@ def run_states(
         SignalError: a log that cannot be used.
     """
     settings = settings or ObserverSettings()
-    uncertainty = identification.uncertainty if identification else None
+    uncertainty = identification.covariance if identification else None
     states, notes = [], []
     for i, record in enumerate(records):
         progress("states", i, len(records))
@@ -75,7 +76,7 @@ def run_states(
             raise_errors(check_record(record, vehicle))
         used, own = settings, uncertainty
         if identification:
-            sensors = identification.sensors(record, vehicle)
+            sensors = log_sensors(identification, record, vehicle)
             used, own = replace(settings, **sensors.settings), sensors.uncertainty
             notes += [sensors.note] if sensors.note else []
         observer = Observer(vehicle, record.signals, used)

@@ -132,6 +132,15 @@ def assess_information(
     Raises:
         SignalError: a fit cannot use one of the logs; the message lists all findings.
         VehicleError: a parameter cannot be estimated or fixed; or the truck is unstable at the speeds of the logs.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> assessment = fw.assess_information([record], truck, settings)
+        >>> [str(parameter.verdict) for parameter in assessment.parameters]
+        ['converged']
     """
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]

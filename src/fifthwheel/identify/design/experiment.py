@@ -146,6 +146,13 @@ def design_experiment(
         SignalError: a fit cannot use the channels.
         VehicleError: a target is no parameter, belongs to a fixed parameter or is not above zero; or the truck is
             unstable at every speed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> design = fw.design_experiment(truck, {"semitrailer.yaw_inertia": 0.1})
+        >>> design.best.sigma["semitrailer.yaw_inertia"] < 0.1
+        True
     """
     settings, planning = settings or OneStage(), planning or DesignSettings()
     channels = _usable_channels(vehicle, channels)

@@ -56,10 +56,12 @@ def build_identification(solution: Solution) -> Identification:
     estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
     covariance = _covariance(problem, minimum, posterior)
+    summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
     return Identification(
         method="one-stage",
         vehicle=vehicle,
         initial_vehicle=dataset.initial_vehicle,
+        signals=estimates.used_signals(dataset.vehicle, summaries),
         parameters=tuple(estimated),
         derived=tuple(estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance)),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
@@ -68,7 +70,7 @@ def build_identification(solution: Solution) -> Identification:
         doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, solution.estimated),
         histories={"one stage": linearisation.history},
-        logs=tuple(_summary(solution, posterior, i) for i in range(len(logs))),
+        logs=summaries,
         fits=evaluation.fits,
         settings=settings,
         rounds=minimum.steps,

@@ -60,6 +60,17 @@ class Learner:
     Raises:
         SignalError: a necessary signal is missing, or no unknown is left to estimate.
         VehicleError: a parameter cannot be estimated or fixed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> learner = fw.Learner(truck, ["speed", "steer.tractor.front", "yaw_rate.tractor"])
+        >>> now = learner.push({"time": 0.0, "speed": 20.0, "steer.tractor.front": 0.0, "yaw_rate.tractor": 0.0})
+        >>> now["learning"]
+        0.0
+        >>> str(learner["tractor.front.cornering_stiffness"].verdict)
+        'not_excited'
     """
 
     def __init__(
@@ -235,7 +246,7 @@ class Learner:
         z = np.append(estimate.z, np.zeros(len(problem.considered)))
         return EstimateBlock.of(problem.unknowns, z, estimate.covariance(), places)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
         problem = self._live.problem
         estimate, innovations = self._live.filter.estimate(), self._live.innovations
@@ -258,7 +269,7 @@ class Learner:
         )
 
     @classmethod
-    def load(cls, path: Path) -> "Learner":
+    def load(cls, path: str | Path) -> "Learner":
         """A learner with the saved estimates; its next sample is the first of a run.
 
         Raises:

@@ -98,7 +98,7 @@ def combine_blocks(unknowns: Sequence[Unknown], blocks: Iterable[tuple[EstimateB
     return z, Pz
 
 
-def write_learner(path: Path, content: Mapping[str, Any]) -> None:
+def write_learner(path: str | Path, content: Mapping[str, Any]) -> None:
     """Write the content of a learner to a JSON file, atomically and with a checksum."""
     document = {"format": f"{KIND} {VERSION}", "digest": _digest(content), "content": content}
     text = json.dumps(document, allow_nan=False)
@@ -106,7 +106,7 @@ def write_learner(path: Path, content: Mapping[str, Any]) -> None:
         part.write_text(text + "\n", encoding="utf-8")
 
 
-def read_learner(path: Path) -> dict[str, Any]:
+def read_learner(path: str | Path) -> dict[str, Any]:
     """The content that `write_learner` wrote.
 
     Raises:

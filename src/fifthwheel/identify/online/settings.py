@@ -15,7 +15,12 @@ DISCREPANCY: Mapping[str, float] = {"yaw_rate": 0.0025, "roll_rate": 0.0005, "ar
 
 @dataclass(frozen=True, kw_only=True)
 class LearnerSettings:
-    """When a `Learner` learns, and how it treats faults of the signals."""
+    """When a `Learner` learns, and how it treats faults of the signals.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> settings = fw.LearnerSettings()
+    """
 
     start_excitation: float = 0.25
     """Learning starts when the excitation exceeds this rms lateral acceleration, m/s^2."""

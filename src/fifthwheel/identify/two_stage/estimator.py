@@ -280,16 +280,18 @@ def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePos
         estimator.settings,
     )
     parameter_estimates = _estimates(estimator, state, sigma_z, trusted=evaluation.trusted)
-    summaries = zip(dataset.records, state.logs, state.accepted, strict=True)
+    used = zip(dataset.records, state.logs, state.accepted, strict=True)
+    summaries = tuple(estimates.log_summary(record, log, model.outputs, accepted) for record, log, accepted in used)
     return Identification(
         method="two-stage",
         vehicle=dataset.identified_vehicle({e.name: e.value for e in parameter_estimates}),
         initial_vehicle=dataset.initial_vehicle,
+        signals=estimates.used_signals(dataset.vehicle, summaries),
         parameters=tuple(parameter_estimates),
         derived=tuple(estimates.derived_from_payload_height(vehicle, parameter_estimates)),
         sensors=tuple(estimates.sensor_error_estimates(estimator.unknowns, state.logs, shared, sigma_z)),
         histories=state.histories,
-        logs=tuple(estimates.log_summary(record, log, model.outputs, used) for record, log, used in summaries),
+        logs=summaries,
         fits=evaluation.fits,
         settings=estimator.settings,
         rounds=state.rounds,

@@ -79,7 +79,7 @@ def propose_map(
     front_wheels = f"wheel_speed.{units[0]}.front"
     if "speed" not in signals and front_wheels in signals:
         signals["speed"], reasons["speed"] = signals.pop(front_wheels), "speed of the front wheels, the only speed"
-    rows = time_column(log)
+    rows = time_column(log.columns)
     time = TimeColumn(column=rows) if rows not in (None, "time", "t") else None
     proposed = SignalMap(time=time, signals=signals, reference=reference, databases=tuple(databases))
     proposed, corrections, findings = correct_map(log, proposed, wheelbase)

@@ -56,7 +56,7 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
     moments = {name: _Moments() for name in log.columns}
     steps: dict[str, list[float]] = {}
     start, stop = np.inf, -np.inf
-    rows = time_column(log)
+    rows = time_column(log.columns)
     seconds = factor(log.columns[rows].unit or "s", "s") if rows else 1.0
     for chunk in log.pieces(list(log.columns)):
         time = chunk.time if chunk.time is not None else chunk.values[rows] * seconds if rows else np.empty(0)

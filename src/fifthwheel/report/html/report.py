@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def write_report(
-    path: Path,
+    path: str | Path,
     identification: Identification,
     records: Sequence[Record],
     states: Sequence[States] = (),
@@ -51,6 +51,11 @@ def write_report(
 
     Raises:
         FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> result = fw.Identification.load("result")  # doctest: +SKIP
+        >>> fw.write_report("report.html", result, [record], title="truck")  # doctest: +SKIP
     """
     method = f"{identification.method} method, preset {identification.settings.preset}"
     page = PageBuilder(title, f"Identification: {method}, fifthwheel {identification.version}")
@@ -72,7 +77,7 @@ def write_report(
 
 
 def write_states_report(
-    path: Path,
+    path: str | Path,
     states: Sequence[States],
     records: Sequence[Record],
     *,

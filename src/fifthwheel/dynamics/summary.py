@@ -1,0 +1,89 @@
+"""What a vehicle is, in numbers that an engineer checks first."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel._html import Markup, block, table
+from fifthwheel.dynamics.analysis import critical_speed, modes
+from fifthwheel.dynamics.responses import rearward_amplification, understeer_gradient
+from fifthwheel.formatting import fixed
+from fifthwheel.vehicle import Vehicle
+
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleSummary:
+    """Loads, handling and modes of a vehicle at one speed; `print` shows a table."""
+
+    name: str
+    speed: float
+    """m/s."""
+    axle_loads: dict[str, float]
+    """Static vertical load of each axle group by its path, N."""
+    understeer_gradient: float
+    """See `understeer_gradient`, rad s^2/m."""
+    critical_speed: float | None
+    """Lowest speed at which the vehicle is unstable, m/s; None up to 80 m/s."""
+    rearward_amplification: float | None
+    """Of the last unit (ISO 14791); None for a single unit, or where the vehicle is unstable."""
+    modes: tuple[tuple[float, float], ...]
+    """Frequency, Hz, and damping ratio of each oscillation."""
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Name and value of each quantity, with its unit."""
+        rows = [(f"load, {path}", f"{fixed(load / 1e3, 1)} kN") for path, load in self.axle_loads.items()]
+        gradient = np.degrees(self.understeer_gradient) * GRAVITY
+        rows.append(("understeer gradient", f"{fixed(float(gradient), 2)} deg/g"))
+        stable = "above 288 km/h" if self.critical_speed is None else f"{fixed(3.6 * self.critical_speed, 0)} km/h"
+        rows.append(("critical speed", stable))
+        if self.rearward_amplification is not None:
+            rows.append(("rearward amplification", fixed(self.rearward_amplification, 2)))
+        for frequency, damping in self.modes:
+            rows.append(("oscillation", f"{fixed(frequency, 2)} Hz, damping ratio {fixed(damping, 2)}"))
+        return rows
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        width = max(len(name) for name, _ in rows)
+        return "\n".join([self._title, *[f"{name.ljust(width)}  {value}" for name, value in rows]])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return block(self._title, Markup(table(("Quantity", "Value"), self.rows())))
+
+    @property
+    def _title(self) -> str:
+        return f"{self.name} at {fixed(3.6 * self.speed, 0)} km/h"
+
+
+def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
+    """Axle loads, understeer gradient, critical speed, rearward amplification and oscillations of a vehicle.
+
+    Args:
+        vehicle: the vehicle; at least one axle is steerable.
+        speed: m/s.
+
+    Raises:
+        VehicleError: the speed is not positive, no axle is steerable, or the axle loads are not determined.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> summary = fw.summarize(fw.vehicle("cheng_cebon_2011"))
+        >>> print(summary)  # doctest: +ELLIPSIS
+        cheng_cebon_2011 at 80 km/h
+        load, tractor.front     67.6 kN
+        ...
+    """
+    limit = critical_speed(vehicle)
+    stable = limit is None or speed < limit
+    return VehicleSummary(
+        name=vehicle.name,
+        speed=speed,
+        axle_loads=vehicle.axle_loads(),
+        understeer_gradient=understeer_gradient(vehicle),
+        critical_speed=limit,
+        rearward_amplification=rearward_amplification(vehicle, speed)[0] if stable and len(vehicle.units) > 1 else None,
+        modes=tuple((mode.frequency, mode.damping) for mode in modes(vehicle, speed) if mode.eigenvalue.imag > 1e-9),
+    )

@@ -1,0 +1,314 @@
+"""The result of an identification: values, sigmas and verdicts, and the data to judge or repeat it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+
+from fifthwheel._atomic import atomic_write
+from fifthwheel._extras import require
+from fifthwheel._html import block
+from fifthwheel._types import Array
+from fifthwheel.errors import SignalError, printable
+from fifthwheel.identify.doubts import Doubt
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.online import Learner, LearnerSettings
+from fifthwheel.identify.parameters import TIME_BASE
+from fifthwheel.identify.result import plots, storage, summary
+from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
+from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.plots import Plot
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import save as save_vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_FIT = ("time", "measured", "predicted")
+_HISTORY = ("time", "values", "sigma")
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Identification:
+    """The result of an identification.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> result = fw.identify([record], truck, settings)
+        >>> result
+        Identification(cheng_cebon_2011, one-stage method, 1 of 1 parameters converged, from simulated)
+        >>> result.to_pandas().loc["tractor.front.cornering_stiffness", "unit"]
+        'N/rad'
+        >>> result.plot("fits")
+        Plot('cheng_cebon_2011, one-stage method', 4 panels)
+        >>> states = result.observer().batch(record, result.uncertainty())
+    """
+
+    method: str
+    vehicle: Vehicle  # as identified, for the next command
+    initial_vehicle: Vehicle
+    signals: tuple[str, ...]  # inputs and measured signals that were used
+    parameters: tuple[Estimate, ...]
+    derived: tuple[Estimate, ...]
+    sensors: tuple[SensorError, ...]
+    uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
+    covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
+    doubts: tuple[Doubt, ...] = ()
+    """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
+    variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Of each parameter: the fraction of its variance that each considered unknown causes, the largest first."""
+    histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
+    logs: tuple[LogSummary, ...]
+    fits: tuple[Fit, ...]
+    settings: CommonSettings
+    rounds: int  # of both stages; one stage: steps
+    notes: tuple[str, ...]
+    version: str
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of a parameter or derived quantity by name; KeyError if there is none."""
+        for estimate in (*self.parameters, *self.derived):
+            if estimate.name == name:
+                return estimate
+        raise KeyError(name)
+
+    def observer_settings(self, log: str | None = None, **changes: Any) -> ObserverSettings:
+        """Settings for an `Observer` of this vehicle with the estimated sensor errors and noise.
+
+        Args:
+            log: its sensor errors and noise; None for the errors that all logs share and the noise of the first.
+            changes: further settings.
+        """
+        return ObserverSettings(**self.sensor_settings(log) | changes)
+
+    def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
+        """Sensor errors and noise, as arguments of `ObserverSettings`.
+
+        Args:
+            log: its sensor errors and noise, besides the errors that all logs share; None or another log for the
+                latter only and the noise of the first log.
+        """
+        sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
+        errors = {error.name: error.value for error in sensors if error.log in (None, log)}
+        noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
+        return {"sensor_errors": errors, "noise": noise}
+
+    def uncertainty(self, log: str | None = None) -> Uncertainty | None:
+        """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
+        their priors for None or another log."""
+        return None if self.covariance is None else self.covariance.of_log(log or "")
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content of identification.json: everything but time series."""
+        return {
+            "version": self.version,
+            "method": self.method,
+            "preset": self.settings.preset,
+            "vehicle": self.initial_vehicle.name,
+            "vehicle_file": self.vehicle.model_dump(mode="json"),
+            "initial_vehicle_file": self.initial_vehicle.model_dump(mode="json"),
+            "signals": list(self.signals),
+            "parameters": [asdict(estimate) for estimate in self.parameters],
+            "derived": [asdict(estimate) for estimate in self.derived],
+            "uncertain": [asdict(estimate) for estimate in self.uncertain],
+            "uncertainty": None if self.covariance is None else self.covariance.as_dict(),
+            "doubts": [asdict(doubt) for doubt in self.doubts],
+            "variance_budget": {name: dict(terms) for name, terms in self.variance_budget.items()},
+            "sensors": [asdict(error) for error in self.sensors],
+            "logs": [asdict(log) for log in self.logs],
+            "fit": [
+                {name: getattr(fit, name) for name in ("log", "signal", "explained", "rms", "identified_on")}
+                for fit in self.fits
+            ],
+            "histories": {title: {"names": h.names, "starts": h.starts} for title, h in self.histories.items()},
+            "rounds": self.rounds,
+            "notes": list(self.notes),
+            "settings": self.settings.as_dict(),
+        }
+
+    def to_json(self) -> str:
+        """`as_dict` as JSON; a number that is not finite becomes null."""
+        return storage.as_json(self.as_dict())
+
+    def observer(self, signals: Iterable[str] | None = None, *, log: str | None = None, **changes: Any) -> Observer:
+        """An observer of the identified vehicle, with the estimated sensor errors and noise.
+
+        Args:
+            signals: available signals; those of the identification by default.
+            log: its sensor errors and noise; by default the errors that all logs share.
+            changes: further settings, as of `ObserverSettings`.
+        """
+        return Observer(
+            self.vehicle, self.signals if signals is None else signals, self.observer_settings(log, **changes)
+        )
+
+    def learner(self, signals: Iterable[str] | None = None, *, learner: LearnerSettings | None = None) -> Learner:
+        """A learner that begins at the identified vehicle, with the priors of the settings.
+
+        Its prior is not the covariance of this result, so that it can follow a change of the vehicle.
+
+        Args:
+            signals: available signals; those of the identification by default.
+            learner: when it learns, and how it treats faults of the signals.
+        """
+        settings = self.settings if isinstance(self.settings, OneStage) else None
+        return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
+
+    def summary(self) -> str:
+        """A table of parameters with sigma and verdict, derived quantities and fits, and the notes."""
+        return summary.text(self._title, (*self.parameters, *self.derived), self.fits, self.notes)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Parameters and derived quantities by name: value, sigma, initial value and prior in SI, unit, verdict.
+
+        Raises:
+            FifthwheelError: pandas is not installed.
+        """
+        pandas = require("pandas", "pandas")
+        columns = ("value", "sigma", "unit", "initial", "prior", "verdict")
+        estimates = (*self.parameters, *self.derived)
+        rows = [[*(getattr(e, name) for name in columns[:-1]), str(e.verdict)] for e in estimates]
+        index = pandas.Index([e.name for e in estimates], name="parameter")
+        frame: pd.DataFrame = pandas.DataFrame(rows, index=index, columns=list(columns))
+        return frame.astype({"sigma": float, "prior": float})
+
+    def plot(
+        self, kind: Literal["parameters", "fits", "residuals", "histories"] = "parameters", *, log: str | None = None
+    ) -> Plot:
+        """A plot of the result.
+
+        Args:
+            kind: "parameters" with sigma and initial value; "fits", measured and predicted signals; "residuals" of
+                the fits; "histories" of the estimates.
+            log: for fits and residuals; the first by default.
+
+        Raises:
+            SignalError: the kind or the log does not exist, or the result was loaded without time series.
+        """
+        if kind == "parameters":
+            return plots.parameter_plot(self.parameters, self._title)
+        if kind == "fits":
+            return plots.fit_plot(plots.chosen_fits(self.fits, log), self._title)
+        if kind == "residuals":
+            return plots.residual_plot(plots.chosen_fits(self.fits, log), self._title)
+        if kind == "histories":
+            if not self.histories:
+                raise SignalError("histories: none in the file of this identification; identify again")
+            return plots.history_plot(self.histories, self.parameters, self._title)
+        raise SignalError(f"{kind}: no such plot; available: parameters, fits, residuals, histories")
+
+    def save(self, folder: str | Path) -> None:
+        """Write identification.json, vehicle.toml and series.npz, the time series, to a folder.
+
+        The folder is made if it does not exist. Each file is written atomically. `load` reads an equal identification.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        with atomic_write(folder / storage.CONTENTS) as temporary:
+            temporary.write_text(self.to_json() + "\n", encoding="utf-8")
+        save_vehicle(self.vehicle, folder / "vehicle.toml")
+        storage.write_series(folder / storage.SERIES, self._series())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """The identification in a folder, or of an identification.json, which `save` or `fifthwheel identify` wrote.
+
+        Values, covariance, settings and sensor errors are exactly those that were saved. Fits and histories are
+        without time series if there is no series.npz beside the file.
+
+        Raises:
+            SignalError: the file cannot be read, or is not one of an identification.
+        """
+        path = Path(path)
+        path = path / storage.CONTENTS if path.is_dir() else path
+        contents = storage.read_contents(path)
+        series = storage.read_series(path.with_name(storage.SERIES))
+        try:
+            return cls._of(contents, series)
+        except SignalError as error:
+            raise SignalError(f"{path}: {error}") from None
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            reason = printable(str(error).partition("\n")[0])
+            raise SignalError(
+                f"{path}: not an identification.json of this version ({reason}); give the file that "
+                "`fifthwheel identify` wrote, or identify again"
+            ) from None
+
+    @classmethod
+    def _of(cls, contents: Mapping[str, Any], series: Mapping[str, Array]) -> Self:
+        """The inverse of `as_dict` and `_series`."""
+        uncertainty = contents["uncertainty"]
+        covariance = None if uncertainty is None else Uncertainty.from_dict(uncertainty)
+        estimates = {key: storage.parts(Estimate, contents[key]) for key in ("parameters", "derived", "uncertain")}
+        identification = cls(
+            **estimates,
+            method=str(contents["method"]),
+            vehicle=Vehicle(**contents["vehicle_file"]),
+            initial_vehicle=Vehicle(**contents["initial_vehicle_file"]),
+            signals=tuple(map(str, contents["signals"])),
+            sensors=storage.parts(SensorError, contents["sensors"]),
+            covariance=covariance,
+            doubts=storage.parts(Doubt, contents["doubts"]),
+            variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
+            histories={
+                title: ParameterHistory(
+                    names=tuple(history["names"]),
+                    starts=tuple(history["starts"]),
+                    **{part: series[f"history/{title}/{part}"] for part in _HISTORY},
+                )
+                for title, history in contents["histories"].items()
+                if f"history/{title}/time" in series
+            },
+            logs=storage.parts(LogSummary, contents["logs"]),
+            fits=storage.parts(
+                Fit,
+                [
+                    fit | {part: series.get(f"fit/{k}/{part}", np.zeros(0)) for part in _FIT}
+                    for k, fit in enumerate(contents["fit"])
+                ],
+            ),
+            settings=storage.parts(TwoStage if contents["method"] == "two-stage" else OneStage, [contents["settings"]])[
+                0
+            ],
+            rounds=int(contents["rounds"]),
+            notes=tuple(map(str, contents["notes"])),
+            version=str(contents["version"]),
+        )
+        for name in (None, *[log.name for log in identification.logs]):
+            identification.observer_settings(name)  # checks sensor errors and noise
+        return identification
+
+    def _series(self) -> dict[str, Array]:
+        """Time series of fits and histories by name."""
+        fits = {f"fit/{k}/{part}": getattr(fit, part) for k, fit in enumerate(self.fits) for part in _FIT}
+        return fits | {
+            f"history/{title}/{part}": getattr(history, part)
+            for title, history in self.histories.items()
+            for part in _HISTORY
+        }
+
+    @property
+    def _title(self) -> str:
+        return f"{self.vehicle.name}, {self.method} method"
+
+    def __repr__(self) -> str:
+        estimated = [e for e in self.parameters if e.verdict is not Verdict.FIXED]
+        converged = sum(e.verdict is Verdict.CONVERGED for e in estimated)
+        logs = ", ".join(log.name for log in self.logs[:3]) + (", ..." if len(self.logs) > 3 else "")
+        return f"Identification({self._title}, {converged} of {len(estimated)} parameters converged, from {logs})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: tables of estimates and fits."""
+        tables = summary.html_tables((*self.parameters, *self.derived), self.fits)
+        return block(self._title, *tables, *self.notes)

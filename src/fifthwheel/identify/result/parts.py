@@ -1,0 +1,74 @@
+"""The parts of a result: estimates, sensor errors, fits, and what was used of each log."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import BeforeValidator, PlainValidator, Strict
+
+from fifthwheel._types import Array
+from fifthwheel.identify.verdict import Verdict
+
+Real = Annotated[float, Strict()]
+"""A number; a text with a number is refused."""
+Number = Annotated[Real, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""A number that may be NaN, which a JSON file states as null."""
+Series = Annotated[Array, PlainValidator(np.asarray)]
+"""An array, which is not in the JSON file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """One parameter: mean and standard deviation given logs and prior. Not excited: value and sigma of the prior."""
+
+    name: str
+    value: Real  # SI
+    sigma: Real | None  # None if fixed, or if no channel of the logs contains information on it
+    unit: str
+    initial: Real
+    verdict: Verdict
+    stage: int
+    settling_time: Real | None = None  # s of data until it stayed within the tolerance; None if it did not
+    prior: Real | None = None  # prior standard deviation, SI
+    correlated_with: tuple[str, ...] = ()  # unknowns from which it is hardly separable, the strongest first
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorError:
+    """Estimated offset, gain or delay of a sensor."""
+
+    name: str
+    value: Real
+    sigma: Real
+    unit: str
+    log: str | None  # None if all logs share it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """One channel of one log and the free-running model: after the initial state no measurement corrects it."""
+
+    log: str
+    signal: str
+    explained: Number  # fraction of variance explained: 1 - variance of the residual / variance of the signal
+    rms: Number  # of the residual, SI
+    time: Series  # (N,)
+    measured: Series
+    predicted: Series
+    identified_on: bool  # False for a log that was only predicted
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogSummary:
+    """What was used of a log."""
+
+    name: str
+    span: tuple[Real, Real]  # s
+    samples: int
+    used: Real  # s of data above the minimum speed
+    speed: tuple[Number, Number]  # m/s, lowest and highest in the used segments
+    rejected: dict[str, Number]  # fraction of the samples of each channel that the gate rejected
+    noise: dict[str, Number]  # estimated noise variance of each channel, SI squared
+    notes: tuple[str, ...]
+    bank: tuple[Real, Real] | None = None  # of the road in the first segment and sigma, rad, left edge higher

@@ -1,0 +1,104 @@
+"""A vehicle drawn to scale, from the side and from above."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fifthwheel.plots import Area, Axis, Item, Label, Line, Panel, Plot, Points
+from fifthwheel.plots.palette import BLUE, CYCLE, DARK, GREY, ORANGE, VERMILLION
+from fifthwheel.vehicle.payload import laden_cog_height
+from fifthwheel.vehicle.unit import Unit
+
+Joint = tuple[float, float, float]
+"""x on the unit in front, x on the unit behind, height above the ground, m."""
+
+WHEEL_RADIUS, WHEEL_WIDTH, TRACK = 0.5, 0.3, 2.0
+"""Symbols of the wheels, m."""
+OVERHANG = 0.8
+"""Of the drawn body beyond the outermost axle or coupling, m."""
+FRAME, FLOOR = 0.9, 1.2
+"""Height of the drawn frame, and of a floor that the file does not give, m."""
+_CIRCLE = np.linspace(0, 2 * np.pi, 33)
+
+
+def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint]) -> Plot:
+    """The drawing; x is forward, 0 at the origin of the first unit.
+
+    Args:
+        name: title.
+        units: from front to rear.
+        joints: couplings from front to rear.
+    """
+    origins = [0.0]
+    for leading, trailing, _ in joints:
+        origins.append(origins[-1] + leading - trailing)
+    side: list[Item] = []
+    top: list[Item] = []
+    for k, (unit, origin) in enumerate(zip(units, origins, strict=True)):
+        couplings = [joints[k - 1][1]] * (k > 0) + [joint[0] for joint in joints[k : k + 1]]
+        ends = [axle.position for axle in unit.axles] + couplings
+        rear, front = origin + min(ends) - OVERHANG, origin + max(ends) + OVERHANG
+        colour = CYCLE[k % 3]
+        side += [*_side(unit, origin, rear, front, colour), Label((rear + front) / 2, -0.35, unit.name)]
+        top += _top(unit, origin, rear, front, colour)
+    joint_x = [origin + joint[0] for origin, joint in zip(origins, joints, strict=False)]
+    if joints:
+        heights = [height for _, _, height in joints]
+        side.append(Points(joint_x, heights, name="coupling", colour=DARK, marker="square", size=8))
+        top.append(Points(joint_x, np.zeros(len(joints)), name="coupling", colour=DARK, marker="square", size=8))
+    ends_of_ground = [x for item in side if isinstance(item, Area) for x in (np.min(item.x), np.max(item.x))]
+    side.append(Line([min(ends_of_ground), max(ends_of_ground)], [0, 0], colour=GREY, width=1))
+    x = Axis(label="x", unit="m")
+    panels = [
+        Panel(items=side, x=x, y=Axis(label="height", unit="m"), equal=True, height=1.3),
+        Panel(items=top, x=x, y=Axis(label="y", unit="m"), equal=True),
+    ]
+    return Plot(title=name, panels=panels)
+
+
+def _side(unit: Unit, origin: float, rear: float, front: float, colour: str) -> list[Item]:
+    floor = unit.payload.floor_height if unit.payload else max(FLOOR, 2 * unit.sprung.cog_height - FRAME)
+    items: list[Item] = [_box(rear, front, FRAME, floor, colour, name=unit.name)]
+    if unit.payload:
+        top = floor + unit.payload.height
+        items.append(_box(rear, front, floor, top, ORANGE, name="payload"))
+    for axle in unit.axles:
+        x = origin + axle.position
+        wheel = (x + WHEEL_RADIUS * np.cos(_CIRCLE), WHEEL_RADIUS * (1 + np.sin(_CIRCLE)))
+        items.append(Area(*wheel, colour=VERMILLION if axle.steerable else DARK, opacity=0.35))
+    place = ([origin + unit.cog], [_cog_height(unit)])
+    items.append(Points(*place, name="CoG, height of the laden body", colour=BLUE, marker="cross", size=9))
+    return items
+
+
+def _top(unit: Unit, origin: float, rear: float, front: float, colour: str) -> list[Item]:
+    width = unit.payload.width if unit.payload else TRACK + WHEEL_WIDTH
+    items: list[Item] = [_box(rear, front, -width / 2, width / 2, colour, name=unit.name)]
+    for axle in unit.axles:
+        x = origin + axle.position
+        wheel_colour = VERMILLION if axle.steerable else DARK
+        items.append(Line([x, x], [-TRACK / 2, TRACK / 2], colour=wheel_colour, width=1))
+        for y in (-TRACK / 2, TRACK / 2):
+            ends = (x - WHEEL_RADIUS, x + WHEEL_RADIUS, y - WHEEL_WIDTH / 2, y + WHEEL_WIDTH / 2)
+            items.append(_box(*ends, wheel_colour, opacity=0.6))
+    items.append(Points([origin + unit.cog], [0.0], name="CoG of the unit", colour=BLUE, size=8))
+    return items
+
+
+def _cog_height(unit: Unit) -> float:
+    """CoG height of sprung body and payload, m."""
+    if unit.payload is None:
+        return unit.sprung.cog_height
+    return laden_cog_height(
+        mass=unit.sprung.mass,
+        cog_height=unit.sprung.cog_height,
+        payload_mass=unit.payload.mass,
+        payload_height=unit.payload.height,
+        floor_height=unit.payload.floor_height,
+    )
+
+
+def _box(
+    rear: float, front: float, low: float, high: float, colour: str, *, name: str = "", opacity: float = 0.2
+) -> Area:
+    return Area([rear, front, front, rear], [low, low, high, high], colour=colour, name=name, opacity=opacity)

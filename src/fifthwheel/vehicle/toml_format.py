@@ -1,0 +1,191 @@
+"""Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; a number without a unit is SI.
+
+name = "my truck"
+source = "workshop, 3 May"
+exact = true              # every number is exact; false by default
+
+[[unit]]
+name = "tractor"
+mass = "7.2 t"
+...
+[unit.sprung]
+...
+[[unit.axle_group]]
+name = "front"
+position = "0 m"          # a single axle; several are axles = [{ name = "front", position = "-6.7 m" }, ...]
+steerable = true
+...
+[[coupling]]
+...
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from fifthwheel.errors import FifthwheelError, UnitError, VehicleError, suggestion
+from fifthwheel.input_files import parse_toml, read_toml
+from fifthwheel.units import uncertain_quantity
+from fifthwheel.vehicle.component import Component
+from fifthwheel.vehicle.coupling import Coupling
+from fifthwheel.vehicle.paths import SI_UNITS, unit_of
+from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Payload, SprungMass, Unit
+
+Table = dict[str, Any]
+
+FILE_KEYS = {"units": "unit", "couplings": "coupling", "axle_groups": "axle_group", "stated": "exact"}
+"""Key in a file of each field that has another one. For several tables it is the singular, because TOML repeats the
+header for each table. A file states standard deviations beside the values, or that all of them are 0."""
+
+
+def read(path: Path) -> str:
+    """The text of a vehicle file; a VehicleError if it cannot be read."""
+    try:
+        return read_toml(path)
+    except FifthwheelError as error:
+        raise VehicleError(f"{error}; a vehicle file in TOML expected") from None
+
+
+def parse(text: str, vehicle: type[Component]) -> tuple[Table, bool]:
+    """Fields of a vehicle, and whether all its numbers are exact.
+
+    Args:
+        text: TOML.
+        vehicle: the class with these fields.
+
+    Raises:
+        VehicleError: not TOML, an unknown key, or a value that is no quantity of its unit.
+    """
+    try:
+        table = parse_toml(text)
+    except FifthwheelError as error:
+        raise VehicleError(f"expected TOML, got {error}; correct that line") from None
+    stated: dict[str, float] = {}
+    fields = _fields(table, "", vehicle, stated)
+    exact = fields.pop("stated", False)
+    if not isinstance(exact, bool):
+        raise VehicleError(f"exact: expected true or false, got {exact!r}; write exact = true, or omit the key")
+    fields["units"] = [_unit(unit, f"unit[{i}]", stated) for i, unit in enumerate(_tables(fields, "units", ""))]
+    fields["couplings"] = [
+        _fields(coupling, _name(coupling, Coupling.model_fields["name"].default), Coupling, stated)
+        for coupling in _tables(fields, "couplings", "")
+    ]
+    for path, sigma in stated.items() if exact else ():
+        if sigma:
+            raise VehicleError(
+                f"{path}: expected no '+-' where exact = true, got {sigma:g} {unit_of(path)}; remove one of them"
+            )
+    return {**fields, "stated": stated}, exact
+
+
+def dump(fields: Table) -> str:
+    """Fields of a vehicle as TOML; numbers are texts with their units."""
+    table: Table = _file_value(fields)
+    return tomli_w.dumps(table)
+
+
+def text(value: float, si: str, sigma: float | None) -> str:
+    """A number as it stands in a file."""
+    stated = "" if sigma is None else f" +- {sigma!r} {si}" if sigma else " exact"
+    return f"{value!r} {si}{stated}"
+
+
+def _file_value(value: Any) -> Any:
+    """Fields in the form of a file: with its keys, and without those that have no value."""
+    if isinstance(value, dict):
+        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None}
+    return [_file_value(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
+    """Fields of a unit; `label` names it in messages if it has no name."""
+    path = _name(table, label)
+    fields = _fields(table, path, Unit, stated)
+    for key, kind in (("sprung", SprungMass), ("payload", Payload), ("accelerometer", Accelerometer)):
+        if key in fields:
+            fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind, stated)
+    groups = _tables(fields, "axle_groups", path)
+    fields["axle_groups"] = [_group(group, path, stated, only=len(groups) == 1) for group in groups]
+    return fields
+
+
+def _group(file_table: Table, unit: str, stated: dict[str, float], *, only: bool) -> Table:
+    """Fields of an axle group; `only` where the unit has no other, so that its paths do not contain its name."""
+    path = unit if only else f"{unit}.{_name(file_table, AxleGroup.model_fields['name'].default)}"
+    axle: Table = {key: file_table[key] for key in ("position", "steerable") if key in file_table}
+    table: Table = {key: value for key, value in file_table.items() if key not in axle}
+    if axle and "axles" in table:
+        raise VehicleError(f"{path}: expected either axles or {' and '.join(axle)}, got both; keep one")
+    fields = _fields(table, path, AxleGroup, stated)
+    axles = [axle] if axle else _tables(fields, "axles", path)
+    fields["axles"] = [_fields(a, f"{unit}.{_name(a, _name(table, 'axles'))}", Axle, stated) for a in axles]
+    return fields
+
+
+def _fields(table: Table, path: str, kind: type[Component], stated: dict[str, float]) -> Table:
+    """The table of a component with the keys of its fields and its quantities in SI.
+
+    The standard deviations that it states are added to `stated`.
+    """
+    fields = {FILE_KEYS.get(field, field): field for field in kind.model_fields}
+    prefix = f"{path}." if path else ""
+    for key in table:
+        if key not in fields:
+            raise VehicleError(f"{prefix}{key}: no such key; {suggestion(key, fields)}")
+    values: Table = {}
+    for key, value in table.items():
+        if key in SI_UNITS:
+            value, sigma = read_quantity(value, SI_UNITS[key], f"{prefix}{key}")
+            if sigma is not None:
+                stated[f"{prefix}{key}"] = sigma
+        values[fields[key]] = value
+    return values
+
+
+_CURES = {
+    "N/rad": "give the side force per slip angle, the total of the group's axles",
+    "N m/rad": "give the roll moment per roll angle; two springs of k N/m, each y m from the middle, have 2 k y^2",
+}
+
+
+def read_quantity(value: Any, si: str, path: str) -> tuple[float, float | None]:
+    """A value of a vehicle file and its stated standard deviation, in the SI unit `si`.
+
+    An angle is a dimension: N is not accepted for N/rad.
+
+    Args:
+        value: a number in `si`, or a text as in `units.uncertain_quantity`.
+        si: the SI unit.
+        path: of the value, for the message.
+
+    Raises:
+        VehicleError: the value is not a number with a suitable unit.
+    """
+    try:
+        return uncertain_quantity(value, si, strict=True)
+    except UnitError as error:
+        cure = f"; {_CURES[si]}" if si in _CURES else ""
+        raise VehicleError(f"{path}: {error}{cure}") from None
+
+
+def _name(table: Mapping[str, Any], label: str) -> str:
+    """Name of a table in messages: its own name, or the label if it has none."""
+    name = table.get("name")
+    return name if isinstance(name, str) else label
+
+
+def _tables(fields: Table, field: str, path: str) -> list[Table]:
+    """The array of tables of a field; empty if the key is missing."""
+    key, tables = FILE_KEYS.get(field, field), fields.get(field, [])
+    path = f"{path}.{key}" if path else key
+    if not isinstance(tables, list):
+        raise VehicleError(f"{path}: expected an array of tables, got {tables!r}; write [[{key}]], or a list")
+    return [_table(table, path) for table in tables]
+
+
+def _table(value: Any, path: str) -> Table:
+    if not isinstance(value, dict):
+        raise VehicleError(f"{path}: expected a table, got {value!r}; give its keys and values")
+    return value
