@@ -13,19 +13,23 @@ import pytest
 from pyarrow import parquet
 
 from fifthwheel.errors import FifthwheelError, SignalError
-from fifthwheel.identify import OneStage
+from fifthwheel.identify import OneStage, TwoStage
+from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.observe import Observer
 from fifthwheel.plant import Sensor, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.studies import (
     Estimates,
+    Identified,
     SimulatedRun,
     StatesOf,
     exact_guess,
     observer,
     study,
 )
+from fifthwheel.studies.estimators import as_estimator
 from fifthwheel.studies.result_table import COLUMNS, ResultTable, RunName, as_table
+from fifthwheel.studies.scenarios import simulated
 from fifthwheel.vehicle import Vehicle, get
 from tests.test_architecture import SOURCE
 
@@ -249,12 +253,22 @@ def test_what_is_not_an_estimator() -> None:
 def test_states_of_a_known_truck_equal_the_observer(tmp_path: Path) -> None:
     table = run(tmp_path / "study.parquet", {"kalman": StatesOf(observer)}, guess=exact_guess, seeds=[3])
     assert table.column("parameter").to_pylist() == [""]
-    from fifthwheel.studies.scenarios import simulated
-
     record = simulated(get(TRUCK), SHORT["short"]).record(3)
     states = Observer(get(TRUCK), record.signals).batch(replace(record, reference={})).values
     error = states["sideslip.semitrailer"] - record.reference["sideslip.semitrailer"]
     assert table.column("rms.sideslip.semitrailer")[0].as_py() == pytest.approx(np.sqrt(np.nanmean(error**2)))
+
+
+def test_settings_are_estimators(tmp_path: Path) -> None:
+    """A learner as a study calls it equals a learner that gets the record."""
+    table = run(tmp_path / "study.parquet", {"recursive": LearnerSettings()}, guess=exact_guess, seeds=[3])
+    record = simulated(get(TRUCK), SHORT["short"]).record(3)
+    learner = Learner(get(TRUCK), record.signals)
+    learner.learn(record)
+    expected = {p.name: p.value for p in learner.parameters}
+    assert dict(zip(table["parameter"].to_pylist(), table["estimate"].to_pylist(), strict=True)) == expected
+    assert table["rms.sideslip.semitrailer"][0].as_py() > 0
+    assert as_estimator(TwoStage()) == Identified(TwoStage())
 
 
 def test_the_settling_time_is_left_out(tmp_path: Path) -> None:

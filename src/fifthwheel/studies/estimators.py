@@ -1,17 +1,20 @@
 """What a study runs: an estimator of parameters, of states, or of both.
 
-A study calls any object that fits `Estimator`. `OneStage` and `TwoStage` settings, and functions that make an
-`Observer`, are estimators by `as_estimator` and `StatesOf`. An own filter that fits `StateEstimator` can take the
-place of `Observer`.
+A study calls any object that fits `Estimator`. Settings of this package (`OneStage`, `TwoStage`, `LearnerSettings`)
+become estimators by `as_estimator`, and functions that make an `Observer` by `StatesOf`. An own filter that fits
+`StateEstimator` can take the place of `Observer`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import OneStage, TwoStage, identify
+from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -88,11 +91,30 @@ class Identified:
 
 
 @dataclass(frozen=True)
+class Learned:
+    """A recursive `Learner`: its parameters at the end, and its states at each sample."""
+
+    settings: OneStage = field(default_factory=OneStage)
+    learner: LearnerSettings = field(default_factory=LearnerSettings)
+
+    def __call__(self, record: Record, vehicle: Vehicle, /) -> Estimates:
+        """Parameters and states."""
+        learner = Learner(vehicle, record.signals, self.settings, learner=self.learner)
+        signals = {"time": record.time, **record.signals}
+        samples = [
+            learner.push(dict(zip(signals, row, strict=True)))
+            for row in np.column_stack(list(signals.values())).tolist()
+        ]
+        names = [name for name in samples[0] if f"{name}.sigma" in samples[0]]
+        states = {name: np.array([sample[name] for sample in samples]) for name in names}
+        return Estimates(parameters=learner.parameters, states=states)
+
+
+@dataclass(frozen=True)
 class StatesOf:
     """The states of a vehicle as it is, without identification.
 
-    >>> StatesOf(lambda vehicle, record: Observer(vehicle, record.signals))  # doctest: +ELLIPSIS
-    StatesOf(make=<function ...>)
+    >>> kalman_filter = StatesOf(observer)
     """
 
     make: Callable[[Vehicle, Record], StateEstimator]
@@ -108,16 +130,23 @@ def observer(vehicle: Vehicle, record: Record) -> Observer:
     return Observer(vehicle, record.signals)
 
 
-def as_estimator(given: Estimator | OneStage | TwoStage) -> Estimator:
-    """An estimator from itself, or from settings of `identify`.
+Settings = OneStage | TwoStage | LearnerSettings
+"""Settings that `as_estimator` accepts."""
+
+
+def as_estimator(given: Estimator | Settings) -> Estimator:
+    """An estimator from itself, or from settings of `identify` or of a `Learner`.
 
     Raises:
         FifthwheelError: it is none of them.
     """
     if isinstance(given, OneStage | TwoStage):
         return Identified(given)
+    if isinstance(given, LearnerSettings):
+        return Learned(learner=given)
     if not callable(given):
         raise FifthwheelError(
-            f"estimator: expected OneStage, TwoStage or a function of a record and a vehicle, got {given!r}"
+            "estimator: expected OneStage, TwoStage, LearnerSettings or a function of a record and a vehicle, got"
+            f" {given!r}"
         )
     return given

@@ -5,9 +5,9 @@ import re
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import FunctionType
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,13 +15,12 @@ import pyarrow as pa
 from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import OneStage, TwoStage
 from fifthwheel.plant import Sensor
-from fifthwheel.studies.estimators import Estimator, ParameterEstimate, as_estimator
+from fifthwheel.studies.estimators import Estimator, Settings, as_estimator
 from fifthwheel.studies.pool import run_all
-from fifthwheel.studies.result_table import ResultTable, Row, RunName
-from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated
-from fifthwheel.vehicle import Vehicle, get, unit_of
+from fifthwheel.studies.result_table import ResultTable, Row, RunName, run_rows
+from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
+from fifthwheel.vehicle import Vehicle, get
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""
@@ -42,7 +41,7 @@ class _Setup:
 
 def study(
     trucks: Mapping[str, Vehicle] | Iterable[str],
-    estimators: Mapping[str, Estimator | OneStage | TwoStage],
+    estimators: Mapping[str, Estimator | Settings],
     out: str | Path,
     *,
     manoeuvres: Mapping[str, SimulatedRun] | None = None,
@@ -68,7 +67,7 @@ def study(
 
     Args:
         trucks: by name, or names of the catalogue.
-        estimators: by name: settings of `identify`, or any `Estimator`.
+        estimators: by name: settings of `identify` or of a `Learner`, or any `Estimator`.
         out: Parquet file.
         manoeuvres: by name; by default the lane changes of the linear model.
         sensors: by name; a set is by signal, None for the sensors of Cheng and Cebon (2011), which are the default.
@@ -152,44 +151,14 @@ def _run(setup: _Setup, name: RunName) -> list[Row]:
     except FifthwheelError as error:
         return [base | {"parameter": "", "error": str(error), "seconds": time.process_time() - start}]
     seconds = time.process_time() - start
+    truth = partial(true_value, scenario.vehicle, scenario.stiffness)
     settled = record.time >= record.time[0] + setup.settling_time
     states = {
         name: float(np.sqrt(np.nanmean((values - record.reference[name])[settled] ** 2)))
         for name, values in estimates.states.items()
         if name in record.reference and np.isfinite(values[settled]).any()
     }
-    return run_rows(base | {"error": "", "seconds": seconds}, estimates.parameters, scenario.truth, states)
-
-
-def run_rows(
-    base: Mapping[str, Any],
-    parameters: Iterable[ParameterEstimate],
-    truth: Callable[[str], tuple[float, float, float] | None],
-    states: Mapping[str, float],
-) -> list[Row]:
-    """A row for each parameter of a run.
-
-    Args:
-        base: what all rows of the run have.
-        parameters: estimates.
-        truth: true value of a parameter, and the ends of its range; None if there is none.
-        states: rms error of each state.
-    """
-    rms = {f"rms.{name}": error for name, error in states.items()}
-    rows: list[Row] = []
-    for estimate in parameters:
-        value, low, high = truth(estimate.name) or (None, None, None)
-        columns: dict[str, Any] = {"truth": value, "truth_low": low, "truth_high": high, "estimate": estimate.value}
-        columns |= {"sigma": estimate.sigma, "verdict": str(estimate.verdict), "unit": _unit(estimate.name)}
-        rows.append({**base, "parameter": estimate.name, **columns, **rms})
-    return rows or [{**base, "parameter": "", **rms}]
-
-
-def _unit(name: str) -> str:
-    try:
-        return unit_of(name)
-    except FifthwheelError:
-        return ""
+    return run_rows(base | {"error": "", "seconds": seconds}, estimates.parameters, truth, states)
 
 
 def _digest(*parts: object) -> str:

@@ -6,7 +6,7 @@ were in progress. The journal enters the Parquet file when the study ends, or wh
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +16,8 @@ from pyarrow import parquet
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.studies.estimators import ParameterEstimate
+from fifthwheel.vehicle import unit_of
 
 COLUMNS = {
     "truck": pa.string(),
@@ -53,6 +55,37 @@ class RunName(NamedTuple):
     def of(cls, row: Row) -> "RunName":
         """The run of a row."""
         return cls(*(row[key] for key in cls._fields))
+
+
+def run_rows(
+    base: Mapping[str, Any],
+    parameters: Iterable[ParameterEstimate],
+    truth: Callable[[str], tuple[float, float, float] | None],
+    states: Mapping[str, float],
+) -> list[Row]:
+    """A row for each parameter of a run.
+
+    Args:
+        base: what all rows of the run have.
+        parameters: estimates.
+        truth: true value of a parameter, and the ends of its range; None if there is none.
+        states: rms error of each state.
+    """
+    rms = {f"rms.{name}": error for name, error in states.items()}
+    rows: list[Row] = []
+    for estimate in parameters:
+        value, low, high = truth(estimate.name) or (None, None, None)
+        columns: dict[str, Any] = {"truth": value, "truth_low": low, "truth_high": high, "estimate": estimate.value}
+        columns |= {"sigma": estimate.sigma, "verdict": str(estimate.verdict), "unit": _unit(estimate.name)}
+        rows.append({**base, "parameter": estimate.name, **columns, **rms})
+    return rows or [{**base, "parameter": "", **rms}]
+
+
+def _unit(name: str) -> str:
+    try:
+        return unit_of(name)
+    except FifthwheelError:
+        return ""
 
 
 def as_table(rows: Iterable[Row]) -> pa.Table:

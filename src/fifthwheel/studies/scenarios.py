@@ -93,16 +93,22 @@ class Scenario:
         steer = {name: np.zeros(len(made)) for name in self.vehicle.steer_signals()}
         return made.time, {**steer, **made.signals, **made.reference}
 
-    def truth(self, parameter: str) -> tuple[float, float, float] | None:
-        """True value of a parameter or derived quantity, and the ends of its range; None if the truck has none.
 
-        The tyres of the nonlinear truck have a range of effective stiffness.
-        """
-        values = self.vehicle.parameters() | self.vehicle.derived()
-        if parameter not in values:
-            return None
-        low, high = sorted(self.stiffness.get(parameter, (values[parameter],) * 2))
-        return values[parameter], low, high
+def true_value(
+    vehicle: Vehicle, stiffness: Mapping[str, tuple[float, float]], parameter: str
+) -> tuple[float, float, float] | None:
+    """True value of a parameter or derived quantity, and the ends of its range; None if the truck has none.
+
+    Args:
+        vehicle: the truck.
+        stiffness: ranges of effective stiffness, if its tyres are nonlinear.
+        parameter: its name.
+    """
+    values = vehicle.parameters() | vehicle.derived()
+    if parameter not in values:
+        return None
+    low, high = sorted(stiffness.get(parameter, (values[parameter],) * 2))
+    return values[parameter], low, high
 
 
 def simulated(vehicle: Vehicle, run: SimulatedRun) -> Scenario:

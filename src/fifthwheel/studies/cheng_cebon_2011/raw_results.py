@@ -1,18 +1,29 @@
 """The results of every run of the reproduction as tables: parameters.parquet and histories.parquet."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
 
 import pyarrow as pa
 
 from fifthwheel._types import Array
 from fifthwheel.studies.cheng_cebon_2011.experiments import Experiment
 from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.studies.result_table import Row, as_table
-from fifthwheel.vehicle import unit_of
+from fifthwheel.studies.result_table import Row, RunName, as_table, run_rows
+from fifthwheel.studies.scenarios import true_value
+
+
+class _Estimate(NamedTuple):
+    """A parameter of an outcome."""
+
+    name: str
+    value: float
+    sigma: float | None
+    verdict: str
 
 
 def parameters(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome]) -> pa.Table:
-    """A row for each experiment, arm, seed and parameter, with the columns of `studies.study`.
+    """A row for each experiment, arm, seed and parameter, with the columns of `study`.
 
     `manoeuvre` is the experiment or variant, `estimator` the arm. truth_low and truth_high are the range of effective
     stiffness.
@@ -20,29 +31,10 @@ def parameters(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome
     rows: list[Row] = []
     for outcome in outcomes:
         experiment = experiments[outcome.experiment]
-        vehicle = experiment.run.vehicle
-        truth = vehicle.parameters() | vehicle.derived()
-        for name, value in outcome.values.items():
-            low, high = sorted(experiment.stiffness.get(name, (truth[name],) * 2))
-            rows.append(
-                {
-                    "truck": vehicle.name,
-                    "manoeuvre": outcome.experiment,
-                    "sensors": "article",
-                    "estimator": outcome.arm,
-                    "seed": outcome.seed,
-                    "parameter": name,
-                    "unit": unit_of(name),
-                    "truth": truth[name],
-                    "truth_low": low,
-                    "truth_high": high,
-                    "estimate": value,
-                    "sigma": outcome.sigmas.get(name),
-                    "verdict": outcome.verdicts[name],
-                    "error": "",
-                }
-                | {f"rms.{state}": rms for state, rms in outcome.rms.items()}
-            )
+        estimates = [_Estimate(n, v, outcome.sigmas[n], outcome.verdicts[n]) for n, v in outcome.values.items()]
+        truth = partial(true_value, experiment.run.vehicle, experiment.stiffness)
+        name = RunName(experiment.run.vehicle.name, outcome.experiment, "article", outcome.arm, outcome.seed)
+        rows += run_rows(name._asdict() | {"error": ""}, estimates, truth, outcome.rms)
     return as_table(rows).drop_columns(["seconds", "digest"])
 
 
