@@ -24,20 +24,17 @@ extensions = [
     "mathml",
     "python_reference",
 ]
-exclude_patterns = ["_build", "gallery/*.md5", "gallery/*.ipynb", "sg_execution_times.rst"]
-suppress_warnings = ["config.cache"]  # the gallery's settings contain a function, which Sphinx cannot compare
+exclude_patterns = ["_build", "_extensions", "_figures", "gallery/*.ipynb", "sg_execution_times.rst"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]  # the notation of code hosts for equations
 myst_heading_anchors = 4
-
 
 autodoc_typehints = "description"
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
 
 default_role = "code"  # `name` in docstrings
-
 smartquotes = False  # options such as --json keep their dashes
 
 html_theme = "furo"

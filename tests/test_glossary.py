@@ -21,6 +21,7 @@ PACKAGES = (
     "manoeuvres",
     "plant",
     "report",
+    "studies",
 )
 
 TERMS = (

@@ -17,11 +17,6 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_the_version_is_stated_once() -> None:
-    assert "version" not in PROJECT["project"]
-    assert ROOT / PROJECT["tool"]["hatch"]["version"]["path"] == Path(fifthwheel.__file__)
-
-
 def test_citation_and_changes_are_of_this_version() -> None:
     assert f"\nversion: {fifthwheel.__version__}\n" in text("CITATION.cff")
     first = re.search(r"^## (\S+)", text("CHANGELOG.md"), re.MULTILINE)

@@ -11,7 +11,7 @@ from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres.linear import lateral_acceleration
 from fifthwheel.plots import Line, Points
 from fifthwheel.simulate import simulate
-from tests.dynamics.test_analysis import truck, truck_and_trailer, understeer
+from tests.dynamics.test_analysis import WHEELBASE, truck, truck_and_trailer, understeer
 
 ARTICLE = fw.vehicle("cheng_cebon_2011")
 SYSTEM = dynamics.linear_system(ARTICLE, 20.0)
@@ -78,13 +78,15 @@ def test_lane_change_shows_the_rearward_amplification() -> None:
 
 def test_handling_diagram_and_understeer_gradient_of_the_single_track_model() -> None:
     gradient = np.degrees(understeer(truck()) * 9.80665)  # deg/g
-    made = plot.handling_diagram(truck(), [20.0], largest=0.2)
+    made = plot.handling_diagram(truck(), largest=0.2)
     (line,) = lines(made.panels[0])
     assert line.y == pytest.approx([-0.2, 0.2])
     assert line.x == pytest.approx([0.2 * gradient, -0.2 * gradient])
-    (curve,) = lines(plot.understeer_gradient(truck(), [10.0, 30.0]).panels[0])
-    assert curve.x == pytest.approx([36.0, 108.0])
-    assert curve.y == pytest.approx([gradient] * 2)
+    made = plot.understeer_gradient(truck(), radius=50.0, largest=0.2)
+    (curve,) = lines(made.panels[0])
+    ackermann = np.degrees(WHEELBASE / 50)
+    assert curve.y == pytest.approx([ackermann, ackermann + 0.2 * gradient])
+    assert f"{gradient:.2f} deg/g" in made.title
 
 
 def test_steady_turns_lie_on_the_handling_diagram() -> None:
@@ -92,14 +94,14 @@ def test_steady_turns_lie_on_the_handling_diagram() -> None:
     yaw_rate = [dynamics.steady_state(ARTICLE, 25.0, [angle, 0, 0, 0])["yaw_rate.tractor"] for angle in steer]
     signals = {"speed": np.full(4, 25.0), "steer.tractor.front": steer, "yaw_rate.tractor": np.array(yaw_rate)}
     record = fw.Record(time=np.arange(4.0), signals=signals, name="turns")
-    made = plot.handling_diagram(ARTICLE, [25.0], [record])
+    made = plot.handling_diagram(ARTICLE, [record])
     (line,), (samples,) = lines(made.panels[0]), points(made.panels[0])
     slope = (line.x[1] - line.x[0]) / (line.y[1] - line.y[0])
     assert samples.x == pytest.approx(slope * samples.y, rel=1e-6)
     slow = replace(record, signals=signals | {"speed": np.full(4, 1.0)})
-    assert not points(plot.handling_diagram(ARTICLE, [25.0], [slow]).panels[0])[0].x.size
+    assert not points(plot.handling_diagram(ARTICLE, [slow]).panels[0])[0].x.size
     with pytest.raises(SignalError, match="needs it"):
-        plot.handling_diagram(ARTICLE, [25.0], [replace(record, signals={"speed": signals["speed"]})])
+        plot.handling_diagram(ARTICLE, [replace(record, signals={"speed": signals["speed"]})])
 
 
 def test_both_renderers_draw_them() -> None:

@@ -1,6 +1,12 @@
 """Plots of the linear model: Bode diagram, modes, responses, handling diagram, understeer gradient.
 
 Each function returns a `Plot`, which shows itself in a notebook and has `save`, `to_plotly` and `to_matplotlib`.
+
+Example:
+    >>> import fifthwheel as fw
+    >>> truck = fw.vehicle("cheng_cebon_2011")
+    >>> fw.plot.bode(fw.linear_system(truck, 25.0), ["yaw_rate.tractor", "yaw_rate.semitrailer"])
+    Plot('cheng_cebon_2011 at 90 km/h, by steer.tractor.front', 2 panels)
 """
 
 from collections.abc import Iterable, Sequence
@@ -9,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics import LinearSystem, critical_speed, linear_system, modes
-from fifthwheel.dynamics import understeer_gradient as understeer_gradient_at
+from fifthwheel.dynamics import LinearSystem, critical_speed, linear_system, modes, steady_steer
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.formatting import shown
 from fifthwheel.manoeuvres import LaneChange, inverse_steer
@@ -165,60 +170,55 @@ def lane_change(
 
 
 def handling_diagram(
-    vehicle: Vehicle,
-    speeds: Iterable[float] = (15.0, 25.0),
-    records: Iterable[Record] = (),
-    *,
-    roll: bool = True,
-    largest: float = 0.3,
+    vehicle: Vehicle, records: Iterable[Record] = (), *, roll: bool = True, largest: float = 0.3
 ) -> Plot:
     """Handling diagram of the first unit: lateral acceleration against L/R - steer angle (Pacejka 2006, section 1.3).
 
-    Lines are steady turns of the linear model. Points are the samples of records, with R = speed / yaw rate; they lie
-    on the curve of the vehicle where it turns steadily.
+    The line is the linear model, with L of `dynamics.steady_steer`. Points are the samples of records, with R = speed /
+    yaw rate; they lie on the curve of the vehicle where it turns steadily.
 
     Args:
         vehicle: with its numbers.
-        speeds: m/s.
         records: with speed, yaw rate of the first unit and the steer angle of its first steered axle.
         roll: use the yaw-roll model, or the yaw model.
-        largest: lateral acceleration at the ends of the lines, g.
+        largest: lateral acceleration at the ends of the line, g.
 
     Raises:
         SignalError: a record does not have one of the signals.
     """
+    length, gradient = steady_steer(vehicle, roll=roll)
     acceleration = np.array([-largest, largest])
-    items: list[Item] = []
-    for speed in speeds:
-        gradient = understeer_gradient_at(vehicle, speed, roll=roll)
-        difference = -np.degrees(gradient * STANDARD_GRAVITY * acceleration)
-        items.append(Line(difference, acceleration, name=f"linear model, {_kmh(speed)}"))
-    for record in records:
-        items.append(Points(*_handling_points(vehicle, record), name=record.name, size=3))
+    line = Line(-np.degrees(gradient * STANDARD_GRAVITY * acceleration), acceleration, name="linear model")
+    points = [Points(*_handling_points(vehicle, length, record), name=record.name, size=3) for record in records]
     x, y = Axis(label="L/R - steer angle", unit="deg"), Axis(label="lateral acceleration", unit="g")
-    return Plot(title=f"Handling diagram of {vehicle.name}", panels=[Panel(items=[*items, Guide(x=0.0)], x=x, y=y)])
+    panel = Panel(items=[line, *points, Guide(x=0.0)], x=x, y=y)
+    return Plot(title=f"Handling diagram of {vehicle.name}", panels=[panel])
 
 
-def understeer_gradient(vehicle: Vehicle, speeds: ArrayLike = SPEEDS, *, roll: bool = True) -> Plot:
-    """Understeer gradient of the first unit against speed, deg/g; positive for understeer.
+def understeer_gradient(vehicle: Vehicle, *, radius: float = 100.0, roll: bool = True, largest: float = 0.3) -> Plot:
+    """Steer angle of the first axle in steady turns of one radius against lateral acceleration (ISO 4138).
+
+    Its slope is the understeer gradient, which the title gives.
 
     Args:
         vehicle: with its numbers.
-        speeds: (s,) m/s.
+        radius: m.
         roll: use the yaw-roll model, or the yaw model.
+        largest: largest lateral acceleration, g.
     """
-    grid = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
-    gradient = [understeer_gradient_at(vehicle, speed, roll=roll) for speed in grid]
-    line = Line(3.6 * grid, np.degrees(np.array(gradient) * STANDARD_GRAVITY))
+    length, gradient = steady_steer(vehicle, roll=roll)
+    acceleration = np.array([0.0, largest])
+    steer = np.degrees(length / radius + gradient * STANDARD_GRAVITY * acceleration)
+    slope = f"{np.degrees(gradient * STANDARD_GRAVITY):.2f} deg/g"
     panel = Panel(
-        items=[line, Guide(y=0.0)],
-        x=Axis(label="speed", unit="km/h"),
-        y=Axis(label="understeer gradient", unit="deg/g"),
+        items=[Line(acceleration, steer), Guide(y=float(steer[0]), text="neutral")],
+        x=Axis(label="lateral acceleration", unit="g"),
+        y=Axis(label="steer angle", unit="deg"),
     )
-    return Plot(title=f"Understeer gradient of {vehicle.name}", panels=[panel])
+    return Plot(title=f"Understeer gradient {slope}, {vehicle.name}, radius {radius:g} m", panels=[panel])
 
 
-def _handling_points(vehicle: Vehicle, record: Record) -> tuple[Array, Array]:
+def _handling_points(vehicle: Vehicle, length: float, record: Record) -> tuple[Array, Array]:
     """L/R - steer angle, deg, and lateral acceleration, g, of the samples of a record (n,)."""
     first = vehicle.units[0].name
     steer, yaw_rate = vehicle.steer_signals()[0], f"yaw_rate.{first}"
@@ -230,7 +230,7 @@ def _handling_points(vehicle: Vehicle, record: Record) -> tuple[Array, Array]:
         rows = np.flatnonzero((u > MIN_SPEED) & np.isfinite(r) & np.isfinite(delta))
     rows = rows[:: -(-len(rows) // MAX_POINTS) or 1]
     u, r, delta = u[rows], r[rows], delta[rows]
-    return np.degrees(vehicle.wheelbase * r / u - delta), u * r / STANDARD_GRAVITY
+    return np.degrees(length * r / u - delta), u * r / STANDARD_GRAVITY
 
 
 def _response(system: LinearSystem, outputs: Sequence[str], time: Array, input: str, steer: Array, title: str) -> Plot:

@@ -560,8 +560,11 @@ def test_as_a_process(folder, tmp_path):
 
 
 def test_the_command_is_installed():
-    pyproject = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
+    root = Path(__file__).parents[2]
+    pyproject = tomllib.loads((root / "pyproject.toml").read_text())
     assert pyproject["project"]["scripts"]["fifthwheel"] == "fifthwheel.cli:main"
+    assert pyproject["project"]["dynamic"] == ["version"]
+    assert (root / pyproject["tool"]["hatch"]["version"]["path"]).samefile(fifthwheel.__file__)
 
 
 def test_simulates_the_nonlinear_truck(run, tmp_path):

@@ -12,6 +12,7 @@ from fifthwheel.dynamics import (
     modes,
     rearward_amplification,
     steady_state,
+    steady_steer,
     understeer_gradient,
 )
 from fifthwheel.errors import VehicleError
@@ -87,10 +88,17 @@ def test_steady_turn_equals_the_single_track_model(speed: float, roll: bool) -> 
 
 
 @pytest.mark.parametrize("rear", [6e5, 1e5])
-@pytest.mark.parametrize("speed", [5.0, 27.0])
-def test_understeer_gradient_of_the_single_track_model(speed: float, rear: float) -> None:
+def test_steer_angle_of_the_single_track_model(rear: float) -> None:
     vehicle = truck(rear=rear)
-    assert understeer_gradient(vehicle, speed) == pytest.approx(understeer(vehicle), rel=1e-9)
+    assert steady_steer(vehicle) == pytest.approx((WHEELBASE, understeer(vehicle)), rel=1e-9)
+    assert understeer_gradient(vehicle) == steady_steer(vehicle)[1]
+
+
+def test_steer_angle_of_a_steady_turn_at_any_speed() -> None:
+    length, gradient = steady_steer(ARTICLE)
+    for speed in (6.0, 33.0):
+        yaw_rate = steady_state(ARTICLE, speed, [0.01, 0, 0, 0])["yaw_rate.tractor"]
+        assert (length + gradient * speed**2) * yaw_rate / speed == pytest.approx(0.01, rel=1e-8)
 
 
 @pytest.mark.parametrize("roll", [True, False])

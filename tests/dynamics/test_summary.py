@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fifthwheel.dynamics import critical_speed, modes
-from fifthwheel.dynamics.summary import GRAVITY, summarize, understeer_gradient
+from fifthwheel.dynamics import critical_speed, modes, understeer_gradient
+from fifthwheel.dynamics.summary import GRAVITY, summarize
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")

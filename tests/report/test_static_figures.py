@@ -1,6 +1,6 @@
 """The figures as files."""
 
-import builtins
+import sys
 from dataclasses import replace
 
 import pytest
@@ -60,14 +60,7 @@ def test_file_names(name, expected):
 def test_formats_that_cannot_be_written_are_refused(monkeypatch):
     with pytest.raises(FifthwheelError, match="--figures: expected svg, png, pdf"):
         static.checked_format("gif")
-    real = builtins.__import__
-
-    def without(name, *args, **kwargs):
-        if name == "matplotlib":
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):
         static.checked_format("svg")
 

@@ -1,16 +1,7 @@
 """The linear equations of motion of a chain of units: symbolic models for filters, and numerical analysis."""
 
-from fifthwheel.dynamics.analysis import (
-    Mode,
-    critical_speed,
-    frequency_response,
-    modes,
-    rearward_amplification,
-    steady_state,
-    understeer_gradient,
-)
+from fifthwheel.dynamics.analysis import Matrices, Mode, critical_speed, matrices, modes, steady_state
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.matrices import Matrices, matrices
 from fifthwheel.dynamics.model import (
     CONTACT,
     STEER_RATE,
@@ -22,6 +13,7 @@ from fifthwheel.dynamics.model import (
     rate_input,
     steer_parameters,
 )
+from fifthwheel.dynamics.responses import frequency_response, rearward_amplification, steady_steer, understeer_gradient
 from fifthwheel.dynamics.state_space import LinearSystem, linear_system
 
 __all__ = [
@@ -44,6 +36,7 @@ __all__ = [
     "rearward_amplification",
     "state_names",
     "steady_state",
+    "steady_steer",
     "steer_parameters",
     "understeer_gradient",
 ]

@@ -1,16 +1,77 @@
-"""Numerical properties of the chain: modes, critical speed, steady state, rearward amplification."""
+"""Numerical properties of the chain: matrices, modes, critical speed, steady state."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.matrices import matrices
-from fifthwheel.dynamics.state_space import COG_ACCELERATION, linear_system
+from fifthwheel.dynamics import chain
+from fifthwheel.dynamics.model import topology
+from fifthwheel.errors import VehicleError
+from fifthwheel.native import Scan, compiled
 from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrices:
+    """E x' = F x + G d and x' = A x + B d at one speed, for n states and k steered axles, SI."""
+
+    states: tuple[str, ...]  # (n,) names of x
+    E: Array  # (n, n) symmetric positive definite
+    F: Array  # (n, n)
+    G: Array  # (n, k)
+    A: Array  # (n, n)
+    B: Array  # (n, k)
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """The structure of a vehicle; equal for vehicles of equal topology."""
+
+    vehicle: Vehicle = field(compare=False)
+    identity: tuple[object, ...]
+
+
+@compiled(Scan)
+def _function(structure: _Structure, roll: bool, bank: bool) -> ca.Function:
+    """sample = speed; constant = parameters; output = [E, F, G, A, B], by columns. There is no carry."""
+    vehicle = structure.vehicle
+    names = tuple(vehicle.parameters())
+    nothing, u, p = ca.SX.sym("nothing", 0), ca.SX.sym("u"), ca.SX.sym("p", len(names))
+    equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll, bank=bank)
+    A, B = equations.state_space(u)
+    F = equations.A0 + equations.A1 / u + equations.A2 * u
+    outputs = [ca.vec(ca.densify(m)) for m in (equations.E(), F, equations.B0 + equations.B2 * u, A, B)]
+    return ca.Function("matrices", [nothing, u, p], [nothing, ca.vertcat(*outputs)])
+
+
+def matrices(
+    vehicle: Vehicle, speed: float, *, roll: bool, bank: bool = False, changed: Mapping[str, float] | None = None
+) -> Matrices:
+    """Matrices of the equations of motion at one speed.
+
+    Args:
+        vehicle: with its numbers.
+        speed: m/s.
+        roll: yaw and roll, or yaw only.
+        bank: whether the bank of the road is a state, the last one.
+        changed: values of parameters, by path, that replace those of the vehicle. They are not validated.
+
+    Raises:
+        VehicleError: the speed is not positive.
+    """
+    if not speed > 0:
+        raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")
+    values = vehicle.parameters() | dict(changed or {})
+    states, k = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.steer_signals())
+    n = len(states)
+    scan = _function(_Structure(vehicle, topology(vehicle)), roll, bank)
+    _, output = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
+    E, F, G, A, B = np.split(output[0], np.cumsum([n * n, n * n, n * k, n * n]))
+    E, F, G, A, B = (matrix.reshape(n, -1, order="F") for matrix in (E, F, G, A, B))
+    return Matrices(states=states, E=E, F=F, G=G, A=A, B=B)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,50 +142,3 @@ def steady_state(vehicle: Vehicle, speed: float, steer: Iterable[float], *, roll
     """
     m = matrices(vehicle, speed, roll=roll)
     return dict(zip(m.states, -np.linalg.solve(m.A, m.B @ np.array(list(steer))), strict=True))
-
-
-def understeer_gradient(vehicle: Vehicle, speed: float, *, roll: bool = True) -> float:
-    """Understeer gradient K of the first unit, rad s^2/m: the steer angle of a steady turn is L/R + K u^2/R.
-
-    L is `Vehicle.wheelbase`, and the first steered axle steers. With several axle groups on the first unit, or with
-    units behind it, K changes with the speed.
-
-    Args:
-        vehicle: with its numbers.
-        speed: m/s.
-        roll: yaw and roll, or yaw only.
-    """
-    first = f"{COG_ACCELERATION}.{vehicle.units[0].name}"
-    gain = linear_system(vehicle, speed, [first], roll=roll).gain()[0, 0]
-    return float(1 / gain - vehicle.wheelbase / speed**2)
-
-
-def frequency_response(
-    vehicle: Vehicle, speed: float, frequency: ArrayLike, *, roll: bool = True
-) -> NDArray[np.complex128]:
-    """Complex gains from the k steer angles to the n states at each of f frequencies, Hz: (f, n, k)."""
-    states = state_names(vehicle, roll=roll)
-    return linear_system(vehicle, speed, states, roll=roll).frequency_response(frequency)
-
-
-def rearward_amplification(
-    vehicle: Vehicle, speed: float, frequency: Array | None = None, *, roll: bool = True
-) -> tuple[float, float]:
-    """Rearward amplification and its frequency, Hz: ISO 14791, section 7.6, in the frequency domain.
-
-    It is the largest gain from the lateral acceleration of the first unit's CoG to that of the last unit's CoG, with
-    steering at the first steered axle.
-
-    Args:
-        vehicle: with its numbers.
-        speed: m/s.
-        frequency: (f,) Hz; 0.05 to 1.5 Hz by default.
-        roll: yaw and roll, or yaw only.
-    """
-    frequency = np.linspace(0.05, 1.5, 291) if frequency is None else np.asarray(frequency)
-    ends = [f"{COG_ACCELERATION}.{unit.name}" for unit in (vehicle.units[0], vehicle.units[-1])]
-    system = linear_system(vehicle, speed, ends, roll=roll)
-    first, last = np.abs(system.frequency_response(frequency)[:, :, 0]).T
-    gain = last / first
-    best = int(np.argmax(gain))
-    return float(gain[best]), float(frequency[best])

@@ -159,8 +159,10 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
     """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
-    unit_index(vehicle, name)
-    if not roll and SignalName.of(name).quantity in NEEDS_ROLL:
+    unit, quantity = unit_index(vehicle, name), SignalName.of(name).quantity
+    if unit == 0 and quantity in NEEDS_COUPLING:
+        raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
+    if not roll and quantity in NEEDS_ROLL:
         raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
 
 

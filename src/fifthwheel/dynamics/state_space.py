@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
-from fifthwheel.dynamics.matrices import matrices
+from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.model import all_parameters, topology
 from fifthwheel.dynamics.unit_equations import group_roll
 from fifthwheel.errors import SignalError, suggestion
@@ -33,7 +33,16 @@ GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_mo
 
 @dataclass(frozen=True, kw_only=True)
 class LinearSystem:
-    """A linear time-invariant system with k inputs, n states and m outputs; all names are those of signals, all SI."""
+    """A linear time-invariant system with k inputs, n states and m outputs; all names are those of signals, all SI.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> system = fw.linear_system(fw.vehicle("cheng_cebon_2011"), 25.0, ["yaw_rate.tractor", "roll.semitrailer"])
+        >>> system.A.shape, system.C.shape
+        ((11, 11), (2, 11))
+        >>> system.units["roll.semitrailer"]
+        'rad'
+    """
 
     vehicle: str
     speed: float  # m/s
@@ -149,6 +158,12 @@ def linear_system(
     Raises:
         SignalError: the model does not have an output.
         VehicleError: the speed is not positive.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> fw.linear_system(truck, 25.0, ["lateral_force.tractor.drive"]).inputs[0]
+        'steer.tractor.front'
     """
     names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
     m = matrices(vehicle, speed, roll=roll)

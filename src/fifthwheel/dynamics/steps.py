@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
+from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.chain import relaxation_groups
-from fifthwheel.dynamics.matrices import matrices
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 

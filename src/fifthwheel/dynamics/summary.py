@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._html import Markup, block, table
-from fifthwheel.dynamics.analysis import critical_speed, modes, rearward_amplification, steady_state
+from fifthwheel.dynamics.analysis import critical_speed, modes
+from fifthwheel.dynamics.responses import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
 from fifthwheel.vehicle import Vehicle
 
 GRAVITY = 9.80665
-_SPEEDS = (10.0, 20.0)
-"""m/s; any two give the same understeer gradient."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,22 +56,6 @@ class VehicleSummary:
     @property
     def _title(self) -> str:
         return f"{self.name} at {fixed(3.6 * self.speed, 0)} km/h"
-
-
-def understeer_gradient(vehicle: Vehicle) -> float:
-    """K of the first unit, rad s^2/m: the slope of the steer angle by the lateral acceleration at constant radius.
-
-    ISO 4138. In the linear model the steer angle at curvature 1/R and speed u is (L + K u^2) / R, where L contains the
-    effect of axles that scrub in a bend. The first steered axle steers.
-
-    Raises:
-        VehicleError: no axle is steerable.
-    """
-    steered = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
-    angles = [1.0] + [0.0] * (len(steered.steer_signals()) - 1)
-    name = f"yaw_rate.{vehicle.units[0].name}"
-    low, high = (speed / steady_state(steered, speed, angles)[name] for speed in _SPEEDS)
-    return float((high - low) / (_SPEEDS[1] ** 2 - _SPEEDS[0] ** 2))
 
 
 def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:

@@ -159,12 +159,12 @@ def _layout(plot: Description) -> Figure:
         x, y = _references(plot, k)
         row, column = divmod(k, plot.columns)
         left, right = (column + 0.08 * (column > 0)) / plot.columns, (column + 1) / plot.columns
-        layout[f"yaxis{y[1:]}"] = _axis(panel.y) | {"domain": domains[row], "anchor": x}
+        layout[f"yaxis{y[1:]}"] = axis_style(panel.y) | {"domain": domains[row], "anchor": x}
         if panel.equal:
             layout[f"yaxis{y[1:]}"] |= {"scaleanchor": x, "scaleratio": 1}
         lowest = not plot.one_x_axis or k == len(plot.panels) - 1
         if lowest:
-            layout[f"xaxis{x[1:]}"] = _axis(panel.x) | {"domain": [left, right], "anchor": y, "tickangle": 0}
+            layout[f"xaxis{x[1:]}"] = axis_style(panel.x) | {"domain": [left, right], "anchor": y, "tickangle": 0}
             if plot.shared_x and x != "x":
                 layout[f"xaxis{x[1:]}"]["matches"] = "x"
         if panel.title:
@@ -188,7 +188,8 @@ def _domains(plot: Description) -> Iterable[list[float]]:
         top = bottom - gap
 
 
-def _axis(axis: Axis) -> Figure:
+def axis_style(axis: Axis) -> Figure:
+    """Title, scale, range and ticks of an axis."""
     style: Figure = {
         "title": {"text": axis.title, "standoff": 6},
         "automargin": True,

@@ -49,7 +49,16 @@ class StateHistory(Protocol):
 
 
 class StateEstimator(Protocol):
-    """States of a known vehicle, such as `Observer`."""
+    """States of a known vehicle, such as `Observer`.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> record = fw.simulate(truck, count=1)
+        >>> estimator: fw.StateEstimator = fw.Observer(truck, record.signals)
+        >>> estimator.batch(record).values["sideslip.semitrailer"].shape == record.time.shape
+        True
+    """
 
     def batch(self, record: Record, /) -> StateHistory:
         """The states at every sample of a record."""
@@ -57,7 +66,13 @@ class StateEstimator(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What an estimator returns."""
+    """What an estimator returns.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.Estimates().parameters
+        ()
+    """
 
     parameters: Sequence[ParameterEstimate] = ()
     states: Mapping[str, Array] = field(default_factory=dict)
@@ -66,7 +81,15 @@ class Estimates:
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Parameters and states from one record. An estimator that runs in several processes can be pickled."""
+    """Parameters and states from one record. An estimator that runs in several processes can be pickled.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> def yaw_rate(record, vehicle):
+        ...     return fw.Estimates(states={"yaw_rate.tractor": record.signals["yaw_rate.tractor"]})
+        >>> isinstance(yaw_rate, fw.Estimator)
+        True
+    """
 
     def __call__(self, record: Record, vehicle: Vehicle, /) -> Estimates:
         """Estimate.
@@ -114,7 +137,12 @@ class Learned:
 class StatesOf:
     """The states of a vehicle as it is, without identification.
 
-    >>> kalman_filter = StatesOf(observer)
+    Example:
+        >>> import fifthwheel as fw
+        >>> kalman_filter = fw.StatesOf(lambda vehicle, record: fw.Observer(vehicle, record.signals))
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> sorted(kalman_filter(fw.simulate(truck, count=1), truck).states)[:2]
+        ['articulation.semitrailer', 'roll.semitrailer']
     """
 
     make: Callable[[Vehicle, Record], StateEstimator]

@@ -84,6 +84,17 @@ def study(
     Raises:
         FifthwheelError: `out` is not the table of a study, another process writes to it, or a worker was killed.
         SignalError: a nonlinear manoeuvre cannot be simulated. What fails in a single run is in its row.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import fifthwheel as fw
+        >>> out = Path(tempfile.mkdtemp()) / "study.parquet"
+        >>> kalman = fw.StatesOf(lambda vehicle, record: fw.Observer(vehicle, record.signals))
+        >>> runs = {"one lane change": fw.SimulatedRun(count=1)}
+        >>> table = fw.study(["cheng_cebon_2011"], {"Kalman": kalman}, out, manoeuvres=runs, seeds=[0, 1], jobs=1)
+        >>> table["seed"].to_pylist()
+        [0, 1]
     """
     path, seeds = Path(out), list(seeds)
     vehicles = dict(trucks) if isinstance(trucks, Mapping) else {name: get(name) for name in trucks}

@@ -35,7 +35,13 @@ def exact_guess(assumed: Vehicle, seed: int) -> Vehicle:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedRun:
-    """A manoeuvre and the model that drives it; None is the default of the manoeuvre."""
+    """A manoeuvre and the model that drives it; None is the default of the manoeuvre.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.SimulatedRun(manoeuvre="sweep", speed=20.0, duration=30.0).options()
+        {'speed': 20.0, 'duration': 30.0}
+    """
 
     manoeuvre: str = "lane_changes"
     """One of `MANOEUVRES` that the model has."""

@@ -6,6 +6,8 @@ States and measurements do not measure excitation: on a straight road they are n
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from fifthwheel import dynamics
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.vehicle import Vehicle
@@ -30,8 +32,7 @@ class Excitation:
 
     def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings) -> None:
         self.settings, self.axles = settings, axles
-        self.wheelbase = vehicle.wheelbase
-        self.understeer = max(dynamics.understeer_gradient(vehicle, REFERENCE_SPEED, roll=False), 0.0)
+        self.wheelbase, self.understeer = vehicle.wheelbase, _understeer_gradient(vehicle)
         self.restart()
 
     def restart(self) -> None:
@@ -61,3 +62,12 @@ class Excitation:
         limit = settings.stop_excitation if self.on else settings.start_excitation
         self.on = max(self.power) > limit * limit and max(map(abs, self.level)) <= settings.max_lateral_acceleration
         return self.on
+
+
+def _understeer_gradient(vehicle: Vehicle) -> float:
+    """Understeer gradient K, rad s^2, by the steady yaw rate of the linear model; 0 for an oversteering vehicle."""
+    speed = REFERENCE_SPEED
+    m = dynamics.matrices(vehicle, speed, roll=False)
+    yaw_rate = m.states.index(f"yaw_rate.{vehicle.units[0].name}")
+    gain = -speed * float(np.linalg.solve(m.A, m.B[:, 0])[yaw_rate])
+    return max(1 / gain - vehicle.wheelbase / speed**2, 0.0) if gain > 0 else 0.0

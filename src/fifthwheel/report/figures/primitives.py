@@ -1,7 +1,4 @@
-"""Parts of figures as plotly.js takes them: lines, bands, bars, axes.
-
-The colours are those of Okabe and Ito, which people with a colour vision deficiency can distinguish.
-"""
+"""Parts of figures as plotly.js takes them: lines, bands, bars, axes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,23 +7,17 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.plots import downsample
+from fifthwheel.plots import Axis, downsample
 from fifthwheel.plots.downsample import Index
+from fifthwheel.plots.palette import BLUE, rgba
+from fifthwheel.plots.plotly_figure import BAND_POINTS, FONT, TIME_DIGITS, VALUE_DIGITS, Figure, axis_style
 
-Figure = dict[str, Any]
-
-BLUE, VERMILLION, GREY, DARK, SKY = "#0072B2", "#D55E00", "#8c8c8c", "#333333", "#56A0D3"
-BAND = "rgba(0,114,178,0.18)"
-BAND_POINTS = 800
-"""The largest number of points of a band."""
-VALUE_DIGITS = 4
-"""Of the range of an axis: less than one pixel, even after zooming in by a factor of 20."""
-TIME_DIGITS = 5
+BAND = rgba(BLUE, 0.18)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plot:
-    """One figure."""
+class ReportPlot:
+    """One figure of the page."""
 
     group: str  # plots of one group have a common time axis
     figure: Figure
@@ -129,18 +120,7 @@ def shade(begin: float, end: float, colour: str) -> Figure:
 
 
 def axis(title: str) -> Figure:
-    return {
-        "title": {"text": title, "standoff": 6},
-        "automargin": True,
-        "gridcolor": "#e8e8e8",
-        "zerolinecolor": "#c8c8c8",
-        "linecolor": "#999999",
-        "ticks": "outside",
-        "ticklen": 4,
-        "tickcolor": "#999999",
-        "exponentformat": "none",
-        "separatethousands": True,
-    }
+    return axis_style(Axis(label=title))
 
 
 def layout(x: str, y: str, shapes: Sequence[Mapping[str, Any]] = ()) -> Figure:
@@ -148,7 +128,7 @@ def layout(x: str, y: str, shapes: Sequence[Mapping[str, Any]] = ()) -> Figure:
     return {
         "autosize": True,
         "margin": {"l": 56, "r": 12, "t": 30, "b": 44},
-        "font": {"family": "system-ui, -apple-system, Segoe UI, Roboto, Helvetica, Arial, sans-serif", "size": 12},
+        "font": {"family": FONT, "size": 12},
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "x",

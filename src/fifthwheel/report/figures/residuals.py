@@ -4,8 +4,10 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.diagnose.whiteness import Autocorrelation, SegmentRms
+from fifthwheel.plots.palette import BLUE, DARK, GREY, SKY, VERMILLION
+from fifthwheel.plots.plotly_figure import Figure
 from fifthwheel.report.figures import primitives
-from fifthwheel.report.figures.primitives import BLUE, DARK, GREY, SKY, VERMILLION, Figure, Plot
+from fifthwheel.report.figures.primitives import ReportPlot
 
 BINS = 31
 HISTOGRAM_LIMIT = 4.0
@@ -16,7 +18,7 @@ Name = tuple[str, str, str]
 """Log, section, signal."""
 
 
-def autocorrelation(correlation: Autocorrelation, name: Name) -> Plot:
+def autocorrelation(correlation: Autocorrelation, name: Name) -> ReportPlot:
     """The autocorrelation of a residual with the band of white noise."""
     ends = np.array([0.0, float(correlation.lag[-1])])
     limit = np.full(2, correlation.limit)
@@ -30,7 +32,7 @@ def autocorrelation(correlation: Autocorrelation, name: Name) -> Plot:
     return _small_plot(data, layout, name, "autocorrelation")
 
 
-def histogram(values: Array, name: Name) -> Plot:
+def histogram(values: Array, name: Name) -> ReportPlot:
     """Values in units of their own standard deviation, with the normal distribution."""
     finite = values[np.isfinite(values)]
     scaled = np.clip((finite - finite.mean()) / finite.std(), -HISTOGRAM_LIMIT, HISTOGRAM_LIMIT)
@@ -45,7 +47,7 @@ def histogram(values: Array, name: Name) -> Plot:
     return _small_plot(data, primitives.layout("standard deviations", ""), name, "histogram")
 
 
-def rms_by_segment(segments: SegmentRms, group: str, name: Name) -> Plot:
+def rms_by_segment(segments: SegmentRms, group: str, name: Name) -> ReportPlot:
     """The rms of normalised innovations by segment, with the band in which 95 % should lie."""
     data = [
         primitives.band(segments.time, segments.low, segments.high, "95 % expected"),
@@ -57,9 +59,9 @@ def rms_by_segment(segments: SegmentRms, group: str, name: Name) -> Plot:
     return _small_plot(data, layout, name, "size", group)
 
 
-def _small_plot(data: list[Figure], layout: Figure, name: Name, kind: str, group: str | None = None) -> Plot:
+def _small_plot(data: list[Figure], layout: Figure, name: Name, kind: str, group: str | None = None) -> ReportPlot:
     log, section, signal = name
-    return Plot(
+    return ReportPlot(
         group=group or " ".join(("alone", kind, *name)),
         figure={"data": data, "layout": layout | {"margin": dict(MARGIN), "bargap": 0}},
         name=(log, section, f"{signal}.{kind}"),

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.report.figures.primitives import Figure, Plot
+from fifthwheel.plots.matplotlib_figure import DASHES, STYLE
+from fifthwheel.plots.plotly_figure import Figure
+from fifthwheel.report.figures.primitives import ReportPlot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,15 +21,6 @@ if TYPE_CHECKING:
 FORMATS = ("svg", "png", "pdf")
 SIZES = {"": (6.4, 3.4), "tall": (6.4, 4.6), "small": (4.2, 3.0)}
 """Inches, by the size of a plot."""
-DASHES = {"solid": "-", "dash": (0, (5, 3)), "dot": (0, (1, 2))}
-STYLE: Any = {
-    "font.size": 9,
-    "svg.hashsalt": "fifthwheel",
-    "svg.fonttype": "none",
-    "axes.grid": True,
-    "grid.color": "#e8e8e8",
-    "axes.axisbelow": True,
-}
 DPI = 150
 NO_DATE = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """Metadata by format, so that the same figure gives the same file at any time."""
@@ -41,15 +35,13 @@ def checked_format(file_format: str) -> str:
     if file_format not in FORMATS:
         raise FifthwheelError(f"--figures: expected {', '.join(FORMATS)}, got {file_format}")
     try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise FifthwheelError(
-            "--figures: matplotlib is needed but not installed; pip install 'fifthwheel[figures]'"
-        ) from None
+        require("matplotlib", "figures")
+    except FifthwheelError as error:
+        raise FifthwheelError(f"--figures: {error}") from None
     return file_format
 
 
-def save_figures(folder: Path, plots: Sequence[Plot], file_format: str) -> list[Path]:
+def save_figures(folder: Path, plots: Sequence[ReportPlot], file_format: str) -> list[Path]:
     """Write every figure as folder/log/section/signal.format; returns the paths; errors as of `checked_format`."""
     checked_format(file_format)
     import matplotlib as mpl
@@ -72,7 +64,7 @@ def file_name(text: str) -> str:
     return re.sub(r"[^\w.+ -]+", "_", text).strip(" .")[:80] or "_"
 
 
-def draw(plot: Plot) -> "Canvas":
+def draw(plot: ReportPlot) -> "Canvas":
     """A plot as a figure of matplotlib."""
     from matplotlib.figure import Figure as Canvas
 

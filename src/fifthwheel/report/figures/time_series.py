@@ -8,10 +8,12 @@ from fifthwheel.identify import Estimate, Fit
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.observe import States
 from fifthwheel.plots import downsample
+from fifthwheel.plots.palette import BLUE, DARK, GREY, SKY, VERMILLION
+from fifthwheel.plots.plotly_figure import Figure
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.figures import primitives
-from fifthwheel.report.figures.primitives import BLUE, DARK, GREY, SKY, VERMILLION, Figure, Plot
+from fifthwheel.report.figures.primitives import ReportPlot
 
 STATUS_COLOURS = {
     "COASTING": "rgba(230,159,0,0.25)",
@@ -25,7 +27,7 @@ FILTER_BAND = "± 1 sigma at that time"
 FINAL_SIGMA = "final ± 1 sigma, as in the table"
 
 
-def history(estimates: ParameterHistory, estimate: Estimate, group: str) -> Plot:
+def history(estimates: ParameterHistory, estimate: Estimate, group: str) -> ReportPlot:
     """The history of one estimate with a band of one sigma of the filter, the initial and the final value.
 
     An error bar at the end shows the sigma of the result, which includes more than that of the filter.
@@ -53,10 +55,12 @@ def history(estimates: ParameterHistory, estimate: Estimate, group: str) -> Plot
     layout = primitives.layout("driving time, s", unit.name, passes)
     marks = np.array([initial, final, final - final_sigma, final + final_sigma])
     layout["yaxis"]["range"] = primitives.axis_range([marks, primitives.trimmed_range(values, 0.002)])
-    return Plot(group=group, figure={"data": data, "layout": layout}, name=("parameters", "history", estimate.name))
+    return ReportPlot(
+        group=group, figure={"data": data, "layout": layout}, name=("parameters", "history", estimate.name)
+    )
 
 
-def fit(fit: Fit, group: str) -> Plot:
+def fit(fit: Fit, group: str) -> ReportPlot:
     """A channel as measured and as predicted by the free-running model, with the residual below."""
     unit = shown(si_unit(fit.signal))
     measured, predicted = fit.measured * unit.factor, fit.predicted * unit.factor
@@ -71,10 +75,10 @@ def fit(fit: Fit, group: str) -> Plot:
     layout["yaxis"]["domain"] = [0.36, 1.0]
     layout["yaxis2"] = primitives.axis(f"residual, {unit.name}") | {"domain": [0.0, 0.26], "nticks": 4}
     name = (fit.log, "fit", fit.signal)
-    return Plot(group=group, figure={"data": data, "layout": layout}, name=name, size="tall")
+    return ReportPlot(group=group, figure={"data": data, "layout": layout}, name=name, size="tall")
 
 
-def state(states: States, record: Record | None, name: str, group: str) -> Plot:
+def state(states: States, record: Record | None, name: str, group: str) -> ReportPlot:
     """A state with a band of two sigma, its reference and its measurement where the record has them."""
     unit = shown(si_unit(name))
     values, sigma = states.values[name] * unit.factor, states.sigma[name] * unit.factor
@@ -92,10 +96,10 @@ def state(states: States, record: Record | None, name: str, group: str) -> Plot:
         visible.append(reference)
     layout = primitives.layout("time, s", unit.name, _shaded_statuses(states))
     layout["yaxis"]["range"] = primitives.axis_range(visible)
-    return Plot(group=group, figure={"data": data, "layout": layout}, name=(states.name, "states", name))
+    return ReportPlot(group=group, figure={"data": data, "layout": layout}, name=(states.name, "states", name))
 
 
-def innovation(states: States, name: str, group: str) -> Plot:
+def innovation(states: States, name: str, group: str) -> ReportPlot:
     """Normalised innovations of a channel, with lines at ± 2 and a cross for each rejected sample."""
     values, rejected = normalised_innovation(states, name), rejected_samples(states, name)
     accepted = np.where(rejected, np.nan, values)
@@ -110,7 +114,7 @@ def innovation(states: States, name: str, group: str) -> Plot:
     shapes = [primitives.horizontal(2.0), primitives.horizontal(-2.0), *_shaded_statuses(states)]
     layout = primitives.layout("time, s", "sigma", shapes)
     layout["yaxis"]["range"] = [-1.05 * limit, 1.05 * limit]
-    return Plot(group=group, figure={"data": data, "layout": layout}, name=(states.name, "innovations", name))
+    return ReportPlot(group=group, figure={"data": data, "layout": layout}, name=(states.name, "innovations", name))
 
 
 def _shaded_statuses(states: States) -> list[Figure]:

@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel.report.figures.primitives import Plot
+from fifthwheel.report.figures.primitives import ReportPlot
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
 """What the page may load: nothing from elsewhere."""
@@ -21,7 +21,7 @@ LEVEL = 5
 """Of the compression; 9 takes twice as long for 1 % less."""
 
 
-def write_page(path: Path, *, title: str, body: str, plots: Sequence[Plot]) -> None:
+def write_page(path: Path, *, title: str, body: str, plots: Sequence[ReportPlot]) -> None:
     """Write the page atomically."""
     figures = [{"group": plot.group, "name": plot.name, **plot.figure} for plot in plots]
     content = [

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
-from fifthwheel.report.figures.primitives import Plot
+from fifthwheel.report.figures.primitives import ReportPlot
 
 
 class CaptionedPlot(NamedTuple):
@@ -14,7 +14,7 @@ class CaptionedPlot(NamedTuple):
 
     caption: str
     note: str
-    plot: Plot
+    plot: ReportPlot
 
 
 @dataclass
@@ -25,7 +25,7 @@ class PageBuilder:
     subtitle: str
     content: list[str] = field(default_factory=list)
     links: list[str] = field(default_factory=list)
-    plots: list[Plot] = field(default_factory=list)
+    plots: list[ReportPlot] = field(default_factory=list)
 
     def body(self) -> str:
         """The HTML of the page: title, links to the sections, content."""

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.formatting import shown
+from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.figures import primitives
-from fifthwheel.report.figures.primitives import BLUE, GREY, VERMILLION, Plot
+from fifthwheel.report.figures.primitives import ReportPlot
 from fifthwheel.report.html.page import write_page
 from fifthwheel.report.html.page_builder import CaptionedPlot, PageBuilder
 from fifthwheel.time_bases.offsets import TimeOffset, offsets_of
@@ -46,7 +47,7 @@ def _note(offset: TimeOffset | None) -> str:
     return f"{late}{'' if offset.significant else ' (not significant)'}, explained {offset.explained:.0%}"
 
 
-def _plot(prediction: Prediction, channel: int, offset: TimeOffset | None, log: str) -> Plot:
+def _plot(prediction: Prediction, channel: int, offset: TimeOffset | None, log: str) -> ReportPlot:
     """A channel as measured, its prediction, and the prediction delayed by the offset, fitted with gain and bias."""
     name, time = prediction.names[channel], prediction.time
     unit, measured, predicted = (
@@ -66,4 +67,4 @@ def _plot(prediction: Prediction, channel: int, offset: TimeOffset | None, log: 
             primitives.line(time, (gain * delayed + bias) * unit.factor, "predicted, delayed", VERMILLION, dash="dash")
         )
     layout = primitives.layout("time, s", unit.name)
-    return Plot(group=f"time {log}", figure={"data": data, "layout": layout}, name=(log, "time", name))
+    return ReportPlot(group=f"time {log}", figure={"data": data, "layout": layout}, name=(log, "time", name))
