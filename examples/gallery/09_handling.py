@@ -17,7 +17,7 @@ system = fw.linear_system(truck, 88 / 3.6)
 bode = fw.plot.bode(system, ["yaw_rate.tractor", "yaw_rate.semitrailer"])
 
 # %%
-# The handling diagram compares the model with a log: the samples of straight running and of the steady bend are on the line.
+# The handling diagram compares the model with a log. Straight running and the steady bend lie on its line.
 
 bend = fw.simulate(truck, manoeuvre="bend", speed=25.0, sensors={"yaw_rate.tractor": 1e-8})
 handling = fw.plot.handling_diagram(truck, [bend])
