@@ -17,10 +17,10 @@ system = fw.linear_system(truck, 88 / 3.6)
 bode = fw.plot.bode(system, ["yaw_rate.tractor", "yaw_rate.semitrailer"])
 
 # %%
-# The handling diagram compares the model with a log.
+# The handling diagram compares the model with a log. Straight running and the steady bend lie on its line.
 
 bend = fw.simulate(truck, manoeuvre="bend", speed=25.0, sensors={"yaw_rate.tractor": 1e-8})
-handling = fw.plot.handling_diagram(truck, speeds=[15.0, 25.0], records=[bend])
+handling = fw.plot.handling_diagram(truck, [bend])
 
 # %%
 # Softer tyres on the trailer increase the rearward amplification and reduce the damping of its yaw mode.
