@@ -242,7 +242,10 @@ def test_commands_exist_with_their_options(block: str) -> None:
     for line in re.findall(r"^(?:\S*/)?fifthwheel (.*)$|&& \S*/fifthwheel (.*)$", block, re.MULTILINE):
         name, *words = shlex.split("".join(line), comments=True)
         if name != "--version":
-            own = {flag for option in COMMANDS[name].params for flag in (*option.opts, *option.secondary_opts)}
+            command = COMMANDS[name]
+            if subcommands := getattr(command, "commands", None):
+                command = subcommands[words.pop(0)]
+            own = {flag for option in command.params for flag in (*option.opts, *option.secondary_opts)}
             for word in words:
                 assert not re.match("--?[a-z]", word) or word.partition("=")[0] in own, line
 

@@ -12,8 +12,7 @@ from fifthwheel import cli
 
 def reference() -> Iterator[str]:
     """Markdown of every command: what it does, its usage, its options and examples."""
-    group: Any = typer.main.get_command(cli.app)
-    for name, command in sorted(group.commands.items()):
+    for name, command in commands(typer.main.get_command(cli.app)):
         arguments = [parameter for parameter in command.params if parameter.param_type_name == "argument"]
         options = [parameter for parameter in command.params if parameter.param_type_name == "option"]
         usage = " ".join(["fifthwheel", name, *map(usage_of, arguments), "[OPTIONS]"])
@@ -22,6 +21,15 @@ def reference() -> Iterator[str]:
             yield table("argument", [(f"`{(a.metavar or a.name).upper()}`", a.help or "", "") for a in arguments])
         yield table("option", [(flags(o), o.help or "", default(o)) for o in options])
         yield (command.epilog or "") + "\n"
+
+
+def commands(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Every command with its name, those of a group after the name of the group."""
+    for name, command in sorted(group.commands.items()):
+        if hasattr(command, "commands"):
+            yield from commands(command, f"{prefix}{name} ")
+        else:
+            yield prefix + name, command
 
 
 def usage_of(argument: Any) -> str:

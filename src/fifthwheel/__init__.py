@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fifthwheel.errors import FifthwheelError as FifthwheelError
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
+    from fifthwheel.export import export_c as export_c
     from fifthwheel.identify import Identification as Identification
     from fifthwheel.identify import OneStage as OneStage
     from fifthwheel.identify import TwoStage as TwoStage
@@ -91,6 +92,7 @@ _MODULES = {
     "assess_information": "identify.design",
     "check_record": "time_bases",
     "design_experiment": "identify.design",
+    "export_c": "export",
     "identify": "",
     "linear_system": "dynamics",
     "plot": "",

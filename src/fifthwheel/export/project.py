@@ -12,7 +12,7 @@ FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_mo
 """The files of an exported observer."""
 
 
-def export_c(observer: Observer, folder: Path) -> list[Path]:
+def export_c(observer: Observer, folder: str | Path) -> list[Path]:
     """Write an observer as a library in C99, with its build file and a test program.
 
     Args:
@@ -24,7 +24,17 @@ def export_c(observer: Observer, folder: Path) -> list[Path]:
 
     Raises:
         FifthwheelError: two signals have the same name in C.
+
+    Example:
+        >>> import tempfile
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> observer = fw.Observer(truck, ["speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     [path.name for path in fw.export_c(observer, folder)]
+        ['README.md', 'CMakeLists.txt', 'fw_observer.h', 'fw_observer.c', 'fw_model.h', 'replay.c']
     """
+    folder = Path(folder)
     states = len(observer.model.states)
     inputs = len(observer.inputs)
     numbers = 2 + 3 * inputs + states + states * (states + 1) // 2 + 3
