@@ -26,8 +26,7 @@ def test_citation_and_changes_are_of_this_version() -> None:
 
 def test_every_extra_is_in_the_readme() -> None:
     table = "".join(line for line in text("README.md").splitlines() if line.startswith("|"))
-    former = {"paper"}
-    for extra in PROJECT["project"]["optional-dependencies"].keys() - former:
+    for extra in PROJECT["project"]["optional-dependencies"]:
         assert f"`{extra}`" in table, extra
 
 

@@ -120,6 +120,7 @@ def test_check_refuses(folder, run):  # noqa: F811
     refused(run("check", "blind.csv", "-v", TRUCK), r"yaw_rate\.semitrailer: in none of the logs")
 
 
+@pytest.mark.slow
 def test_design_proposes_a_drive(run):  # noqa: F811
     outcome = run("design", "-v", TRUCK, "--target", f"{INERTIA}=10%", *FAST, "--out", "drive.csv")
     assert (outcome.code, outcome.err) == (0, "")
@@ -135,6 +136,7 @@ def test_design_proposes_a_drive(run):  # noqa: F811
     assert record.span[1] + 0.01 >= expected.duration - 1e-6  # other speeds may do it faster
 
 
+@pytest.mark.slow
 def test_design_says_why_not(run):  # noqa: F811
     outcome = run("design", "-v", TRUCK, "--target", f"{HEIGHT}=2%", "--speed", "80")
     assert outcome.code == 0

@@ -489,6 +489,7 @@ def test_help_imports_nothing_slow(command):
     assert not {"numpy", "pyarrow", "casadi", "scipy"} & set(done.stderr.split())
 
 
+@pytest.mark.slow
 def test_identify_imports_neither_scipy_nor_pandas(tmp_path):
     """Both take longer to import than a short log takes to process."""
     truck = get("cheng_cebon_2011")
@@ -508,27 +509,6 @@ def test_help_names_every_sensor_error(run):
     text = " ".join(run("identify", "--help").out.replace("│", " ").split())
     for name in SENSOR_PRIORS:
         assert name in text
-
-
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        (["check", "--{}", ESTIMATED[0]], "fix"),
-        (["check", f"--{{}}={ESTIMATED[0]}"], "fix"),
-        (["design", "--speed", "80km/h", "--{}", f"{ESTIMATED[0]}=5%"], "target"),
-    ],
-)
-def test_a_former_name_of_an_option_is_accepted_with_a_warning(arguments, key, folder, run):
-    former = {"fix": "hold", "target": "want"}[key]
-    command, *options = arguments
-    rest = [command, *([folder / "first.csv"] if command == "check" else []), "-v", TRUCK, "--json"]
-    present = run(*rest, *[option.format(key) for option in options])
-    assert (present.code, present.err) == (0, "")
-    outcome = run(*rest, *[option.format(former) for option in options])
-    assert (outcome.code, outcome.out) == (0, present.out)
-    assert outcome.err.startswith(f"warning: --{former} is now called --{key}; ")
-    assert f"--{former}" not in run(command, "--help").out
-    refused(run("simulate", "log.csv", f"--{former}", "x"), f".*--{former}")
 
 
 def test_help_lists_the_commands(run):

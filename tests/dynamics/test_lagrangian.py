@@ -135,6 +135,8 @@ VEHICLES = KINDS | {
     f"{name}, all changed": changed(vehicle, np.random.default_rng(seed).uniform, masses=True)
     for seed, (name, vehicle) in enumerate(KINDS.items(), 1)
 }
+FAST_AND_SLOW = [pytest.param(n, marks=[pytest.mark.slow] if "relaxation" in n else []) for n in VEHICLES]
+"""The oracle's equations of three units with relaxation lengths take long."""
 
 
 def difference(actual: Array, expected: Array) -> float:
@@ -146,7 +148,7 @@ def difference(actual: Array, expected: Array) -> float:
 
 @pytest.mark.parametrize("speed", [9.0, KMH_88])
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("name", FAST_AND_SLOW)
 def test_equals_lagrange(name: str, roll: bool, speed: float) -> None:
     actual = matrices(VEHICLES[name], speed, roll=roll)
     expected = linear(VEHICLES[name], speed, roll=roll).ordered(actual.states)
@@ -157,6 +159,7 @@ def test_equals_lagrange(name: str, roll: bool, speed: float) -> None:
     assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-9
 
 
+@pytest.mark.slow
 def test_every_parameter_changes_both_derivations_equally() -> None:
     """A change of any parameter changes A or B of the library, and those of the oracle by the same amount."""
     vehicle = VEHICLES["b_double, all relaxation, all changed"]

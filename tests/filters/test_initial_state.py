@@ -29,8 +29,8 @@ def test_the_steady_state_does_not_change(roll):
     wheels[0] = 1.1 * (wheels[0] - 0.002)
     changed = {"tractor.front.cornering_stiffness": 4e5}
     x, m = steady_initial_state(TRUCK, FIRST, errors | changed, roll=roll)
+    np.testing.assert_allclose(m.A, dynamics.matrices(TRUCK.replace(changed), 22.0, roll=roll, bank=True).A)
     expected = dynamics.matrices(TRUCK.replace(changed), 22.0, roll=roll)
-    np.testing.assert_allclose(m.A, expected.A)
     rate = expected.A @ x + expected.B @ wheels
     np.testing.assert_allclose(rate, 0.0, atol=1e-12)
     assert np.abs(x).max() > 0.01
@@ -50,6 +50,7 @@ def test_an_unstable_vehicle_starts_at_zero():
 def test_the_covariance_under_random_steering(roll, speed):
     """White noise through a first-order low-pass of 0.4 Hz with variance 1, then the vehicle."""
     m = dynamics.matrices(TRUCK, speed, roll=roll)
+    with_bank = dynamics.matrices(TRUCK, speed, roll=roll, bank=True)
     n, rate = len(m.A), 2 * np.pi * 0.4
     A = np.block([[m.A, m.B[:, :1]], [np.zeros((1, n)), np.full((1, 1), -rate)]])
     Q = np.zeros((n + 1, n + 1))
@@ -57,20 +58,23 @@ def test_the_covariance_under_random_steering(roll, speed):
     P = solve_continuous_lyapunov(A, -Q)
     assert P[n, n] == pytest.approx(1.0)
     scale = np.sqrt(np.diag(P)[:n])
-    actual = random_steer_covariance(m) / np.outer(scale, scale)
+    actual = random_steer_covariance(with_bank) / np.outer(scale, scale)
     np.testing.assert_allclose(actual, P[:n, :n] / np.outer(scale, scale), atol=1e-9)
 
 
 @pytest.mark.parametrize("bank", [None, 0.02])
-def test_the_covariance_is_that_of_steering_and_of_each_state(bank):
+def test_the_covariance_is_that_of_steering_of_each_state_and_of_the_bank(bank):
     x, P = initial_state(TRUCK, FIRST, {}, roll=True, steer_sigma=0.01, bank=bank)
     steady, m = steady_initial_state(TRUCK, FIRST, {}, roll=True)
     n = len(steady)
     np.testing.assert_array_equal(x[:n], steady)
-    floor = P[:n, :n] - 1e-4 * random_steer_covariance(m)
-    expected = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states])
-    np.testing.assert_allclose(floor, expected, atol=1e-12)
+    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:n]])
+    expected = floor + 1e-4 * random_steer_covariance(m)
     assert len(x) == len(P) == n + (bank is not None)
     if bank is not None:
         assert x[n] == 0.0
-        assert P[n].tolist() == P[:, n].tolist() == [0.0] * n + [bank**2]
+        on_bank, _ = steady_initial_state(TRUCK, FIRST, {}, roll=True, bank=bank)
+        effect = np.append(on_bank - steady, bank)  # one sigma of bank moves all states to another equilibrium
+        assert np.abs(effect[:n]).max() > 0.01 * bank
+        expected = np.pad(expected, (0, 1)) + np.outer(effect, effect)
+    np.testing.assert_allclose(P, expected, rtol=1e-9, atol=1e-12)

@@ -2,27 +2,30 @@
 
 import json
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from fifthwheel.identify.result import _finite, sensor_settings
+from fifthwheel.identify import Identification
+from fifthwheel.identify.result.storage import _finite
 
 STEER, YAW = "steer.tractor.front", "yaw_rate.tractor"
 
 
-def error(name: str, value: float, log: str | None) -> dict[str, object]:
-    return {"name": name, "value": value, "log": log}
+def error(name: str, value: float, log: str | None) -> SimpleNamespace:
+    return SimpleNamespace(name=name, value=value, log=log)
 
 
-IDENTIFICATION = {
-    "sensors": [
+IDENTIFICATION: Any = SimpleNamespace(
+    sensors=[
         error(f"{STEER}.gain", 1.1, None),
         error(f"{YAW}.offset", 0.001, "first"),
         error(f"{YAW}.offset", 0.002, "second"),
         error("time_base.trailer.delay", 0.1, None),
     ],
-    "logs": [{"name": "first", "noise": {YAW: 1e-6}}, {"name": "second", "noise": {YAW: 2e-6}}],
-}
+    logs=[SimpleNamespace(name="first", noise={YAW: 1e-6}), SimpleNamespace(name="second", noise={YAW: 2e-6})],
+)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +33,7 @@ IDENTIFICATION = {
 )
 def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None, noise: float) -> None:
     """Of another log only what all logs share, with the noise of the first; an observer has one time base."""
-    settings = sensor_settings(IDENTIFICATION, log)
+    settings = Identification.sensor_settings(IDENTIFICATION, log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}}
 

@@ -7,13 +7,11 @@ d are the steer angles, x the states of `chain`. Range: as the equations of moti
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
-from scipy.linalg import expm
 
 from fifthwheel._extras import require
 from fifthwheel._types import Array
@@ -25,6 +23,9 @@ from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import SignalName
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import AxleGroup, Vehicle
+
+if TYPE_CHECKING:
+    from scipy import signal
 
 COG_ACCELERATION = "cog_acceleration"
 GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_moment": "N m"}
@@ -86,6 +87,8 @@ class LinearSystem:
         Raises:
             SignalError: an input does not exist.
         """
+        from scipy import signal
+
         for name in inputs:
             self.input_index(name)
         d = np.column_stack([inputs.get(name, np.zeros_like(time)) for name in self.inputs])
@@ -100,6 +103,8 @@ class LinearSystem:
         Returns:
             F (n, n), G (n, k) and H (n, k), for the inputs d before and d+ after the step.
         """
+        from scipy.linalg import expm
+
         n, k = self.B.shape
         M = np.zeros((n + 2 * k, n + 2 * k))
         M[:n, :n], M[:n, n : n + k], M[n : n + k, n + k :] = self.A * dt, self.B * dt, np.eye(k)
@@ -115,8 +120,10 @@ class LinearSystem:
         """Index of an output; a SignalError where there is none."""
         return _index(name, self.outputs, "an output of this system")
 
-    def to_scipy(self) -> signal.StateSpace:
+    def to_scipy(self) -> "signal.StateSpace":
         """The system for scipy.signal, without names."""
+        from scipy import signal
+
         return signal.StateSpace(self.A, self.B, self.C, self.D)
 
     def to_control(self) -> Any:
