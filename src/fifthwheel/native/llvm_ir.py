@@ -30,6 +30,10 @@ _LIBRARY = {
 }  # functions of the C library, called for each lane; older LLVM has no intrinsic for them
 _ARGUMENTS = ("carry", "sample", "constant")
 
+BLOCK = 1000
+"""Lines of a basic block. LLVM needs the more time for a line, the longer its block is, so a long step is divided. A
+branch whose condition is always true, which LLVM does not know, keeps the blocks apart."""
+
 Register = tuple[str, bool]
 """Name of a register, and whether it is invariant, that is computed before the loop over the samples."""
 
@@ -151,6 +155,16 @@ class Emitter:
         raise NotImplementedError(f"{self.name}: CasADi operation {op} cannot be compiled; write the step without it")
 
 
+def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
+    """The lines of the block `row`, divided into blocks of at most `BLOCK` lines, and the name of the last block."""
+    text, last = "\n".join(lines[:BLOCK]), "row"
+    for start in range(BLOCK, len(lines), BLOCK):
+        last = f"row.{start}"
+        branch = f"  br i1 %something, label %{last}, label %done"
+        text += "\n".join(["", branch, f"{last}:", *lines[start : start + BLOCK]])
+    return text, last
+
+
 class Layout(NamedTuple):
     """Where the elements of an array are: element e of row k of group g is at g * group + k * row + e."""
 
@@ -185,12 +199,14 @@ def function(
             rows.append(f"  %{a.name}.row = mul i64 %k, {a.row}")
             rows.append(f"  %{a.name}.here = getelementptr {a.type}, ptr {first}, i64 %{a.name}.row")
     newline = "\n"
+    loop, last = _in_blocks([*rows, *emitter.loop])
     return f"""
 define void @{name}({", ".join(arguments)}) {{
 entry:
   %no.samples = icmp sle i64 %samples, 0
   %no.groups = icmp sle i64 %groups, 0
   %nothing = or i1 %no.samples, %no.groups
+  %something = xor i1 %nothing, true
 {newline.join(strides)}
   br i1 %nothing, label %done, label %group
 group:
@@ -198,8 +214,8 @@ group:
 {newline.join([*starts, *emitter.once])}
   br label %row
 row:
-  %k = phi i64 [0, %group], [%k.next, %row]
-{newline.join([*rows, *emitter.loop])}
+  %k = phi i64 [0, %group], [%k.next, %{last}]
+{loop}
   %k.next = add i64 %k, 1
   %more.rows = icmp slt i64 %k.next, %samples
   br i1 %more.rows, label %row, label %group.end
