@@ -522,6 +522,7 @@ def fifthwheel_process(*arguments: str | Path, cwd: Path) -> subprocess.Complete
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60, check=False)
 
 
+@pytest.mark.slow
 def test_as_a_process(folder, tmp_path):
     version = fifthwheel_process("--version", cwd=tmp_path)
     assert (version.returncode, version.stdout, version.stderr) == (0, f"fifthwheel {fifthwheel.__version__}\n", "")

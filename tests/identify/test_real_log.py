@@ -49,6 +49,7 @@ def explained(result: Identification, log: str) -> list[float]:
     return [100 * next(f.explained for f in result.fits if f.log == log and f.signal == name) for name in CHANNELS]
 
 
+@pytest.mark.slow
 def test_one_stage_on_both_logs(bend: Record, ramp: Record) -> None:
     """Front stiffness, steering gain, delay and offsets are all estimated; two stages explain no more."""
     result = identify([bend, ramp], vehicle.get("auburn_6x4"))
@@ -109,6 +110,7 @@ def test_lateral_velocity_against_the_ins(bend: Record) -> None:
     assert residual.std() < 0.03
 
 
+@pytest.mark.slow
 def test_a_vibrating_accelerometer(bend: Record) -> None:
     """An unfiltered IMU at 10 Hz: 1.2 m/s^2 of vibration. It changes no estimate by more than a small part of sigma."""
     with_it = read_log(DATA / "run01_s_bend.csv", SignalMap.parse(ACCELERATION), name="bend")

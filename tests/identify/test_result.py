@@ -116,6 +116,7 @@ def test_an_observer_of_the_result(result):
     assert few.settings.min_speed == 7.0
 
 
+@pytest.mark.slow
 def test_a_learner_of_the_result(result):
     learner = result.learner()
     direct = Learner(result.vehicle, RUN.signals, result.settings)

@@ -246,6 +246,7 @@ def test_every_group_of_lanes_has_its_own_constants(scan: Scan) -> None:
     assert np.array_equal(out[:, 0, 2], np.arange(12.0))  # fmax(0, k2)
 
 
+@pytest.mark.slow
 def test_compiled_code_is_freed() -> None:
     """Scans that are deleted in any order have no effect on other scans."""
     sample = np.arange(5.0)[:, None]

@@ -82,6 +82,7 @@ def test_strip(run: PlantRun, tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["strip.png"]
 
 
+@pytest.mark.slow
 def test_animation(run: PlantRun, tmp_path: Path):
     from PIL import Image
 

@@ -92,6 +92,7 @@ def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
 
 
 @pytest.mark.parametrize("settings", [OneStage(), EXACT], ids=["default", "exact"])
+@pytest.mark.slow
 def test_a_fit_of_the_run_reaches_the_target(truck, settings):
     """Sigma is as predicted but for the noise estimated from the log, and the error agrees with sigma."""
     target = 0.07 if settings == OneStage() else 0.002
@@ -165,6 +166,7 @@ def test_of_equally_long_runs_the_gentlest_is_chosen(steered):
     assert harder.best.sigma[INERTIA] < design.best.sigma[INERTIA]
 
 
+@pytest.mark.slow
 def test_default_targets_and_parameters_that_are_not_estimated_by_default(truck):
     design = design_experiment(truck, planning=QUICK)
     assert set(design.targets.values()) == {0.05}
@@ -177,6 +179,7 @@ def test_default_targets_and_parameters_that_are_not_estimated_by_default(truck)
     assert FRONT not in fixed.targets
 
 
+@pytest.mark.slow
 def test_considered_parameters_limit_the_sigma(truck):
     """A remedy gives the predicted sigma: an assessment of the run with the number fixed agrees."""
     design = design_experiment(truck, {HEIGHT: 0.02}, planning=QUICK)

@@ -21,6 +21,7 @@ def drawn(tmp_path_factory, simulation):
     return folder, figures.draw(experiments | others, [*outcomes, *more], folder)
 
 
+@pytest.mark.slow
 def test_files(drawn):
     folder, files = drawn
     assert [file.name for file in files] == [f"figure_{n}.{form}" for n in range(4, 10) for form in ("png", "svg")]
@@ -42,6 +43,7 @@ def test_not_blank(drawn):
             assert file.read_text(encoding="utf-8").count("<path") > 50
 
 
+@pytest.mark.slow
 def test_files_are_reproducible(drawn, tmp_path, simulation):
     figures.draw(*simulation, tmp_path)
     second = (tmp_path / "figure_6.svg").read_bytes()
