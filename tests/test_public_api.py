@@ -94,3 +94,27 @@ def test_every_public_name_has_an_example_that_runs(name):
     failures: list[str] = []
     doctest.DocTestRunner(verbose=False).run(example, out=failures.append)
     assert not failures, "".join(failures)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda truck, record: fw.identify(record, truck), r"records: expected a list .*write \[record\]"),
+        (lambda truck, record: fw.identify([record], "truck.toml"), r"vehicle: .* got str; use fw\.Vehicle\.load"),
+        (lambda truck, record: fw.simulate("cheng_cebon_2011"), r"vehicle: expected a Vehicle, got str"),
+        (lambda truck, record: fw.linear_system("truck", 20.0), r"vehicle: expected a Vehicle, got str"),
+        (lambda truck, record: fw.linear_system(truck, 80.0), r"speed: .* up to 60, got 80\.0; convert km/h"),
+        (lambda truck, record: fw.linear_system(truck, "80 km/h"), r"speed: expected a number of m/s"),
+        (lambda truck, record: fw.vehicle("my/truck.toml"), r"no such vehicle .*fw\.Vehicle\.load reads a file"),
+    ],
+)
+def test_a_wrong_kind_of_argument_is_refused_with_the_cure(call, message) -> None:
+    truck = fw.vehicle("cheng_cebon_2011")
+    with pytest.raises(fw.FifthwheelError, match=message):
+        call(truck, fw.simulate(truck, count=1))
+
+
+def test_one_output_may_be_a_name() -> None:
+    system = fw.linear_system(fw.vehicle("cheng_cebon_2011"), 20.0, "yaw_rate.tractor")
+    assert system.outputs == ("yaw_rate.tractor",)
+    assert len(repr(system)) < 120

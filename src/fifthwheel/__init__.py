@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from fifthwheel.studies import SimulatedRun as SimulatedRun
     from fifthwheel.studies import StateEstimator as StateEstimator
     from fifthwheel.studies import StatesOf as StatesOf
+    from fifthwheel.studies import exact_guess as exact_guess
     from fifthwheel.studies import study as study
     from fifthwheel.time_bases import check_record as check_record
     from fifthwheel.vehicle import Vehicle as Vehicle
@@ -92,6 +93,7 @@ _MODULES = {
     "assess_information": "identify.design",
     "check_record": "time_bases",
     "design_experiment": "identify.design",
+    "exact_guess": "studies",
     "export_c": "export",
     "identify": "",
     "linear_system": "dynamics",

@@ -13,6 +13,7 @@ from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.vehicle import require_vehicle
 
 ROLL_QUANTITIES = ("roll", "roll_rate", "roll_acceleration")
 """Quantities that a model without roll does not have."""
@@ -47,13 +48,14 @@ def simulate(
 
     Raises:
         SignalError: the speed is out of range, or the linear model does not have the manoeuvre or a sensor.
-        VehicleError: the truck is unstable at this speed.
+        VehicleError: `vehicle` is not one, or unstable at this speed.
 
     Example:
         >>> import fifthwheel as fw
         >>> fw.simulate(fw.vehicle("cheng_cebon_2011"), count=2, seed=1).span
         (0.0, 15.99)
     """
+    require_vehicle(vehicle)
     if not 5 <= speed <= 40:
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model is valid at road speeds")
     if np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=roll).A).real.max() >= 0:

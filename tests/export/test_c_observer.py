@@ -12,6 +12,7 @@ import pytest
 from fifthwheel import vehicle
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.export import FILES, export_c, observer_model
+from fifthwheel.logs import write_record
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -201,6 +202,25 @@ def test_a_time_that_is_not_later_changes_nothing(truck: Vehicle, lane: Record, 
         observer.push(dict(zip(("time", *observer.inputs, *observer.outputs), row, strict=True))) for row in rows[:2]
     ]
     assert float(done.stdout.splitlines()[1].split(",")[3]) == pytest.approx(answers[1]["sideslip.tractor"], rel=1e-12)
+
+
+def test_the_program_reads_a_file_with_names(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+    """In any order, with other columns, units and empty fields; another unit or a missing signal is refused."""
+    observer = Observer(truck, lane.signals)
+    replay = compiled(observer, tmp_path)
+    write_record(lane, tmp_path / "log.csv")
+    text = (tmp_path / "log.csv").read_text()
+    done = subprocess.run([replay], input=text, capture_output=True, text=True, check=True)
+    states = np.array([[float(x) for x in line.split(",")] for line in done.stdout.splitlines()])
+    assert_equal(states, pushed(observer, lane), TOLERANCE["double"])
+    for wrong in (text.replace("yaw_rate.tractor [rad/s]", "yaw_rate.tractor [deg/s]"), text.replace("speed", "v")):
+        done = subprocess.run([replay], input=wrong, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert "a signal is missing; expected time [s] speed [m/s]" in done.stderr
+    surplus = text.splitlines()[1] + ",1.0\n"
+    done = subprocess.run([replay], input=surplus, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "columns; name them in the first line" in done.stderr
 
 
 def test_the_folder_has_all_files_and_names_the_signals(truck: Vehicle, lane: Record, tmp_path: Path) -> None:

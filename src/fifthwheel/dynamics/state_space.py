@@ -19,15 +19,18 @@ from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.model import all_parameters, topology
 from fifthwheel.dynamics.unit_equations import group_roll
-from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.names import SignalName
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import AxleGroup, Vehicle
+from fifthwheel.vehicle.vehicle import require_vehicle
 
 if TYPE_CHECKING:
     from scipy import signal
 
 COG_ACCELERATION = "cog_acceleration"
+MAX_SPEED = 60.0
+"""m/s; a larger number is a speed in km/h."""
 GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_moment": "N m"}
 """Outputs of an axle group, with their SI units."""
 
@@ -54,6 +57,10 @@ class LinearSystem:
     B: Array  # (n, k)
     C: Array  # (m, n)
     D: Array  # (m, k)
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.inputs)} inputs, {len(self.states)} states, {len(self.outputs)} outputs"
+        return f"LinearSystem({self.vehicle!r} at {self.speed:g} m/s: {sizes})"
 
     @property
     def units(self) -> dict[str, str]:
@@ -159,12 +166,12 @@ def linear_system(
     Args:
         vehicle: with its numbers.
         speed: constant, m/s.
-        outputs: names; by default `default_outputs`.
+        outputs: names, or one name; by default `default_outputs`.
         roll: use the yaw-roll model, or the yaw model.
 
     Raises:
         SignalError: the model does not have an output.
-        VehicleError: the speed is not positive.
+        VehicleError: `vehicle` is not one, or the speed is not above 0 and at most `MAX_SPEED`.
 
     Example:
         >>> import fifthwheel as fw
@@ -172,6 +179,11 @@ def linear_system(
         >>> fw.linear_system(truck, 25.0, ["lateral_force.tractor.drive"]).inputs[0]
         'steer.tractor.front'
     """
+    require_vehicle(vehicle)
+    if not isinstance(speed, int | float | np.number) or not 0 < speed <= MAX_SPEED:
+        raise VehicleError(f"speed: expected a number of m/s up to {MAX_SPEED:g}, got {speed!r}; convert km/h to m/s")
+    if isinstance(outputs, str):
+        outputs = [outputs]
     names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
     m = matrices(vehicle, speed, roll=roll)
     values = all_parameters(vehicle, [name for name in names if _is_sensor(name, m.states)])

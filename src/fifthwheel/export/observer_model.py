@@ -59,6 +59,7 @@ def source(observer: Observer) -> str:
         "BANK_SIGMA": 0.0 if settings.bank is None else settings.bank,
     }
     times = {"HOLD": settings.hold, "MAX_GAP": settings.max_gap, "COAST": settings.coast}
+    columns = ("time", *observer.inputs, *observer.outputs)
     tables: dict[str, Iterable[float]] = {
         "input_magnitude": [magnitude(name) for name in observer.inputs],
         "input_rate": [largest_rate(name, settings) for name in observer.inputs],
@@ -82,6 +83,8 @@ def source(observer: Observer) -> str:
             *(f"#define FW_{name} {value!r} /* s */" for name, value in times.items()),
             "",
             *(_table(name, values) for name, values in tables.items()),
+            _texts("names", columns),
+            _texts("units", [str(si_unit(name)) for name in columns]),
             "",
             c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
             c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
@@ -92,6 +95,11 @@ def source(observer: Observer) -> str:
 def _table(name: str, values: Iterable[float]) -> str:
     numbers = [c_code.literal(float(value)) for value in values]
     return f"static const fw_real fw_{name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
+
+
+def _texts(name: str, texts: Iterable[str]) -> str:
+    quoted = [f'"{text}"' for text in texts]
+    return f"const char *const fw_{name}[{len(quoted)}] = {{{', '.join(quoted)}}};"
 
 
 def _matrices(observer: Observer) -> ca.Function:

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 
 from threadpoolctl import threadpool_limits
 
+from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress, TwoStage
 from fifthwheel.identify.two_stage.estimator import identify_two_stage
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.vehicle import require_vehicle
 
 
 def identify(
@@ -33,7 +35,8 @@ def identify(
 
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.
-        VehicleError: a parameter in the settings does not exist or cannot be estimated or fixed.
+        VehicleError: `vehicle` is not one, or a parameter in the settings does not exist or cannot be estimated or
+            fixed.
 
     Example:
         >>> import fifthwheel as fw
@@ -46,6 +49,9 @@ def identify(
         >>> abs(front.value - 475e3) < 3 * front.sigma
         True
     """
+    if isinstance(records, Record):
+        raise SignalError(f"records: expected a list of records, got {records.name} alone; write [record]")
+    require_vehicle(vehicle)
     settings = settings or OneStage()
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
         if isinstance(settings, OneStage):

@@ -75,7 +75,10 @@ class Observer:
         usable = [f"{quantity}.{u}" for quantity in MEASURED for u in units]
         self.outputs = tuple(n for n in usable if n in available and n != f"articulation.{units[0]}")
         if all(SignalName.of(name).quantity == ACCELEROMETER for name in self.outputs):  # its offset alone would decide
-            raise SignalError(f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate")
+            raise SignalError(
+                f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate, roll rate, roll "
+                "angle or articulation angle of a unit of the vehicle"
+            )
         self.inputs = ("speed", *self.vehicle.steer_signals())
         self.roll = any(SignalName.of(name).quantity in (*NEEDS_ROLL, ACCELEROMETER) for name in self.outputs)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.bank is not None)

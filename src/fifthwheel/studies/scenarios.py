@@ -29,7 +29,14 @@ def initial_guess(assumed: Vehicle, seed: int, fixed: Mapping[str, float] | None
 
 
 def exact_guess(assumed: Vehicle, seed: int) -> Vehicle:
-    """The vehicle itself, for estimators of states only."""
+    """The vehicle itself, for estimators of states only.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> fw.exact_guess(truck, 0) is truck
+        True
+    """
     return assumed
 
 

@@ -32,5 +32,6 @@ def get(name: str) -> Vehicle:
 def text(name: str) -> str:
     """The TOML file of a vehicle with its comments, a template for other vehicles; errors as in `get`."""
     if name not in names():
-        raise VehicleError(f"{name}: no such vehicle in the catalogue; {suggestion(name, names())}")
+        file = "; fw.Vehicle.load reads a file" if str(name).endswith(".toml") else ""
+        raise VehicleError(f"{name}: no such vehicle in the catalogue; {suggestion(str(name), names())}{file}")
     return (files(__package__) / "catalogue" / f"{name}.toml").read_text(encoding="utf-8")

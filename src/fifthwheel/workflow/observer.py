@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import Identification
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.vehicle import Vehicle
@@ -28,11 +29,23 @@ def exported_observer(
         bank: see `ObserverSettings`.
 
     Raises:
-        SignalError: the signals are not sufficient.
-        VehicleError: no axle of the vehicle is steerable.
+        SignalError: the signals are not sufficient, or an observer of the vehicle does not use one of them.
+        VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
+    if identification is not None and identification.vehicle.parameters().keys() != vehicle.parameters().keys():
+        raise VehicleError(
+            f"{vehicle.name}: its units or axles are not those of the identification, which is of "
+            f"{identification.vehicle.name}; give the vehicle.toml of the same result"
+        )
     changes: dict[str, Any] = {"min_speed": min_speed, "bank": bank}
     if identification is not None:
-        return Observer(vehicle, signals or identification.signals, identification.observer_settings(**changes))
-    rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in vehicle.units]
-    return Observer(vehicle, signals or ("speed", *vehicle.steer_signals(), *rates), ObserverSettings(**changes))
+        observer = Observer(vehicle, signals or identification.signals, identification.observer_settings(**changes))
+    else:
+        rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in vehicle.units]
+        signals = signals or ("speed", *vehicle.steer_signals(), *rates)
+        observer = Observer(vehicle, signals, ObserverSettings(**changes))
+    known = {*observer.inputs, *observer.outputs}
+    for name in signals or ():
+        if name not in known:
+            raise SignalError(f"{name}: no signal that an observer of {vehicle.name} uses; {suggestion(name, known)}")
+    return observer

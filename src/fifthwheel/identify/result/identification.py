@@ -11,7 +11,7 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._html import block
 from fifthwheel._types import Array
-from fifthwheel.errors import SignalError, printable
+from fifthwheel.errors import SignalError, printable, suggestion
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
@@ -78,7 +78,8 @@ class Identification:
         for estimate in (*self.parameters, *self.derived):
             if estimate.name == name:
                 return estimate
-        raise KeyError(name)
+        known = [estimate.name for estimate in (*self.parameters, *self.derived)]
+        raise KeyError(f"{name}: not estimated; {suggestion(name, known)}")
 
     def observer_settings(self, log: str | None = None, **changes: Any) -> ObserverSettings:
         """Settings for an `Observer` of this vehicle with the estimated sensor errors and noise.
