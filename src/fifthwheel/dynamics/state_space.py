@@ -181,7 +181,9 @@ def linear_system(
     """
     require_vehicle(vehicle)
     if not isinstance(speed, int | float | np.number) or not 0 < speed <= MAX_SPEED:
-        raise VehicleError(f"speed: expected a number of m/s above 0, up to {MAX_SPEED:g}, got {speed!r}; convert km/h to m/s")
+        raise VehicleError(
+            f"speed: expected a number of m/s above 0, up to {MAX_SPEED:g}, got {speed!r}; convert km/h to m/s"
+        )
     if isinstance(outputs, str):
         outputs = [outputs]
     names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
