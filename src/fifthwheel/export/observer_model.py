@@ -37,9 +37,9 @@ def header(observer: Observer) -> str:
             for i, (key, n) in enumerate(zip(identifiers, names, strict=True))
         ]
         lines += [f"    FW_{prefix}_COUNT = {len(names)}", "};", ""]
-    states = len(observer.model.states)
-    carry = states + states * (states + 1) // 2 + 3
-    return "\n".join([*lines, f"#define FW_CARRY_COUNT {carry} /* numbers in the state of the filter */"])
+    return "\n".join(
+        [*lines, f"#define FW_CARRY_COUNT {observer.scan.n_carry} /* numbers in the state of the filter */"]
+    )
 
 
 def source(observer: Observer) -> str:

@@ -35,9 +35,7 @@ def export_c(observer: Observer, folder: str | Path) -> list[Path]:
         ['README.md', 'CMakeLists.txt', 'fw_observer.h', 'fw_observer.c', 'fw_model.h', 'replay.c']
     """
     folder = Path(folder)
-    states = len(observer.model.states)
-    inputs = len(observer.inputs)
-    numbers = 2 + 3 * inputs + states + states * (states + 1) // 2 + 3
+    numbers = 2 + 3 * len(observer.inputs) + observer.scan.n_carry
     names = {
         "TITLE": "".join(c for c in observer.vehicle.name if c.isalnum() or c in " -_.,()"),
         "VERSION": __version__,

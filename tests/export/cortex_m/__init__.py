@@ -66,12 +66,10 @@ def emulated(observer: Observer, record: Record, core: str, folder: Path, optimi
     usage = dict(re.findall(r":(\w+)\t(\d+)\t", (folder / "observer.su").read_text()))
     deepest = max(int(usage.get(name, 0)) for name in ("fw_step", "fw_start", "fw_subdivide"))
     inner = max(int(usage.get(name, 0)) for name in ("fw_solve", "fw_random_steer", "fw_matrices"))
-    states = len(observer.model.states)
-    carry = states + states * (states + 1) // 2 + 3
     return Emulation(
         rows=values[:, 1:],
         flash=int(run(SIZE, "observer.o").splitlines()[1].split()[0]),
-        memory=8 * (2 + len(observer.inputs)) + 4 * (2 * len(observer.inputs) + carry + 1),
+        memory=8 * (2 + len(observer.inputs)) + 4 * (2 * len(observer.inputs) + observer.scan.n_carry + 1),
         stack=int(usage["fw_observer_push"]) + deepest + inner,
         instructions=INSTRUCTIONS_PER_TICK * values[:, 0],
     )

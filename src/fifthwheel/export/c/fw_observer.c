@@ -15,7 +15,6 @@
 #define FW_SAMPLE (1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
 #define FW_N FW_MODEL_STATES    /* states of the vehicle, without the bank of the road */
 #define FW_L (FW_MODEL_STATES + 1) /* with the low-pass of the steer angle */
-#define FW_COVARIANCE ((FW_FILTER_STATES * (FW_FILTER_STATES + 1)) / 2)
 #define FW_MAX_STEPS 100000.0
 #define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
 #define FW_SMITH_POLE FW_REAL(10.0) /* rad/s; any positive number gives the same solution */
@@ -83,7 +82,7 @@ static void fw_random_steer(const fw_real *a, const fw_real *b, fw_real *p)
             } else if (j == FW_N) {
                 value = -FW_STEER_RATE;
             } else {
-                value = FW_REAL(0.0);
+                /* the low-pass does not depend on the vehicle */
             }
             left[(i * FW_L) + j] = value - ((i == j) ? FW_SMITH_POLE : FW_REAL(0.0));
             c[(i * FW_L) + j] = value + ((i == j) ? FW_SMITH_POLE : FW_REAL(0.0));
