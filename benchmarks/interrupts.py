@@ -29,7 +29,7 @@ from pathlib import Path
 from fifthwheel._atomic import MANIFEST, recover
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get, save
+from fifthwheel.vehicle import get
 
 MAIN = [sys.executable, "-c", "from fifthwheel.cli import main; main()"]
 SMALL_REPRODUCTION = """
@@ -89,7 +89,7 @@ def make_inputs(place: Path) -> None:
     """Logs of one lane change, of a truck at rest with axle loads, a vehicle file and a signal map."""
     (place / "in").mkdir()
     truck = get("cheng_cebon_2011")
-    save(truck, place / "in/truck.toml")
+    truck.save(place / "in/truck.toml")
     for k in (1, 2):
         record = simulate(truck, count=1, seed=k)
         write_record(record, place / f"in/lane{k}.csv")

@@ -29,8 +29,8 @@ from fifthwheel.manoeuvres import MANOEUVRES
 from fifthwheel.observe import ObserverSettings, Status
 from fifthwheel.record import signal_names as names
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
-from fifthwheel.vehicle.files import FILE_KEYS, loads
 from fifthwheel.vehicle.paths import SI_UNITS
+from fifthwheel.vehicle.toml_format import FILE_KEYS
 from tests.test_architecture import ROOMS, SOURCE
 
 ROOT = Path(__file__).parents[1]
@@ -226,7 +226,7 @@ def test_examples_run(
 @pytest.mark.parametrize("block", examples("toml"))
 def test_toml_is_read(block: str, tmp_path: Path) -> None:
     if "[[unit]]" in block:
-        truck = loads(block)
+        truck = Vehicle.loads(block)
         assert [unit.name for unit in truck.units] == ["tractor", "semitrailer"]
         assert truck.axle_loads()
     elif "[signals" in block:

@@ -24,7 +24,7 @@ from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Observer, Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get, save
+from fifthwheel.vehicle import get
 from fifthwheel.workflow import check_record
 
 TRUCK = get("cheng_cebon_2011")
@@ -389,7 +389,7 @@ def test_a_csv_file_cut_short(tmp_path, capsys):
     text = "".join(lines)
     log = tmp_path / "log.csv"
     log.write_text(text[: int(0.8 * len(text))])
-    save(GUESS, tmp_path / "guess.toml")
+    GUESS.save(tmp_path / "guess.toml")
     found = identify([read_log(log)], GUESS)
     require_finite(found)
     assert not wrong_parameters(found)

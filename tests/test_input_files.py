@@ -12,10 +12,10 @@ from fifthwheel.identify.online import Learner
 from fifthwheel.input_files import MAX_DEPTH, MAX_JSON_SIZE, MAX_TOML_SIZE, parse_toml, read_json, read_toml
 from fifthwheel.logs import SignalMap
 from fifthwheel.plant import read_sensors
-from fifthwheel.vehicle import load
+from fifthwheel.vehicle import Vehicle
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="devices and FIFOs of POSIX")
-READERS = (load, SignalMap.load, read_sensors, Identification.load, Learner.load)
+READERS = (Vehicle.load, SignalMap.load, read_sensors, Identification.load, Learner.load)
 HOSTILE_TOML = {
     "nested arrays": "x = " + "[" * 1900 + "]" * 1900,
     "nested tables": "x = " + "{a = " * 700 + "1" + "}" * 700,
@@ -34,7 +34,7 @@ def test_hostile_toml_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(FifthwheelError):
         parse_toml(text)
-    for read in (load, SignalMap.load, read_sensors):
+    for read in (Vehicle.load, SignalMap.load, read_sensors):
         with pytest.raises(FifthwheelError, match=r"hostile\.toml"):
             read(path)
 

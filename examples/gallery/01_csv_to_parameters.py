@@ -14,7 +14,7 @@ import fifthwheel as fw
 
 examples = Path.cwd().parent  # the folder `examples` of the checkout
 record = fw.read_log(examples / "lane_changes.csv")
-truck = fw.vehicle.load(examples / "truck.toml")  # contains a first guess of the parameters
+truck = fw.Vehicle.load(examples / "truck.toml")  # contains a first guess of the parameters
 result = fw.identify([record], truck)
 
 for estimate in result.parameters:

@@ -15,7 +15,7 @@ import fifthwheel as fw
 
 examples = Path.cwd().parent
 record = fw.read_log(examples / "lane_changes.csv")
-result = fw.identify([record], fw.vehicle.load(examples / "truck.toml"))
+result = fw.identify([record], fw.Vehicle.load(examples / "truck.toml"))
 
 # %%
 # The estimated offsets and noise of the sensors are settings of the observer. The uncertainty of the parameters is part

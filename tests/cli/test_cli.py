@@ -18,7 +18,7 @@ from fifthwheel.identify import article
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Status
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import catalogue, get, load
+from fifthwheel.vehicle import Vehicle, catalogue, get
 from fifthwheel.workflow import SENSOR_PRIORS
 
 TRUCK = "cheng_cebon_2011"
@@ -149,7 +149,7 @@ def test_states_parquet(identified, folder):
 
 def test_vehicle_toml_is_the_identified_truck(identified):
     out, printed = identified
-    truck = load(out / "vehicle.toml")
+    truck = Vehicle.load(out / "vehicle.toml")
     values, start = truck.parameters(), get(TRUCK).parameters()
     found = {p["name"]: p["value"] for p in (*printed["parameters"], *printed["uncertain"])}
     assert {p["verdict"] for p in printed["uncertain"]} == {"fixed"}
@@ -209,7 +209,7 @@ def test_fixed_parameters_keep_their_values(folder, run):
     truth = get(TRUCK).parameters()
     for name in fixed:
         assert (found[name]["value"], found[name]["sigma"], found[name]["verdict"]) == (truth[name], None, "fixed")
-        assert load("fifthwheel-out/vehicle.toml").parameters()[name] == truth[name]
+        assert Vehicle.load("fifthwheel-out/vehicle.toml").parameters()[name] == truth[name]
     assert found["semitrailer.cornering_stiffness"]["verdict"] == "converged"
     assert outcome.json()["settings"]["fixed"] == fixed
 
@@ -301,7 +301,7 @@ def test_vehicle(run):
         assert (printed.code, printed.err) == (0, "")
         assert printed.out == catalogue.text(name)
         Path("truck.toml").write_text(printed.out)
-        assert load("truck.toml") == get(name)
+        assert Vehicle.load("truck.toml") == get(name)
         assert run("vehicle", name, "--json").json()["parameters"] == get(name).parameters()
     entries = run("vehicle", "--json").json()["vehicles"]
     assert {entry["name"]: entry["source"] for entry in entries} == {n: get(n).source for n in catalogue.names()}

@@ -14,7 +14,7 @@ import pytest
 from fifthwheel._atomic import MANIFEST
 from fifthwheel.logs import write_record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get, save
+from fifthwheel.vehicle import get
 from tests.cli.test_cli import FILES, TRUCK, refused, run  # noqa: F401 - a fixture
 
 NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -24,7 +24,7 @@ NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="lo
 def place(run, tmp_path):  # noqa: F811
     """The working folder with a log and a vehicle file."""
     write_record(simulate(get(TRUCK), count=1, seed=1), tmp_path / "log.csv")
-    save(get(TRUCK), tmp_path / "truck.toml")
+    get(TRUCK).save(tmp_path / "truck.toml")
     return tmp_path
 
 

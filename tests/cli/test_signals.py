@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.logs import SignalMap, read_log, write_record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get, load, save
+from fifthwheel.vehicle import Vehicle, get
 from tests.cli.test_cli import TRUCK, refused, run  # noqa: F401 - a fixture
 
 DEGREE = np.pi / 180
@@ -69,7 +69,7 @@ def test_invalid_calls_are_refused(german_log, run):  # noqa: F811
 def test_weighing_corrects_the_masses(run, tmp_path):  # noqa: F811
     truck = get(TRUCK)
     heavier = truck.replace({"semitrailer.mass": 30000.0, "semitrailer.payload.mass": 16672.0})
-    save(truck, tmp_path / "truck.toml")
+    truck.save(tmp_path / "truck.toml")
     loads = heavier.axle_loads()
     random = np.random.default_rng(0)
     rows = [",".join(["t", *(f"axle_load.{path} [kN]" for path in loads)])]
@@ -79,8 +79,8 @@ def test_weighing_corrects_the_masses(run, tmp_path):  # noqa: F811
     (tmp_path / "parked.csv").write_text("\n".join(rows) + "\n")
     outcome = run("weigh", tmp_path / "parked.csv", "-v", tmp_path / "truck.toml", "-o", "weighed.toml")
     assert (outcome.code, outcome.err) == (0, "")
-    assert load("weighed.toml").parameters()["semitrailer.mass"] == pytest.approx(30000, rel=2e-3)
-    assert load("weighed.toml").source.endswith("; weighed by parked")
+    assert Vehicle.load("weighed.toml").parameters()["semitrailer.mass"] == pytest.approx(30000, rel=2e-3)
+    assert Vehicle.load("weighed.toml").source.endswith("; weighed by parked")
     printed = json.loads(run("weigh", tmp_path / "parked.csv", "-v", TRUCK, "-o", "other.toml", "--json").out)
     assert printed["units"]["semitrailer"]["mass"] == pytest.approx(30000, rel=2e-3)
     (tmp_path / "odd.csv").write_text("t,axle_load.dolly\n" + "".join(f"{k},1\n" for k in range(9)))

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle, catalogue, changes
-from fifthwheel.vehicle.files import loads
 from tests.vehicle.test_vehicle import b_double, group
 from tests.vehicle.test_vehicle import unit as make_unit
 
@@ -124,7 +123,7 @@ def test_stated_positions_and_other_numbers_by_hand() -> None:
 
 
 def test_an_exact_vehicle_has_no_changes() -> None:
-    assert changes(loads("exact = true\n" + catalogue.text("cheng_cebon_2011"))) == ()
+    assert changes(Vehicle.loads("exact = true\n" + catalogue.text("cheng_cebon_2011"))) == ()
 
 
 @given(any_stated)

@@ -13,7 +13,7 @@ from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.logs import write_record
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get, load, save
+from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.workflow import (
     IdentificationRun,
     read_records,
@@ -69,7 +69,7 @@ def test_files_of_an_identification(run, tmp_path):
     files = write_results(run, tmp_path)
     assert set(files) == {path.name for path in tmp_path.iterdir()} == NAMES
     assert json.loads(files["identification.json"].read_text()) == json.loads(json.dumps(run.as_dict()))
-    assert load(files["vehicle.toml"]).parameters() == pytest.approx(run.identification.vehicle.parameters())
+    assert Vehicle.load(files["vehicle.toml"]).parameters() == pytest.approx(run.identification.vehicle.parameters())
     assert set(parquet.read_table(files["states.parquet"])["log"].to_pylist()) == {"run", "other"}
     stored = Identification.load(files["identification.json"])
     assert [log.name for log in stored.logs] == ["run"]
@@ -133,7 +133,7 @@ def test_records_of_the_same_stem_have_distinct_names(tmp_path):
 
 
 def test_a_vehicle_by_name_or_file(tmp_path):
-    save(TRUCK, tmp_path / "truck.toml")
+    TRUCK.save(tmp_path / "truck.toml")
     assert read_vehicle("cheng_cebon_2011") == read_vehicle(str(tmp_path / "truck.toml")) == TRUCK
     with pytest.raises(VehicleError, match=r"lorry: no such file, and not in the catalogue, which has .*cheng"):
         read_vehicle("lorry")

@@ -42,14 +42,13 @@ def weigh(
     none. The load of the front axle may be missing. Yaw and roll inertias stay as they are.
     """
     from fifthwheel.report.terminal.signals import show_weighed
-    from fifthwheel.vehicle import save
     from fifthwheel.workflow import read_vehicle, weigh_vehicle
 
     truck = read_vehicle(vehicle)
     with reserved(out, force=force):
         (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
         weighed = weigh_vehicle(record, truck, tolerance=tolerance)
-        save(weighed.vehicle, out)
+        weighed.vehicle.save(out)
     files = {"vehicle": out}
     if as_json:
         terminal.print_json(weighed.as_dict() | {"files": terminal.as_text(files)})

@@ -4,7 +4,6 @@ from fifthwheel._callable import make_callable
 from fifthwheel.vehicle import catalogue
 from fifthwheel.vehicle.catalogue import get, names
 from fifthwheel.vehicle.coupling import Coupling
-from fifthwheel.vehicle.files import dump, load, save
 from fifthwheel.vehicle.paths import unit_of
 from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS, Change, DefaultSigma, changes
@@ -26,14 +25,11 @@ __all__ = [
     "Vehicle",
     "catalogue",
     "changes",
-    "dump",
     "get",
     "laden",
     "laden_cog_height",
     "laden_roll_inertia",
-    "load",
     "names",
-    "save",
     "unit_of",
     "with_axle_loads",
 ]

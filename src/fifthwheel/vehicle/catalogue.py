@@ -4,7 +4,6 @@ from functools import lru_cache
 from importlib.resources import files
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.vehicle.files import loads
 from fifthwheel.vehicle.vehicle import Vehicle
 
 
@@ -25,7 +24,7 @@ def get(name: str) -> Vehicle:
         >>> fw.vehicle("cheng_cebon_2011")
         Vehicle('cheng_cebon_2011', tractor + semitrailer, 40.6 t)
     """
-    return loads(text(name))
+    return Vehicle.loads(text(name))
 
 
 @lru_cache

@@ -7,7 +7,7 @@ from pathlib import Path
 from fifthwheel.errors import VehicleError
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle, catalogue, load
+from fifthwheel.vehicle import Vehicle, catalogue
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the work done and the total."""
@@ -25,7 +25,7 @@ def read_vehicle(name: str) -> Vehicle:
         raise VehicleError(
             f"{name}: no such file, and not in the catalogue, which has {', '.join(catalogue.names())}; check the path"
         )
-    return load(Path(name))
+    return Vehicle.load(Path(name))
 
 
 def read_records(

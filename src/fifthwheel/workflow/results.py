@@ -6,7 +6,6 @@ from pathlib import Path
 from fifthwheel._atomic import atomic_write
 from fifthwheel.observe import write_states
 from fifthwheel.report import Provenance, StateConditions, write_report, write_states_report
-from fifthwheel.vehicle import save
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.states import StatesRun
 
@@ -54,7 +53,7 @@ def write_results(
         with atomic_write(folder / "identification.json") as temporary:
             temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
         vehicle, covariance = run.identification.vehicle, run.identification.covariance
-        save(vehicle, folder / "vehicle.toml")
+        vehicle.save(folder / "vehicle.toml")
         drawn = write_report(
             report,
             run.identification,

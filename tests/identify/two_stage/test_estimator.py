@@ -229,7 +229,7 @@ def test_result_as_json_and_as_a_vehicle(truck: Vehicle, guess: Vehicle) -> None
     assert {p["name"] for p in data["derived"]} == {"semitrailer.cog_height", "semitrailer.roll_inertia"}
     assert data["logs"][0]["name"] == "a run"
     assert data["settings"]["tolerance"] == 0.01
-    loaded = vehicle.files.loads(vehicle.dump(result.vehicle))
+    loaded = Vehicle.loads(result.vehicle.to_toml())
     for parameter in data["parameters"]:
         assert loaded.parameters()[parameter["name"]] == pytest.approx(parameter["value"], rel=1e-9)
     assert loaded.steer_signals() == truck.steer_signals()

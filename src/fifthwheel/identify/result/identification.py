@@ -24,7 +24,6 @@ from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.plots import Plot
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle import save as save_vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -218,7 +217,7 @@ class Identification:
         folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(folder / storage.CONTENTS) as temporary:
             temporary.write_text(self.to_json() + "\n", encoding="utf-8")
-        save_vehicle(self.vehicle, folder / "vehicle.toml")
+        self.vehicle.save(folder / "vehicle.toml")
         storage.write_series(folder / storage.SERIES, self._series())
 
     @classmethod
