@@ -49,6 +49,7 @@ def design(
     prior: options.PriorOption = None,
     consider: options.ConsiderOption = None,
     any_load: options.AnyLoadOption = False,
+    suspension_from: options.SuspensionOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
@@ -70,6 +71,7 @@ def design(
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
     settings = options.one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
+    truck, settings = options.with_suspension(truck, settings, suspension_from)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(

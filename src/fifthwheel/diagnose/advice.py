@@ -13,6 +13,7 @@ from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.variance_budget import dominant_terms
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
+from fifthwheel.identify.suspension import independent_of_load
 from fifthwheel.names import ParameterPath, SensorErrorName
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
@@ -186,6 +187,8 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         if source:
             known = f" (assumed uncertainty {percent((source.sigma or 0.0) / abs(source.value))})"
             cure = f"Measure it, or give its real uncertainty: --consider {term.source}=5%."
+            if ParameterPath.of(term.parameter).is_payload_height and independent_of_load(term.source):
+                cure += " Or calibrate it with a log of this truck with a known payload (--suspension-from)."
         elif term.source.endswith(".softening"):
             cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration."
         yield Advice(
