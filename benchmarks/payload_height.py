@@ -1,4 +1,5 @@
-"""What reduces the error and the sigma of the payload height: a log with a known payload, on the nonlinear truck.
+"""What reduces the error and the sigma of the payload height on the nonlinear truck: a log with a known payload, or a
+static roll test of the empty trailer, whose readings are those of the linear equilibrium.
 
     python benchmarks/payload_height.py [--seeds 20]
 
@@ -23,8 +24,11 @@ from fifthwheel.identify.suspension import with_suspension
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, Sensor, measure
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import Measured, RollTest, Vehicle
+from fifthwheel.vehicle.roll_test import stiffness_of_rest
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
+from fifthwheel.workflow import roll_tested_vehicle
 from trust_coverage import GYROS, INTERVAL, SPEED, STEER
 from trust_runs import TRUCK, table
 
@@ -128,6 +132,20 @@ def logged(draw: Draw, load: Load) -> Record:
     return Record(time=time, signals=measure(time, measured, sensors, seed=int(draw.rng.integers(1 << 30))), name="log")
 
 
+def tested(draw: Draw, file: Vehicle) -> Vehicle:
+    """The file with the result of a static roll test: 2 t are moved by 0.9 m."""
+    empty, load, shift, z = loaded(EMPTY), 2000.0, 0.9, 0.9
+    trailer = empty.units[-1]
+    (group,) = trailer.axle_groups
+    stiffness = group.total_roll_stiffness + stiffness_of_rest(empty, trailer.name)
+    roll = load * STANDARD_GRAVITY * shift / stiffness
+    exact = (load, shift, roll, roll * (z - trailer.roll_axis_height), z)
+    sigmas = (0.01 * load, 0.005, 0.02 * roll, 1.5e-4, 0.005)
+    readings = [Measured(v + s * draw.rng.normal(), s) for v, s in zip(exact, sigmas, strict=True)]
+    result = roll_tested_vehicle(file_of(draw, EMPTY), RollTest(trailer.name, *readings))
+    return file.replace({path: result.parameters()[path] for path in result.stated}).with_stated(result.stated)
+
+
 def results(seed: int) -> dict[str, Identification]:
     draw = drawn(seed)
     file, record = file_of(draw, LADEN), logged(draw, LADEN)
@@ -135,6 +153,7 @@ def results(seed: int) -> dict[str, Identification]:
     for name, load in KNOWN_LOADS.items():
         reference = identify([logged(draw, load)], file_of(draw, load), KNOWN)
         found[name] = identify([record], *with_suspension(file, SETTINGS, reference))
+    found["with a static roll test"] = identify([record], tested(draw, file), SETTINGS)
     return found
 
 
