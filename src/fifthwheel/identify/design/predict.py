@@ -171,6 +171,7 @@ class InformationPredictor:
             name=log.name,
             segments=[with_every_sample(segment, self.channels) for segment in log.segments],
             noise=dict(log.noise),
+            noise_models=log.noise_models,
         )
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.model, self.vehicle, [log], self.unknowns, self.settings)

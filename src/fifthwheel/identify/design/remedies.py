@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior, RunInformation
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
 from fifthwheel.vehicle import Unit
@@ -184,7 +186,13 @@ def _unknowns(predictor: InformationPredictor, *known: str) -> list[str]:
 
 
 def lane_change_information(
-    predictor: InformationPredictor, *, speed: float, rate: float, channels: Sequence[str], noise: Mapping[str, float]
+    predictor: InformationPredictor,
+    *,
+    speed: float,
+    rate: float,
+    channels: Sequence[str],
+    noise: Mapping[str, float],
+    noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
 ) -> RunInformation:
     """Information of one lane change of SAE J2179.
 
@@ -194,10 +202,11 @@ def lane_change_information(
         rate: sampling rate, Hz.
         channels: that are logged.
         noise: variance of each channel, SI squared.
+        noise_models: of channels whose noise is not white.
     """
     lane_change = LaneChange()
     time = np.arange(round(lane_change.period(speed) * rate)) / rate
     steer = inverse_steer(predictor.start_vehicle, speed, time, lane_change.acceleration(time, speed, 1))
     record = steer_record(predictor.vehicle, speed, steer, rate, "one more lane change")
-    log = LogData(name=record.name, segments=[record], noise=dict(noise))
+    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=noise_models)
     return predictor.run_information(log, channels)
