@@ -61,7 +61,8 @@ def design(
 
     Tries lane changes, sweeps, random steering and bends, repeated one to twelve times, at several speeds and lateral
     accelerations. For each it predicts the sigma of every parameter after `identify`, at the values of the vehicle
-    file, with the noise of the sensors and of a good road (class A of ISO 8608). If no run reaches the targets, it prints the best run and the parameters that limit the accuracy.
+    file, with the noise of the sensors and of a good road (class A of ISO 8608). If no run reaches the targets, it
+    prints the best run and the parameters that limit the accuracy.
     """
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
