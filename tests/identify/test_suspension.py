@@ -10,6 +10,7 @@ from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage
 from fifthwheel.identify.parameters import one_stage_unknowns
 from fifthwheel.identify.suspension import with_suspension
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.vehicle import Vehicle
 
 HEIGHT, STIFFNESS = "semitrailer.payload.height", "semitrailer.roll_stiffness"
@@ -85,5 +86,8 @@ def test_unsuitable_identifications_are_refused(truck: Vehicle, reference: Ident
         with_suspension(truck, OneStage(), replace(reference, covariance=None))
     with pytest.raises(SignalError, match="leave out --any-load"):
         with_suspension(truck, OneStage(uniform_payload=False), reference)
+    failed = tuple(replace(estimate, verdict=Verdict.NOT_CONVERGED) for estimate in reference.parameters)
+    with pytest.raises(SignalError, match="did not converge"):
+        with_suspension(truck, OneStage(), replace(reference, parameters=failed))
     with pytest.raises(VehicleError, match="use the same names"):
         with_suspension(Vehicle(name="alone", units=truck.units[:1]), OneStage(), reference)

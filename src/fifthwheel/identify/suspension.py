@@ -13,6 +13,7 @@ import numpy as np
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import Change
@@ -42,13 +43,15 @@ def with_suspension(vehicle: Vehicle, settings: OneStage, reference: Identificat
         reference: by one stage, of a log with a known payload.
 
     Raises:
-        SignalError: the identification has no joint covariance, or lumps the payload into the body.
+        SignalError: the identification has no joint covariance, lumps the payload into the body, or did not converge.
         VehicleError: the vehicle has other units or axle groups.
     """
     if reference.covariance is None or not isinstance(reference.settings, OneStage):
         raise SignalError("suspension: the identification has no joint covariance; identify it in one stage")
     if not (settings.uniform_payload and reference.settings.uniform_payload):
         raise SignalError("suspension: expected a payload height in both identifications; leave out --any-load")
+    if any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in reference.parameters):
+        raise SignalError("suspension: the identification with the known payload did not converge; see its report")
     values = reference.vehicle.parameters()
     carried = [path for path in values if independent_of_load(path)]
     if missing := [path for path in carried if path not in vehicle.parameters()]:
