@@ -11,11 +11,14 @@ import pytest
 from fifthwheel.identify.design import design_experiment
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get
+from fifthwheel.vehicle import Vehicle, get
 from tests.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
 
 HEIGHT, INERTIA = ESTIMATED[-1], ESTIMATED[-2]
 FAST = ("--speed", "80km/h")
+
+
+ROLL_TEST = ("roll-test", "-v", TRUCK, "--load", "2 t +- 1 %", "--shift", "0.9 m +- 5 mm")
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +41,10 @@ def test_check_tells_every_parameter(folder, run):  # noqa: F811
     for name in ESTIMATED:
         assert re.search(r"\+-30 %|\+-81 %", line_of(outcome.out, name))
         assert line_of(outcome.out, name).rstrip().endswith(" identifiable")
-    told = line_of(outcome.out, f"- {HEIGHT}: ")
-    assert re.match(
-        rf"- {HEIGHT}: \d+ % -> \d+ % if semitrailer\.roll_axis_height is measured and fixed \(--fix\), ->", told
+    assert re.search(
+        rf"- {HEIGHT}: \d+ % -> \d+ % if a static test of the semitrailer \(fifthwheel roll-test\) gives .* to 2 cm, "
+        r"-> \d+ % if semitrailer\.roll_axis_height is measured and fixed \(--fix\)",
+        " ".join(outcome.out.split()),
     )
     assert "Errors in the logs" not in outcome.out
     assert list(Path().iterdir()) == []
@@ -142,8 +146,9 @@ def test_design_says_why_not(run):  # noqa: F811
     assert outcome.code == 0
     assert outcome.out.startswith("No run reaches all targets: 1 of 1 missed")
     assert re.search(
-        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if semitrailer\.roll_[a-z]+ is measured and fixed \(--fix\)",
-        outcome.out.replace("roll_axis_height", "roll_axis"),
+        rf"- {HEIGHT}: \d+ %, target 2 %; -> \d+ % if a static test of the semitrailer .*, "
+        r"-> \d+ % if semitrailer\.roll_[a-z]+ is measured and fixed \(--fix\)",
+        " ".join(outcome.out.split()),
     )
     told = run(
         "design", "-v", TRUCK, "--target", f"{HEIGHT}=2%", *FAST, "--json",
@@ -191,3 +196,20 @@ def test_help(command, run):  # noqa: F811
         assert (outcome.code, outcome.err) == (0, "")
         assert outcome.out.partition("Examples")[2].count(f"fifthwheel {command}") >= 3
     assert command in run("--help").out
+
+
+def test_a_roll_test_writes_a_vehicle_file(run):  # noqa: F811
+    outcome = run(*ROLL_TEST, "--roll", "0.42 deg +- 2 %", "-o", "tested.toml")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert line_of(outcome.out, "semitrailer.roll_stiffness")
+    readings = ("--roll", "0.42 deg +- 2 %", "--displacement", "0.7 mm +- 0.1 mm", "--height", "0.9 m +- 5 mm")
+    numbers = run(*ROLL_TEST, *readings, "--json", "--force", "-o", "tested.toml").json()["parameters"]
+    assert numbers["semitrailer.roll_axis_height"]["value"] == pytest.approx(0.9 - 0.7e-3 / np.radians(0.42))
+    tested = Vehicle.load("tested.toml")
+    assert {path: tested.stated[path] for path in numbers} == {path: n["sigma"] for path, n in numbers.items()}
+
+
+def test_readings_need_a_standard_deviation(run):  # noqa: F811
+    refused(run(*ROLL_TEST, "--roll", "0.42 deg"), r"--roll: expected a standard deviation after '\+-'")
+    refused(run(*ROLL_TEST, "--roll", "0.42 kg +- 1 %"), "--roll: ")
+    assert list(Path().iterdir()) == []

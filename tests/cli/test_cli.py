@@ -214,6 +214,28 @@ def test_fixed_parameters_keep_their_values(folder, run):
     assert outcome.json()["settings"]["fixed"] == fixed
 
 
+def test_the_suspension_from_a_log_with_a_known_payload(folder, run):
+    height, known = "semitrailer.payload.height", Path("known/identification.json")
+    calibration = ("--fix", height, "--prior", "semitrailer.roll_stiffness=10%")
+    outcome = run("identify", folder / "first.csv", "-v", TRUCK, *calibration, "-o", "known")
+    assert outcome.code == 0, outcome.err
+    sigmas = []
+    for options in ((), ("--suspension-from", known)):
+        outcome = run("check", folder / "second.parquet", "-v", TRUCK, *options, "--json")
+        assert outcome.code == 0, outcome.err
+        sigmas += [p["sigma"] for p in outcome.json()["parameters"] if p["name"] == height]
+    assert sigmas[1] < 0.8 * sigmas[0]
+    outcome = run("identify", folder / "second.parquet", "-v", TRUCK, "--suspension-from", known, "--json")
+    assert outcome.code == 0, outcome.err
+    (found,) = (p for p in outcome.json()["parameters"] if p["name"] == height)
+    assert found["sigma"] < 1.2 * sigmas[1]
+    assert str(known) in Path("fifthwheel-out/report.html").read_text(encoding="utf-8")
+    refused(
+        run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article", "--suspension-from", known),
+        "--suspension-from: needs --method one-stage",
+    )
+
+
 def test_the_articles_preset(folder, run):
     outcome = run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article", "--json")
     assert outcome.code == 0, outcome.err

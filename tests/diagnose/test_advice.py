@@ -128,6 +128,11 @@ def test_dominant_uncertainties(result):
             f"60 % of the variance of {HEIGHT} comes from {AXIS} (assumed uncertainty 15 %). Measure it, or ",
         ),
         (AXIS, (axis,), f"--consider {AXIS}=5%"),
+        (
+            AXIS,
+            (axis,),
+            "Or calibrate it with a log with a known payload (--suspension-from), or by a static test (roll-test).",
+        ),
         (AXIS, (replace(axis, sigma=None),), "(assumed uncertainty 0 %)"),
         (SOFTENING, (), f"comes from {SOFTENING}. Tyres soften with the slip angle"),
         ("mass_scale", (), "comes from mass_scale. Measure it, and state its uncertainty in the vehicle file."),

@@ -52,6 +52,26 @@ def test_offsets_and_initial_state_are_fitted(steered: Vehicle) -> None:
     assert min(fit.explained for fit in result.values()) > 0.9999
 
 
+def test_the_offsets_belong_to_the_log_and_not_to_its_segments(steered: Vehicle) -> None:
+    """A bias that jumps between two segments is not explained; one that does not is."""
+    record = response(steered)
+    middle = record.time[len(record) // 2]
+    halves = [record.cut(record.time[0], middle), record.cut(middle + 0.01, record.time[-1])]
+
+    def rms(jump: float) -> float:
+        biases = [0.002, 0.002 + jump]
+        name = OUTPUTS[1]
+        segments = [h.with_signals({name: h.signals[name] + b}) for h, b in zip(halves, biases, strict=True)]
+        log = LogData(name="log", segments=segments)
+        unknowns = parameters.sensor_error_unknowns(steered, OUTPUTS, TwoStage())
+        model = dynamics.model(steered, OUTPUTS, roll=True)
+        found = free_run_fits(model, steered, log, unknowns, values={}, identified_on=False)
+        return next(fit.rms for fit in found if fit.signal == name)
+
+    assert rms(0.0) < 5e-4
+    assert rms(0.008) > 3e-3
+
+
 def test_gain_and_delay_are_applied(steered: Vehicle) -> None:
     record = response(steered)
     delayed = np.interp(record.time - 0.08, record.time, record.signals[STEER]) / 1.1

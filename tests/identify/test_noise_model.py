@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.identify.noise_model import FEWEST_SAMPLES, NoiseModel, fit_noise_model
+from fifthwheel.identify.noise_model import FEWEST_SAMPLES, NoiseModel, fit_noise_model, fit_spectrum
 
 Array = np.ndarray
 
@@ -37,6 +37,21 @@ def test_spectrum_is_that_of_the_covariance(model: NoiseModel) -> None:
         assert model.spectrum(np.array([frequency]), DT) == pytest.approx(expected, rel=1e-6)
     frequency = (np.arange(200_000) + 0.5) / 200_000 * 0.5 / DT
     assert model.spectrum(frequency, DT).mean() * 0.5 / DT == pytest.approx(model.variance, rel=1e-6)
+
+
+@pytest.mark.parametrize("model", MODELS, ids=str)
+def test_the_whitened_noise_is_white(model: NoiseModel) -> None:
+    noise = model.whitened(draws(model, 20, 6000, seed=1), DT)[:, 1000:]
+    assert np.var(noise) == pytest.approx(1.0, abs=0.02)
+    for lag in (1, 3, 30):
+        assert np.mean(noise[:, lag:] * noise[:, :-lag]) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("model", MODELS, ids=str)
+def test_the_fit_of_a_spectrum_recovers_its_model(model: NoiseModel) -> None:
+    frequency = np.arange(1, 30_000) / (60_000 * DT)
+    fitted = fit_spectrum(frequency, model.spectrum(frequency, DT), DT, 60_000 * DT)
+    assert fitted.spectrum(frequency, DT) == pytest.approx(model.spectrum(frequency, DT), rel=0.05)
 
 
 @pytest.mark.parametrize(

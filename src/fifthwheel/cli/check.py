@@ -29,6 +29,7 @@ def check(
     consider: options.ConsiderOption = None,
     any_load: options.AnyLoadOption = False,
     sensor: options.SensorOption = None,
+    suspension_from: options.SuspensionOption = None,
     plot: Annotated[
         Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
     ] = None,
@@ -49,6 +50,7 @@ def check(
     settings = options.one_stage(
         truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor
     )
+    truck, settings = options.with_suspension(truck, settings, suspension_from)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside)
         warn_of_axle_loads(truck, records)

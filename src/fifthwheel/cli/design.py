@@ -49,6 +49,7 @@ def design(
     prior: options.PriorOption = None,
     consider: options.ConsiderOption = None,
     any_load: options.AnyLoadOption = False,
+    suspension_from: options.SuspensionOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
@@ -60,7 +61,8 @@ def design(
 
     Tries lane changes, sweeps, random steering and bends, repeated one to twelve times, at several speeds and lateral
     accelerations. For each it predicts the sigma of every parameter after `identify`, at the values of the vehicle
-    file. If no run reaches the targets, it prints the best run and the parameters that limit the accuracy.
+    file, with the noise of the sensors and of a good road (class A of ISO 8608). If no run reaches the targets, it
+    prints the best run and the parameters that limit the accuracy.
     """
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
@@ -70,6 +72,7 @@ def design(
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
     settings = options.one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
+    truck, settings = options.with_suspension(truck, settings, suspension_from)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(

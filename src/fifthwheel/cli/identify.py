@@ -35,6 +35,7 @@ class Form(StrEnum):
     "fifthwheel identify run.csv -v truck.toml --validate other.csv",
     "fifthwheel identify run.csv -v truck.toml --fix tractor.front.cornering_stiffness",
     "fifthwheel identify run.csv -v truck.toml --free tractor.yaw_inertia --consider roll_stiffness=5%",
+    "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
 )
@@ -57,6 +58,7 @@ def identify(
     consider: options.ConsiderOption = None,
     any_load: options.AnyLoadOption = False,
     sensor: options.SensorOption = None,
+    suspension_from: options.SuspensionOption = None,
     form: Annotated[
         Form,
         typer.Option(help="Compare the logs with a free-running model, or with one-step predictions."),
@@ -82,8 +84,8 @@ def identify(
     """Estimate cornering stiffness, yaw inertia, payload height and states from logs.
 
     Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
-    states.parquet, report.html and run.json (digests of these files). --free, --prior, --consider, --any-load, --sensor
-    and --form belong to the one-stage method.
+    states.parquet, report.html and run.json (digests of these files). --free, --prior, --consider, --any-load,
+    --sensor, --suspension-from and --form belong to the one-stage method.
     """
     from fifthwheel.logs import start_reader
 
@@ -99,16 +101,19 @@ def identify(
     if method is Method.one_stage:
         _refuse_options("two-stage", {"--passes": passes})
         base = OneStage(check=check, form="output_error" if form is Form.output_error else "prediction_error")
-        settings: OneStage | TwoStage = options.one_stage(
+        one_stage = options.one_stage(
             truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor, base=base
         )
+        settings: OneStage | TwoStage
+        truck, settings = options.with_suspension(truck, one_stage, suspension_from)
     else:
         lists = {"--free": free, "--prior": prior, "--consider": consider, "--sensor": sensor}
-        _refuse_options("one-stage", {**lists, "--any-load": any_load, "--form": form is Form.prediction_error})
+        flags = {"--any-load": any_load, "--form": form is Form.prediction_error, "--suspension-from": suspension_from}
+        _refuse_options("one-stage", {**lists, **flags})
         preset = article() if method is Method.article else TwoStage()
         settings = replace(preset, fixed=tuple(fix or ()), check=check, passes=passes or preset.passes)
     inputs = [*logs, *(validate or [])]
-    read = [*inputs, Path(vehicle), *([signals] if signals else [])]
+    read = [*inputs, Path(vehicle), *(path for path in (signals, suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside)
         terminal.warn_of_axle_loads(truck, records)
@@ -116,7 +121,7 @@ def identify(
             run = run_identification(
                 records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
             )
-        provenance = provenance_of_run(inputs, vehicle, signals, command=sys.argv[1:])
+        provenance = provenance_of_run(inputs, vehicle, signals, suspension_from, command=sys.argv[1:])
         files = terminal.in_folder(out, write_results(run, folder, provenance=provenance, figures=figures))
     if as_json:
         terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})

@@ -96,6 +96,14 @@ AnyLoadOption = Annotated[
         "--any-load", help="Estimate CoG height and roll inertia separately, for a load that is not a uniform block."
     ),
 ]
+SuspensionOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--suspension-from",
+        help="An identification.json of the same truck with a known payload: roll stiffness, roll axis and unladen "
+        "bodies with their joint uncertainty.",
+    ),
+]
 
 
 def one_stage(
@@ -127,6 +135,22 @@ def one_stage(
         sensors=sensor_sigmas(sensor),
         base=base,
     )
+
+
+def with_suspension(
+    vehicle: "Vehicle", settings: "OneStage", identification: Path | None
+) -> "tuple[Vehicle, OneStage]":
+    """Vehicle and settings with the suspension of an identification, if one is given.
+
+    Raises:
+        SignalError: the file is not an identification in one stage.
+        VehicleError: it is of another vehicle.
+    """
+    if identification is None:
+        return vehicle, settings
+    from fifthwheel.identify import Identification, suspension
+
+    return suspension.with_suspension(vehicle, settings, Identification.load(identification))
 
 
 def named_values(

@@ -13,6 +13,8 @@ from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.variance_budget import dominant_terms
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
+from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS
+from fifthwheel.identify.suspension import independent_of_load
 from fifthwheel.names import ParameterPath, SensorErrorName
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
@@ -28,6 +30,8 @@ EXCITATION = {
     "height": f"add lane changes with more roll ({LANE_CHANGE}).",
 }
 """Quantity of a parameter -> the excitation that it needs."""
+CALIBRATION = "Or calibrate it with a log with a known payload (--suspension-from), or by a static test (roll-test)."
+"""Of a suspension, for the payload height."""
 VERDICTS = {
     Verdict.AT_BOUND: "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, "
     "axle positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
@@ -89,6 +93,12 @@ def describe_remedy(remedy: "Remedy", lane_change: str = "one more lane change")
             plural = len(subjects) > 1 or subjects[0].startswith(("all masses", "the axle positions"))
             clauses.append(f"{' and '.join(subjects)} {'are' if plural else 'is'} {manner}")
         return f"if {' and '.join(clauses)}"
+    if remedy.roll_test:
+        stiffness, axis = (
+            f"its roll stiffness to {percent(TESTED_STIFFNESS)}",
+            f"its roll axis to {100 * TESTED_AXIS:g} cm",
+        )
+        return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {stiffness} and {axis}"
     changes = [f"{remedy.channel} is logged"] if remedy.channel else []
     if remedy.drive:
         changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
@@ -186,6 +196,8 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         if source:
             known = f" (assumed uncertainty {percent((source.sigma or 0.0) / abs(source.value))})"
             cure = f"Measure it, or give its real uncertainty: --consider {term.source}=5%."
+            if ParameterPath.of(term.parameter).is_payload_height and independent_of_load(term.source):
+                cure += f" {CALIBRATION}"
         elif term.source.endswith(".softening"):
             cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration."
         yield Advice(

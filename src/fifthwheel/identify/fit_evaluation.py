@@ -1,13 +1,13 @@
 """How well the identified vehicle explains each log: the model runs free, and no measurement corrects it.
 
-The model is linear in its initial state, in the bank of the road and in the sensor offsets, theta together. The
-prediction of a segment is
+The model is linear in the initial state of each segment, in the bank of the road there and in the sensor offsets of
+the log, theta together. The prediction of a log is
 
     y(theta) = y_0 + Phi theta,    theta ~ N(0, S),
 
 with y_0 the response to the inputs from the steady initial state and Phi the responses to unit changes. theta
-minimises the weighted squares of y - y(theta) plus theta' S^-1 theta. Nothing else is fitted, so logs that were only
-predicted are comparable with logs that were used for the identification.
+minimises the weighted squares of y - y(theta) over all samples of the log plus theta' S^-1 theta. Nothing else is
+fitted, so logs that were only predicted are comparable with logs that were used for the identification.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -134,8 +134,16 @@ def free_run_fits(
         values: sensor gains and delays, SI.
         identified_on: whether the vehicle was identified on this log.
     """
-    responses = [_free_run(model, vehicle, log, segment, unknowns, values) for segment in log.segments]
-    time, measured, predicted = (np.concatenate(arrays) for arrays in zip(*responses, strict=True))
+    runs = [_free_run(model, vehicle, log, segment, unknowns, values) for segment in log.segments]
+    designs = [_Design(len(run.time), run.own, run.shared, 1 / run.deviation) for run in runs]
+    solutions = _robust_solution(designs, [(run.measured - run.response) / run.deviation for run in runs])
+    time, measured = (np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "measured"))
+    predicted = np.concatenate(
+        [
+            run.response + design.prediction(theta) * run.deviation
+            for run, design, theta in zip(runs, designs, solutions, strict=True)
+        ]
+    )
     fits = []
     for name, y, y_hat in zip(model.outputs, measured.T.copy(), predicted.T.copy(), strict=True):
         present = np.isfinite(y)
@@ -157,6 +165,18 @@ def free_run_fits(
     return fits
 
 
+@dataclass(frozen=True, kw_only=True)
+class _FreeRun:
+    """The free run of one segment, and the responses to unit changes of theta."""
+
+    time: Array  # (N,) s
+    measured: Array  # (N, m)
+    response: Array  # (N, m) from the steady initial state
+    deviation: Array  # (m,) standard deviation of the noise
+    own: Sequence[Array]  # responses (N_i, m) to the initial state and the bank, in units of their priors
+    shared: Sequence[Array]  # responses (N, m) to the offsets of the log, in units of their priors
+
+
 def _free_run(
     model: ChainModel,
     vehicle: Vehicle,
@@ -164,47 +184,60 @@ def _free_run(
     segment: Record,
     unknowns: Sequence[Unknown],
     values: Mapping[str, float],
-) -> tuple[Array, Array, Array]:
-    """Time (N,), measured and predicted outputs (N, m) of one segment."""
+) -> _FreeRun:
     p = dynamics.all_parameters(vehicle, model.outputs)
     p |= {name: value for name, value in values.items() if not is_sensor_error(name, "delay")}
     inputs = corrected_inputs(segment, model.inputs, values)
     first = {name: float(v[0]) for name, v in inputs.items()}
     bank = INITIAL_SIGMA["bank"] if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
-    response = linear_response(model, p, segment.time, inputs, x0)[1]
-    columns, sigma = _unit_responses(model, p, segment.time, inputs, np.asarray(np.linalg.cholesky(P0)), unknowns)
+    own, shared = _unit_responses(model, p, segment.time, inputs, np.asarray(np.linalg.cholesky(P0)), unknowns)
     missing = np.full(len(segment.time), np.nan)
-    measured = np.column_stack([segment.signals.get(name, missing) for name in model.outputs])
-    deviation = np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs])
-    target = (measured - response) / deviation
-    design = _Design(len(target), columns, np.array(sigma) / deviation[:, None])
-    return segment.time, measured, response + design.prediction(_robust_solution(design, target)) * deviation
+    return _FreeRun(
+        time=segment.time,
+        measured=np.column_stack([segment.signals.get(name, missing) for name in model.outputs]),
+        response=linear_response(model, p, segment.time, inputs, x0)[1],
+        deviation=np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs]),
+        own=own,
+        shared=shared,
+    )
 
 
 @dataclass(frozen=True)
 class _Design:
-    """The design matrix (N, m, k) of a linear regression, in blocks of samples: it would not fit into memory."""
+    """The design matrix (N, m, j) of a segment, in blocks of samples: it would not fit into memory."""
 
     samples: int  # N
-    columns: Sequence[Array]  # k of (N_i, m); a shorter one is zero from there on
-    scale: Array  # (m, k) factor of each column
+    own: Sequence[Array]  # of (N_i, m); a shorter one is zero from there on
+    shared: Sequence[Array]  # of (N, m), whose elements of theta are those of the log
+    scale: Array  # (m,) factor of each channel
 
     def blocks(self) -> Iterator[tuple[slice, Array, list[int]]]:
         """Blocks of samples, their matrices (M, m, j), and the numbers of the j columns that are not zero."""
-        channels = len(self.scale)
+        channels, columns = len(self.scale), (*self.own, *self.shared)
         for begin in range(0, self.samples, BLOCK):
             rows = slice(begin, min(begin + BLOCK, self.samples))
-            active = [i for i, column in enumerate(self.columns) if len(column) > begin]
+            active = [i for i, column in enumerate(columns) if len(column) > begin]
             matrix = np.zeros((rows.stop - begin, channels, len(active)))
             for j, i in enumerate(active):
-                column = self.columns[i][rows]
+                column = columns[i][rows]
                 matrix[: len(column), :, j] = column
-            yield rows, matrix * self.scale[:, active], active
+            yield rows, matrix * self.scale[:, None], active
 
     def prediction(self, theta: Array) -> Array:
-        """The product (N, m) with theta (k,)."""
+        """The product (N, m) with theta (j,) of the segment."""
         return np.concatenate([matrix @ theta[active] for _, matrix, active in self.blocks()])
+
+    def normal_equations(self, target: Array, weight: Array) -> tuple[Array, Array]:
+        """Matrix (j, j) and right side (j,) of the weighted least squares; target and weight (N, m)."""
+        k = len(self.own) + len(self.shared)
+        normal, product = np.zeros((k, k)), np.zeros(k)
+        for rows, matrix, active in self.blocks():
+            if active:
+                weighted = (matrix * weight[rows, :, None]).reshape(-1, len(active))
+                normal[np.ix_(active, active)] += weighted.T @ matrix.reshape(-1, len(active))
+                product[active] += np.where(weight[rows] > 0, target[rows], 0.0).ravel() @ weighted
+        return normal, product
 
 
 def _unit_responses(
@@ -214,12 +247,11 @@ def _unit_responses(
     inputs: Mapping[str, Array],
     initial_factor: Array,
     unknowns: Sequence[Unknown],
-) -> tuple[list[Array], list[float]]:
-    """Responses (N, m) to a unit of each element of theta, and the prior standard deviation of each.
+) -> tuple[list[Array], list[Array]]:
+    """Responses (N, m) to one prior standard deviation of each element of theta: of the segment, and of the log.
 
-    theta holds z (n,) of the deviation L z of the initial state with the factor L (n, n), then the offsets of the steer
-    angles and those of the outputs, as far as they are among the unknowns. Responses to initial states end where they
-    have decayed.
+    To z (n,) of the deviation L z of the initial state with the factor L (n, n), which end where they have decayed; and
+    to the offsets of the steer angles and those of the outputs, as far as they are among the unknowns.
     """
     straight = {name: np.zeros_like(time) for name in model.inputs[1:]}
 
@@ -235,17 +267,14 @@ def _unit_responses(
             count = min(2 * count, len(time))
             column = run(x0, straight, count) - baseline[:count]
         columns.append(column)
-    sigma = [1.0] * len(columns)
-    offsets = {u.name: u.scale for u in unknowns if u.per_log}
+    offsets, shared = {u.name: u.scale for u in unknowns if u.per_log}, []
     for name in model.inputs[1:]:
-        if f"{name}.offset" in offsets:
-            columns.append(run(None, straight | {name: -np.ones_like(time)}) - baseline)
-            sigma.append(offsets[f"{name}.offset"])
+        if sigma := offsets.get(f"{name}.offset"):
+            shared.append(sigma * (run(None, straight | {name: -np.ones_like(time)}) - baseline))
     for name, column in zip(model.outputs, np.eye(len(model.outputs)), strict=True):
-        if f"{name}.offset" in offsets:
-            columns.append(np.broadcast_to(column, (len(time), len(column))))
-            sigma.append(offsets[f"{name}.offset"])
-    return columns, sigma
+        if sigma := offsets.get(f"{name}.offset"):
+            shared.append(np.broadcast_to(sigma * column, (len(time), len(column))))
+    return columns, shared
 
 
 def _decayed(response: Array) -> bool:
@@ -254,24 +283,36 @@ def _decayed(response: Array) -> bool:
     return bool(second <= DECAYED * first)
 
 
-def _robust_solution(design: _Design, target: Array) -> Array:
-    """theta (k,) in units of its prior, by least squares in three iterations; outliers are left out.
+def _robust_solution(designs: Sequence[_Design], targets: Sequence[Array]) -> list[Array]:
+    """theta (j,) of each segment in units of its prior, by least squares in three iterations without outliers.
 
     Args:
-        design: (N, m, k), in units of noise and prior.
-        target: (N, m), in units of noise; NaN where not measured.
+        designs: of each segment, in units of noise and prior.
+        targets: (N, m) of each segment, in units of noise; NaN where not measured.
     """
-    weight, k = np.isfinite(target).astype(float), len(design.columns)
+    weights = [np.isfinite(target).astype(float) for target in targets]
     for _ in range(3):
-        normal, product = np.eye(k), np.zeros(k)
-        for rows, matrix, active in design.blocks():
-            if not active:
-                continue
-            weighted = (matrix * weight[rows, :, None]).reshape(-1, len(active))
-            normal[np.ix_(active, active)] += weighted.T @ matrix.reshape(-1, len(active))
-            product[active] += np.where(weight[rows] > 0, target[rows], 0.0).ravel() @ weighted
-        solution = np.asarray(np.linalg.solve(normal, product), dtype=np.float64)
-        residual = np.abs(target - design.prediction(solution))
-        typical = max(1.0, float(np.nanmedian(residual) / 0.6745))
-        weight = (np.nan_to_num(residual, nan=np.inf) < OUTLIER * typical).astype(float)
-    return solution
+        solutions = _solution(
+            [d.normal_equations(*tw) for d, *tw in zip(designs, targets, weights, strict=True)], designs
+        )
+        residuals = [np.abs(t - d.prediction(x)) for t, d, x in zip(targets, designs, solutions, strict=True)]
+        typical = max(1.0, float(np.nanmedian(np.concatenate(residuals)) / 0.6745))
+        weights = [(np.nan_to_num(r, nan=np.inf) < OUTLIER * typical).astype(float) for r in residuals]
+    return solutions
+
+
+def _solution(equations: Sequence[tuple[Array, Array]], designs: Sequence[_Design]) -> list[Array]:
+    """theta (j,) of each segment, from its normal equations without the prior.
+
+    Elimination of the elements of each segment leaves equations of the shared ones: a log may have many segments.
+    """
+    k = len(designs[0].shared)
+    matrix, right, eliminated = np.eye(k), np.zeros(k), []
+    for (normal, product), design in zip(equations, designs, strict=True):
+        n = len(design.own)
+        own = np.linalg.solve(normal[:n, :n] + np.eye(n), np.column_stack([normal[:n, n:], product[:n]]))
+        matrix += normal[n:, n:] - normal[n:, :n] @ own[:, :k]
+        right += product[n:] - normal[n:, :n] @ own[:, k]
+        eliminated.append(own)
+    shared = np.linalg.solve(matrix, right)
+    return [np.concatenate([own[:, k] - own[:, :k] @ shared, shared]) for own in eliminated]

@@ -44,6 +44,20 @@ class NoiseModel:
         """Variance of a residual, r + q."""
         return self.white + self.discrepancy
 
+    def whitened(self, values: Array, dt: float) -> Array:
+        """Values (..., N) through the filter that makes noise of this model white with variance 1, once it has settled.
+
+        The spectral density factorises to s^2 |1 - theta z^-1|^2 / |1 - phi z^-1|^2, with s^2 (1 + theta^2) =
+        r (1 + phi^2) + q (1 - phi^2) and s^2 theta = r phi. Values before the first are 0.
+        """
+        from scipy.signal import lfilter  # slow to import
+
+        phi = math.exp(-dt / self.time_constant)
+        half = (self.white * (1 + phi**2) + self.discrepancy * (1 - phi**2)) / 2
+        variance = half + math.sqrt(max(half**2 - (self.white * phi) ** 2, 0.0))
+        theta = self.white * phi / variance
+        return np.asarray(lfilter([1.0, -phi], [1.0, -theta], values) / math.sqrt(variance))
+
     def spectrum(self, frequency: Array, dt: float) -> Array:
         """One-sided spectral density at frequencies in Hz, SI squared per Hz."""
         phi = math.exp(-dt / self.time_constant)
@@ -58,13 +72,40 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
         segments: residuals of each segment (N_i,), without missing samples.
         dt: sample interval, s.
     """
-    frequency, density, count = _binned_periodogram([s for s in segments if len(s) >= FEWEST_SAMPLES], dt)
-    everything = np.concatenate(list(segments))
-    total = max(float(np.mean(everything**2)), np.finfo(float).tiny)
+    long = [s for s in segments if len(s) >= FEWEST_SAMPLES]
+    total = max(float(np.mean(np.concatenate(list(segments)) ** 2)), np.finfo(float).tiny)
+    if not long:
+        return NoiseModel(white=total)
+    frequency, density = (np.concatenate(parts) for parts in zip(*(_periodogram(s, dt) for s in long), strict=True))
+    return _fit(*_binned(frequency, density), dt, max(len(s) for s in segments) * dt, total)
+
+
+def fit_spectrum(frequency: Array, density: Array, dt: float, duration: float) -> NoiseModel:
+    """The noise model that residuals with a given spectrum would have.
+
+    Args:
+        frequency: (N,) Hz, as those of a periodogram.
+        density: (N,) one-sided, SI squared per Hz.
+        dt: sample interval, s.
+        duration: of the residuals, s.
+    """
+    total = max(float(density.sum() / (len(frequency) * 2 * dt)), np.finfo(float).tiny)
+    return _fit(*_binned(frequency, density), dt, duration, total)
+
+
+def _fit(frequency: Array, density: Array, count: Array, dt: float, duration: float, total: float) -> NoiseModel:
+    """The noise model of a binned periodogram.
+
+    Args:
+        frequency, density, count: of each bin, as `_binned` gives them.
+        dt: sample interval, s.
+        duration: of the longest segment, s.
+        total: variance of the residuals, SI squared.
+    """
     if len(frequency) < 4:
         return NoiseModel(white=total)
     high = max(float(np.median(density[-max(len(density) // 6, 1) :])) / (2 * dt), 1e-4 * total)
-    shortest, longest = 2 * dt, min(LONGEST_TIME_CONSTANT, max(len(s) for s in segments) * dt / 4)
+    shortest, longest = 2 * dt, min(LONGEST_TIME_CONSTANT, duration / 4)
 
     def model(theta: Array) -> NoiseModel:
         r, q, tau = np.exp(np.clip(theta, -80.0, 80.0))
@@ -92,11 +133,8 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
     return fitted
 
 
-def _binned_periodogram(segments: Sequence[Array], dt: float) -> tuple[Array, Array, Array]:
-    """Frequency, Hz, mean density, SI squared per Hz, and number of values of each bin of the periodograms."""
-    if not segments:
-        return np.zeros(0), np.zeros(0), np.zeros(0)
-    frequency, density = (np.concatenate(parts) for parts in zip(*(_periodogram(s, dt) for s in segments), strict=True))
+def _binned(frequency: Array, density: Array) -> tuple[Array, Array, Array]:
+    """Frequency, Hz, mean density, SI squared per Hz, and number of values of each bin of periodograms."""
     edges = np.geomspace(frequency.min(), frequency.max() * (1 + 1e-9), BINS + 1)
     bins = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, BINS - 1)
     count = np.bincount(bins, minlength=BINS).astype(float)

@@ -283,21 +283,31 @@ def _accelerometer_errors(
 
 
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
-    """The considered changes of the masses and lengths of the vehicle file.
+    """The considered changes of the vehicle: those of the masses and lengths of its file, and those of the settings.
 
     Args:
         vehicle: with the standard deviations that its file states.
         done: parameters that have an unknown of their own.
         settings: of the identification; parameters that it fixes are exact.
     """
-    factor = settings.consider.get("vehicle_file", 0.0)
+    factor, replaced = settings.consider.get("vehicle_file", 0.0), _changed_paths(settings)
+    of_file = {
+        change.name: {path: s * factor for path, s in change.slopes.items() if path not in replaced}
+        for change in (changes(vehicle) if factor else ())
+    }
+    given = {change.name: change.slopes for change in settings.changes}
     exact = expand_names(vehicle, settings.fixed)
     unknowns = []
-    for change in changes(vehicle) if factor else ():
-        moves = {path: s * factor for path, s in change.slopes.items() if path not in done and path not in exact}
+    for name, slopes in {**of_file, **given}.items():
+        moves = {path: slope for path, slope in slopes.items() if path not in done and path not in exact}
         if moves:
-            unknowns.append(_considered(change.name, 1.0, moves))
+            unknowns.append(_considered(name, 1.0, moves))
     return unknowns
+
+
+def _changed_paths(settings: OneStage) -> set[str]:
+    """Parameters whose uncertainty is in the changes of the settings."""
+    return {path for change in settings.changes for path in change.slopes}
 
 
 def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
@@ -363,12 +373,13 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
     """
     loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
     done = {*estimated, *expand_names(vehicle, settings.fixed)}
+    changed = _changed_paths(settings)
     unknowns = []
     for table, considered in ((settings.priors, False), (settings.consider, True)):
         for name, value in vehicle.parameters().items():
             key, path = longest_matching_key(name, table), ParameterPath.of(name)
             excluded = value <= 0 or (path.unit in loaded and path.component == "sprung")
-            if key is None or name in done or (excluded and key != name):
+            if key is None or name in done or (considered and name in changed) or (excluded and key != name):
                 continue
             done.add(name)
             sigma = table[key]

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from fifthwheel.errors import SignalError
+from fifthwheel.vehicle.uncertainty import Change
 
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
@@ -168,6 +169,9 @@ class OneStage(CommonSettings):
     """Considered parameters (Schmidt): they keep the value of the vehicle file, and every sigma includes their
     uncertainty. Same form as `priors`. Estimated, they would absorb model error, because a log hardly separates them
     from the estimated parameters. Empty if the rest of the vehicle file is exact."""
+    changes: tuple[Change, ...] = ()
+    """Considered parameters whose errors are correlated, as independent changes of the vehicle. They replace the
+    uncertainty of the parameters that they alter, by `consider` and by the vehicle file (`identify.suspension`)."""
     uniform_payload: bool = True
     """The payload fills its width and height uniformly, so that its height gives CoG height (8) and roll inertia (9).
     False estimates `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body separately."""

@@ -6,6 +6,7 @@ from fifthwheel.vehicle.catalogue import get, names
 from fifthwheel.vehicle.coupling import Coupling
 from fifthwheel.vehicle.paths import unit_of
 from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
+from fifthwheel.vehicle.roll_test import Measured, RollTest, with_roll_test
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS, Change, DefaultSigma, changes
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
@@ -19,7 +20,9 @@ __all__ = [
     "Coupling",
     "DefaultSigma",
     "Laden",
+    "Measured",
     "Payload",
+    "RollTest",
     "SprungMass",
     "Unit",
     "Vehicle",
@@ -32,6 +35,7 @@ __all__ = [
     "names",
     "unit_of",
     "with_axle_loads",
+    "with_roll_test",
 ]
 
 make_callable(__name__, get)

@@ -8,6 +8,7 @@ from fifthwheel.workflow.inputs import read_records, read_vehicle
 from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
+from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
@@ -27,9 +28,11 @@ __all__ = [
     "one_stage_settings",
     "read_records",
     "read_vehicle",
+    "roll_tested_vehicle",
     "run_identification",
     "run_states",
     "survey_file",
+    "tested_numbers",
     "weigh_vehicle",
     "write_results",
 ]

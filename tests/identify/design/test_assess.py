@@ -17,7 +17,7 @@ from fifthwheel.identify.design import (
     assess_information,
 )
 from fifthwheel.identify.design.predict import InformationPredictor, combine_information
-from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT
+from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, TESTED_AXIS, TESTED_STIFFNESS
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
@@ -119,8 +119,21 @@ def test_every_run_has_its_own_sensor_errors_and_initial_states(truck, record):
     assert information[first, second] == 0
 
 
+def test_a_roll_test_helps_as_predicted(truck, record, assessment):
+    remedy = assessment[HEIGHT].remedies[0]
+    assert remedy.roll_test == "semitrailer"
+    p, (group,) = truck.parameters(), truck.unit("semitrailer").axle_groups
+    springs = ("semitrailer.roll_stiffness", "semitrailer.tyre_roll_stiffness")
+    prior = 0.1 * np.hypot(*[group.total_roll_stiffness / p[name] for name in springs])
+    stated = {name: 0.1 * TESTED_STIFFNESS / prior * p[name] for name in springs} | {AXIS: TESTED_AXIS}
+    after = assess_information([record], truck.with_stated(stated))[HEIGHT]
+    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+    assert remedy.sigma < 0.7 * assessment[HEIGHT].sigma
+
+
 def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
-    one, two = assessment[HEIGHT].remedies
+    more = assess_information([record], truck, assessment=AssessmentSettings(max_remedies=3))
+    _, one, two = more[HEIGHT].remedies
     assert (one.known, two.known[0]) == ((AXIS,), AXIS)
     for remedy in (one, two):
         after = assess_information([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
@@ -284,7 +297,8 @@ def test_estimated_and_fixed_parameters(truck, record):
 def test_json(assessment):
     content = json.loads(assessment.to_json())
     assert [p["name"] for p in content["parameters"]] == [p.name for p in assessment.parameters]
-    assert content["parameters"][-1]["remedies"][0]["known"] == [AXIS]
+    first, second = content["parameters"][-1]["remedies"]
+    assert (first["roll_test"], second["known"]) == ("semitrailer", [AXIS])
     assert content["logs"] == ["lanes"]
     with pytest.raises(KeyError):
         assessment["tractor.mass"]

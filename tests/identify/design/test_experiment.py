@@ -21,6 +21,7 @@ from fifthwheel.identify.design import (
 from fifthwheel.identify.design.impulse_response import ImpulseResponse
 from fifthwheel.identify.design.predict import InformationPredictor
 from fifthwheel.identify.design.search import search_candidates
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import lateral_acceleration, steer_record
@@ -31,7 +32,8 @@ from fifthwheel.vehicle import Vehicle
 GYROS = article_gyro_variance(["tractor", "semitrailer"])
 EXACT = OneStage(priors={}, consider={}, nuisances=False)
 INERTIA, HEIGHT, FRONT = "semitrailer.yaw_inertia", "semitrailer.payload.height", "tractor.front.cornering_stiffness"
-QUICK = DesignSettings(speeds=(80 / 3.6,), frequencies=(0.4,))
+WHITE = {name: NoiseModel(white=variance) for name, variance in GYROS.items()}
+QUICK = DesignSettings(speeds=(80 / 3.6,), frequencies=(0.4,), roughness=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +62,34 @@ def sigmas_along(predictor: InformationPredictor, run: ProposedRun) -> dict[str,
     return {name: result.sigma(name) * predictor.prior_sigma(name) / values[name] for name in predictor.estimated}
 
 
+COLOURED = WHITE | {
+    "roll_rate.semitrailer": NoiseModel(white=4e-5, discrepancy=1e-4, time_constant=0.3),
+    "yaw_rate.tractor": NoiseModel(white=1e-5, discrepancy=2e-5, time_constant=0.05),
+}
+
+
+def test_the_impulse_response_of_coloured_noise(steered):
+    """As for white noise, but for the first samples: the filter of the run has not settled there."""
+    speed, rate = 21.0, 100.0
+    predictor = InformationPredictor.of(steered, OneStage(), [speed])
+    manoeuvre = candidate_manoeuvres(speed, (0.4,))[0]
+    steer = manoeuvre.steer(steered, rate)
+    log = LogData(
+        name="run",
+        segments=[steer_record(steered, speed, manoeuvre.repeated(steer, 2, rate), rate, "run")],
+        noise=dict(GYROS),
+        noise_models=COLOURED,
+    )
+    expected = predictor.posterior([predictor.run_information(log, list(GYROS))])
+    response = ImpulseResponse.of(predictor, speed, rate=rate, noise=COLOURED)
+    result = predictor.posterior_of(response.names, response.information(manoeuvre, steer, 2).at(1.0)[-1], GYROS)
+    white = ImpulseResponse.of(predictor, speed, rate=rate, noise=WHITE)
+    other = predictor.posterior_of(white.names, white.information(manoeuvre, steer, 2).at(1.0)[-1], GYROS)
+    for name in predictor.estimated:
+        assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=5e-3)
+    assert other.sigma(HEIGHT) < 0.95 * result.sigma(HEIGHT)
+
+
 @pytest.mark.parametrize("number", range(4))
 def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
     """The convolution against the derivatives along the run, for any size and number of repetitions.
@@ -69,7 +99,7 @@ def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
     """
     speed, rate, size = 21.0, 100.0, 1.3
     predictor = InformationPredictor.of(steered, OneStage(), [speed])
-    response = ImpulseResponse.of(predictor, speed, rate=rate, noise=GYROS)
+    response = ImpulseResponse.of(predictor, speed, rate=rate, noise=WHITE)
     manoeuvre = candidate_manoeuvres(speed, (0.4,))[number]
     steer = manoeuvre.steer(steered, rate)
     for count, scaled in enumerate(response.information(manoeuvre, steer, 3).at(size), 1):
@@ -186,11 +216,12 @@ def test_considered_parameters_limit_the_sigma(truck):
     (unmet,) = design.unmet
     assert not design.met
     assert unmet.sigma == design.best.sigma[HEIGHT] > unmet.wanted == 0.02
-    assert unmet.remedies[0].known[0] in ("semitrailer.roll_axis_height", "semitrailer.roll_stiffness")
-    for remedy in unmet.remedies:
-        after = assess_information([simulated(design)], truck, OneStage(fixed=remedy.known))[HEIGHT]
-        assert remedy.sigma == pytest.approx(after.sigma / after.value, rel=0.1)
-        assert remedy.sigma < 0.9 * unmet.sigma
+    tested, measured = unmet.remedies
+    assert tested.roll_test == "semitrailer"
+    assert measured.known[0] in ("semitrailer.roll_axis_height", "semitrailer.roll_stiffness")
+    after = assess_information([simulated(design)], truck, OneStage(fixed=measured.known))[HEIGHT]
+    assert measured.sigma == pytest.approx(after.sigma / after.value, rel=0.1)
+    assert tested.sigma < measured.sigma < 0.9 * unmet.sigma
     uncertain = OneStage(priors={"relaxation_length": 0.5})
     design = design_experiment(truck, {FRONT: 0.01}, uncertain, planning=QUICK)
     known = [name for remedy in design.unmet[0].remedies for name in remedy.known]

@@ -15,6 +15,7 @@ from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, is_stable, possible_channels
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.design.road_noise import road_noise
 from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.verdict import Verdict
@@ -130,8 +131,9 @@ def design_experiment(
     """The shortest run after which a one-stage fit reaches all targets; of equally long runs the gentlest.
 
     Predicted, like `assess_information`, at the values of the vehicle file: the better the file, the better the design.
-    The model is assumed to be exact, the road level, and only the first steered axle steers. A longer or harder run is
-    not always better: with more data, errors of the considered parameters have a larger effect on the estimates.
+    The model is assumed to be exact, and only the first steered axle steers. The road is uneven (`road_noise`), but it
+    has no bank. A longer or harder run is not always better: with more data, errors of the considered parameters have a
+    larger effect on the estimates.
 
     Args:
         vehicle: what is known of the truck.
@@ -179,7 +181,7 @@ def design_experiment(
         rate=planning.rate,
         best=best,
         alternatives=tuple(others[: planning.alternatives]),
-        unmet=_unmet_targets(predictor, best, targets, noise, planning.rate),
+        unmet=_unmet_targets(predictor, best, targets, noise, planning),
         notes=(note,) if unstable else (),
     )
 
@@ -275,16 +277,20 @@ def _unmet_targets(
     best: ProposedRun,
     targets: Mapping[str, float],
     noise: Mapping[str, float],
-    rate: float,
+    planning: DesignSettings,
 ) -> tuple[UnmetTarget, ...]:
     """The targets that the best run does not reach, with remedies."""
     missed = {name: target for name, target in targets.items() if best.sigma[name] > target}
     if not missed:
         return ()
+    rate = planning.rate
+    models = road_noise(predictor.vehicle, best.speed, rate, noise, planning.roughness)
     record = steer_record(predictor.vehicle, best.speed, best.steer, rate, best.kind)
-    log = LogData(name=record.name, segments=[record], noise=dict(noise))
+    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=models)
     run = predictor.run_information(log, list(noise))
-    lane_change = lane_change_information(predictor, speed=best.speed, rate=rate, channels=list(noise), noise=noise)
+    lane_change = lane_change_information(
+        predictor, speed=best.speed, rate=rate, channels=list(noise), noise=noise, noise_models=models
+    )
     remedies = PredictedRemedies.of(predictor, [run], lane_change, estimated_knowable=False)
     unmet = []
     for name, target in missed.items():

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, with_every_sample
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
@@ -49,7 +50,8 @@ class ManoeuvreInformation:
     steer: Array
     """Steer angle (N,) of all repetitions at size 1, rad."""
     derivatives: Array
-    """Derivatives (n, k, N m / n) of the samples of each repetition at size 1; zero for unknowns of `along_run`."""
+    """Whitened derivatives (n, k, N m / n) of the samples of each repetition at size 1; zero for unknowns of
+    `along_run`."""
 
     def at(self, size: float) -> Array:
         """Information (n, k, k) of 1, 2, ... n repetitions with a steer angle `size` times as large."""
@@ -71,15 +73,15 @@ class ManoeuvreInformation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImpulseResponse:
-    """Derivatives of m channels with respect to k unknowns at one speed, relative to the noise; made by `of`."""
+    """Derivatives of m channels with respect to k unknowns at one speed; made by `of`."""
 
     predictor: InformationPredictor
     speed: float
     """m/s."""
     rate: float
     """Sampling rate, Hz."""
-    noise: Mapping[str, float]
-    """Variance of each logged channel, SI squared."""
+    noise: Mapping[str, NoiseModel]
+    """Of each logged channel."""
     names: tuple[str, ...]
     """Names of the unknowns (k,)."""
     straight: Array
@@ -92,7 +94,7 @@ class ImpulseResponse:
 
     @classmethod
     def of(
-        cls, predictor: InformationPredictor, speed: float, *, rate: float, noise: Mapping[str, float]
+        cls, predictor: InformationPredictor, speed: float, *, rate: float, noise: Mapping[str, NoiseModel]
     ) -> "ImpulseResponse":
         """Compute the derivatives of both runs.
 
@@ -100,13 +102,13 @@ class ImpulseResponse:
             predictor: of a truck that is stable at this speed.
             speed: m/s.
             rate: sampling rate, Hz.
-            noise: variance of each logged channel, SI squared.
+            noise: noise model of each logged channel.
         """
         steer = np.zeros(round(DECAY_TIME * rate))
-        names, straight = _derivatives(predictor, predictor.unknowns, speed, steer, rate, noise)
+        names, straight = _derivatives(predictor, predictor.unknowns, speed, steer, rate, list(noise))
         steered = np.asarray(~straight.any(axis=(1, 2)), dtype=np.bool_)
         steer[1] = PULSE_SIZE  # linear between samples: the pulse begins to act after the first sample
-        _, pulse = _derivatives(predictor, predictor.unknowns, speed, steer, rate, noise)
+        _, pulse = _derivatives(predictor, predictor.unknowns, speed, steer, rate, list(noise))
         superposed = steered & [not along_run(name) for name in names]
         return cls(
             predictor=predictor,
@@ -125,10 +127,15 @@ class ImpulseResponse:
         return tuple(i for i, name in enumerate(self.names) if along_run(name))
 
     def along(self, steer: Array) -> Array:
-        """Derivatives (q, N, m) along a run with a steer angle (N,), rad, for the q unknowns of `along_run`."""
+        """Whitened derivatives (q, N, m) for the q unknowns of `along_run` and a steer angle (N,), rad."""
         unknowns = [u for u in self.predictor.unknowns if along_run(u.name)]
-        names, derivatives = _derivatives(self.predictor, unknowns, self.speed, steer, self.rate, self.noise)
-        return derivatives[[names.index(self.names[i]) for i in self.separate]]
+        names, derivatives = _derivatives(self.predictor, unknowns, self.speed, steer, self.rate, list(self.noise))
+        return self._whitened(derivatives[[names.index(self.names[i]) for i in self.separate]])
+
+    def _whitened(self, derivatives: Array) -> Array:
+        """Derivatives (k, N, m) through the filter that makes the noise of each channel white with variance 1."""
+        channels = [model.whitened(derivatives[..., i], 1 / self.rate) for i, model in enumerate(self.noise.values())]
+        return np.stack(channels, axis=-1)
 
     def information(self, manoeuvre: CandidateManoeuvre, steer: Array, count: int) -> ManoeuvreInformation:
         """Information of 1, 2, ... `count` repetitions of a manoeuvre, to the left and to the right in turn.
@@ -145,6 +152,7 @@ class ImpulseResponse:
         for i in range(count):
             segment = derivatives[:, i * period : i * period + response.shape[1]]
             segment += (-1) ** i * response[:, : segment.shape[1]]
+        derivatives = self._whitened(derivatives)
         return ManoeuvreInformation(
             response=self,
             steer=manoeuvre.repeated(steer, count, self.rate),
@@ -167,16 +175,16 @@ def _derivatives(
     speed: float,
     steer: Array,
     rate: float,
-    noise: Mapping[str, float],
+    logged: Sequence[str],
 ) -> tuple[tuple[str, ...], Array]:
-    """Names (k,) of the unknowns, and the derivatives (k, N, m) of the channels over the noise's standard deviation."""
+    """Names (k,) of the unknowns, and the derivatives (k, N, m) of the logged channels."""
     record = steer_record(predictor.vehicle, speed, steer, rate, "impulse response")
     log = LogData(name=record.name, segments=[with_every_sample(record, predictor.channels)])
     problem = Problem(predictor.model, predictor.vehicle, [log], unknowns, predictor.settings)
-    jacobian, first = np.zeros((len(problem.names), len(record), len(noise))), 0
-    channels = [predictor.channels.index(name) for name in noise]
+    jacobian, first = np.zeros((len(problem.names), len(record), len(logged))), 0
+    channels = [predictor.channels.index(name) for name in logged]
     for block in problem.blocks(np.zeros(len(problem.names)), 0, 0):
         rows = slice(first, first + len(block.time))
         jacobian[block.indices, rows] = np.moveaxis(block.jacobian[:, channels], -1, 0)
         first = rows.stop
-    return problem.names, jacobian / np.sqrt(list(noise.values()))
+    return problem.names, jacobian

@@ -8,6 +8,7 @@ small matrices. All weights of Huber's loss are 1. The model is assumed to be ex
 
 from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,6 +171,7 @@ class InformationPredictor:
             name=log.name,
             segments=[with_every_sample(segment, self.channels) for segment in log.segments],
             noise=dict(log.noise),
+            noise_models=log.noise_models,
         )
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.model, self.vehicle, [log], self.unknowns, self.settings)
@@ -203,16 +205,25 @@ class InformationPredictor:
         return np.column_stack([np.isfinite(segment.signals.get(name, missing)) for name in self.channels])
 
     def posterior(
-        self, runs: Sequence[RunInformation], *, known: Collection[str] = (), added: Collection[str] = ()
+        self,
+        runs: Sequence[RunInformation],
+        *,
+        known: Collection[str] = (),
+        better_known: Mapping[str, float] = MappingProxyType({}),
+        added: Collection[str] = (),
     ) -> PredictedPosterior:
         """The posterior that a fit of these runs would give.
 
         Args:
             runs: information of each run.
             known: unknowns that are known exactly; of an unknown that every run has, all of them.
+            better_known: factor of the prior sigma of unknowns that every run shares; their sigma after the fit is
+                relative to the smaller prior.
             added: channels that are logged as well.
         """
         names, information = combine_information(runs, known=known, added=added)
+        factors = np.array([better_known.get(name, 1.0) for name in names])
+        information = information * np.outer(factors, factors)
         return self.posterior_of(names, information, {*added, *[name for run in runs for name in run.logged]})
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:

@@ -2,16 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior, RunInformation
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
+from fifthwheel.vehicle import Unit
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 REPEAT, LANE_CHANGE = "again", "lane_change"
+TESTED_STIFFNESS = 0.05
+"""Sigma of a roll stiffness after a static roll test, as a fraction: a roll of 0.4 deg measured to 0.01 deg, and a unit
+in front whose roll stiffnesses are known to 10 %."""
+TESTED_AXIS = 0.02
+"""Sigma of a roll axis height after a static roll test, m: 0.15 mm of a dial gauge at that roll."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,13 +33,16 @@ class Remedy:
     """Run to be added: `REPEAT` for the same runs again, `LANE_CHANGE` for one lane change of SAE J2179."""
     channel: str | None = None
     """Signal to be logged."""
+    roll_test: str | None = None
+    """Unit for a static roll test, which determines its roll stiffness to `TESTED_STIFFNESS` and the height of its roll
+    axis to `TESTED_AXIS`."""
     sigma: float = float("nan")
     """Predicted standard deviation of the parameter, SI."""
 
     @property
     def kind(self) -> str:
-        """What to do: "know", "log" or "drive"."""
-        return "know" if self.known else "log" if self.channel else "drive"
+        """What to do: "know", "log", "test" or "drive"."""
+        return "know" if self.known else "log" if self.channel else "test" if self.roll_test else "drive"
 
 
 Change = tuple[Remedy, PredictedPosterior]
@@ -80,6 +91,11 @@ class PredictedRemedies:
                 (Remedy(drive=REPEAT), predictor.posterior([*runs, *runs])),
                 (Remedy(drive=LANE_CHANGE), predictor.posterior(with_lane_change)),
                 *[_with_known(predictor, runs, (name,)) for name in knowable],
+                *[
+                    _with_roll_test(predictor, runs, unit)
+                    for unit in predictor.vehicle.units
+                    if len(unit.axle_groups) == 1
+                ],
                 *[(Remedy(channel=name), predictor.posterior(runs, added=[name])) for name in not_logged],
             ),
             double=tuple(
@@ -131,6 +147,28 @@ def _with_known(predictor: InformationPredictor, runs: Sequence[RunInformation],
     return Remedy(known=known), predictor.posterior(runs, known=_unknowns(predictor, *known))
 
 
+def _with_roll_test(predictor: InformationPredictor, runs: Sequence[RunInformation], unit: Unit) -> Change:
+    """The remedy of a static roll test of a unit with one axle group."""
+    (group,) = unit.axle_groups
+    path, total = unit.group_path(group), group.total_roll_stiffness
+    springs = {f"{path}.{key}": (total / getattr(group, key)) ** 2 for key in ("roll_stiffness", "tyre_roll_stiffness")}
+    stiffness = float(np.linalg.norm([slope * _prior_sigma(predictor, name) for name, slope in springs.items()]))
+    axis = f"{unit.name}.roll_axis_height"
+    factors = dict.fromkeys(springs, _ratio(TESTED_STIFFNESS * total, stiffness))
+    factors[axis] = _ratio(TESTED_AXIS, _prior_sigma(predictor, axis))
+    return Remedy(roll_test=unit.name), predictor.posterior(runs, better_known=factors)
+
+
+def _prior_sigma(predictor: InformationPredictor, path: str) -> float:
+    """Prior standard deviation of a parameter by all unknowns that alter it, SI."""
+    return float(np.linalg.norm([u.slopes.get(path, 0.0) * u.prior_sigma for u in predictor.unknowns]))
+
+
+def _ratio(sigma: float, prior: float) -> float:
+    """Factor of a prior sigma after a measurement, at most 1."""
+    return min(1.0, sigma / prior) if prior else 1.0
+
+
 def _knowable(predictor: InformationPredictor) -> list[str]:
     """What could be known, as in `Remedy.known`.
 
@@ -149,7 +187,13 @@ def _unknowns(predictor: InformationPredictor, *known: str) -> list[str]:
 
 
 def lane_change_information(
-    predictor: InformationPredictor, *, speed: float, rate: float, channels: Sequence[str], noise: Mapping[str, float]
+    predictor: InformationPredictor,
+    *,
+    speed: float,
+    rate: float,
+    channels: Sequence[str],
+    noise: Mapping[str, float],
+    noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
 ) -> RunInformation:
     """Information of one lane change of SAE J2179.
 
@@ -159,10 +203,11 @@ def lane_change_information(
         rate: sampling rate, Hz.
         channels: that are logged.
         noise: variance of each channel, SI squared.
+        noise_models: of channels whose noise is not white.
     """
     lane_change = LaneChange()
     time = np.arange(round(lane_change.period(speed) * rate)) / rate
     steer = inverse_steer(predictor.start_vehicle, speed, time, lane_change.acceleration(time, speed, 1))
     record = steer_record(predictor.vehicle, speed, steer, rate, "one more lane change")
-    log = LogData(name=record.name, segments=[record], noise=dict(noise))
+    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=noise_models)
     return predictor.run_information(log, channels)

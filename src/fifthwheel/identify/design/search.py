@@ -9,6 +9,7 @@ from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.design.impulse_response import ImpulseResponse
 from fifthwheel.identify.design.predict import InformationPredictor
+from fifthwheel.identify.design.road_noise import ROUGHNESS, road_noise
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
@@ -35,6 +36,9 @@ class DesignSettings:
     """Numbers of repetitions of a manoeuvre, to the left and to the right in turn."""
     rate: float = 100.0
     """Sampling rate, Hz."""
+    roughness: float = ROUGHNESS
+    """Spectral density of the road's height at 0.1 cycles per metre, m^3 (ISO 8608): 16e-6 for class A, four times as
+    much for each further class."""
     near: float = 1.05
     """If no run reaches all targets: the shortest run whose largest ratio of sigma to target is within this factor of
     the smallest one is chosen."""
@@ -45,6 +49,8 @@ class DesignSettings:
         for name in ("max_acceleration", "max_steer_rate", "rate"):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; correct it")
+        if not self.roughness >= 0:
+            raise SignalError(f"roughness: expected 0 or more, got {self.roughness}; correct it")
         for name in ("speeds", "frequencies", "accelerations", "repetitions"):
             values = getattr(self, name)
             if not values or not min(values) > 0:
@@ -104,7 +110,7 @@ def search_candidates(
         predictor: of a truck that is stable at all speeds.
         speeds: candidate speeds, m/s.
         targets: wanted sigma by parameter, relative to its value.
-        noise: variance of each logged channel, SI squared.
+        noise: variance of the sensor of each logged channel, SI squared; that of the road is added.
         settings: the candidates.
         progress: called with a title, the number of manoeuvres done and their total.
     """
@@ -113,8 +119,9 @@ def search_candidates(
     for i, (speed, manoeuvre) in enumerate(manoeuvres):
         progress("design", i, len(manoeuvres))
         if speed not in responses:
-            responses = {speed: ImpulseResponse.of(predictor, speed, rate=settings.rate, noise=noise)}
-        yield from _candidates_of(predictor, responses[speed], manoeuvre, targets, noise, settings)
+            models = road_noise(predictor.vehicle, speed, settings.rate, noise, settings.roughness)
+            responses = {speed: ImpulseResponse.of(predictor, speed, rate=settings.rate, noise=models)}
+        yield from _candidates_of(predictor, responses[speed], manoeuvre, targets, settings)
     progress("design", len(manoeuvres), len(manoeuvres))
 
 
@@ -123,7 +130,6 @@ def _candidates_of(
     response: ImpulseResponse,
     manoeuvre: CandidateManoeuvre,
     targets: Mapping[str, float],
-    noise: Mapping[str, float],
     settings: DesignSettings,
 ) -> Iterator[CandidateRun]:
     """One manoeuvre at every size and with every number of repetitions."""
@@ -140,7 +146,7 @@ def _candidates_of(
     for size in sizes:
         of_repetitions = information.at(size)
         for count in settings.repetitions:
-            result = predictor.posterior_of(response.names, of_repetitions[count - 1], noise)
+            result = predictor.posterior_of(response.names, of_repetitions[count - 1], response.noise)
             sigma = {n: result.sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in predictor.estimated}
             yield CandidateRun(
                 manoeuvre=manoeuvre,

@@ -25,6 +25,9 @@ KINDS = {
 }
 """Kind of a manoeuvre in words; a lane change also has a frequency."""
 
+ROAD_NOTE = "It includes the noise of an uneven road."
+"""Follows the note on the prediction."""
+
 
 def show_design(plan: "ExperimentDesign", console: "Console | None" = None) -> None:
     """Print the proposed run, its predicted sigma of each parameter, alternatives, and missed targets."""
@@ -41,7 +44,7 @@ def show_design(plan: "ExperimentDesign", console: "Console | None" = None) -> N
     page.lists(
         ("Missed targets", [_missed(target) for target in plan.unmet]),
         ("Alternatives", [f"{_summary(run)}: {_worst(plan, run)}" for run in plan.alternatives]),
-        ("Notes", [*plan.notes, *explain_known(remedies), channels, PREDICTION_NOTE]),
+        ("Notes", [*plan.notes, *explain_known(remedies), channels, PREDICTION_NOTE, ROAD_NOTE]),
     )
 
 

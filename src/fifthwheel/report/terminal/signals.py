@@ -7,13 +7,13 @@ import numpy as np
 
 from fifthwheel.checks import Finding
 from fifthwheel.checks.axle_loads import StaticLoad
-from fifthwheel.formatting import digits, percent
+from fifthwheel.formatting import digits, percent, with_sigma
 from fifthwheel.logs.mapping.propose import MapProposal
 from fifthwheel.logs.mapping.survey import LogSurvey
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.terminal.page import TerminalPage
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Vehicle, unit_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,3 +93,19 @@ def show_weighed(
             for old, new in zip(before.units, after.units, strict=True)
         ],
     )
+
+
+def show_roll_test(before: Vehicle, after: Vehicle, console: "Console | None" = None) -> None:
+    """Print the numbers that a roll test has set.
+
+    Args:
+        before: the vehicle of the file.
+        after: the vehicle with the result of the test.
+    """
+    old, new = before.parameters(), after.parameters()
+    rows = [
+        (path, with_sigma(value, after.stated[path], unit_of(path)), with_sigma(old[path], None, unit_of(path)))
+        for path, value in new.items()
+        if value != old[path]
+    ]
+    TerminalPage(console).table(("Parameter", "New>", "File>"), rows)

@@ -1,0 +1,177 @@
+"""What reduces the error and the sigma of the payload height on the nonlinear truck: a log with a known payload, or a
+static roll test of the empty trailer, whose readings are those of the linear equilibrium.
+
+    python benchmarks/payload_height.py [--seeds 20]
+
+Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the considered
+parameters, and the errors of the sensors from the priors of `OneStage`. Suspension, lengths, unladen bodies, gains,
+delays and misalignments are those of the truck, the same in all its logs; masses, CoG and offsets are drawn for each.
+"""
+
+import argparse
+import math
+from collections.abc import Mapping
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
+from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.suspension import with_suspension
+from fifthwheel.manoeuvres import lane_changes
+from fifthwheel.plant import Plant, Sensor, measure
+from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import Measured, RollTest, Vehicle
+from fifthwheel.vehicle.roll_test import stiffness_of_rest
+from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
+from fifthwheel.workflow import roll_tested_vehicle
+from trust_coverage import GYROS, INTERVAL, SPEED, STEER
+from trust_runs import TRUCK, table
+
+HEIGHT, STIFFNESS = "semitrailer.payload.height", "semitrailer.roll_stiffness"
+SETTINGS = OneStage()
+KNOWN = OneStage(fixed=(HEIGHT,), priors={STIFFNESS: 0.1})
+
+
+class Load(NamedTuple):
+    mass: float  # kg
+    height: float  # m
+
+
+LADEN, EMPTY = Load(20122.0, 1.23), Load(50.0, 0.1)
+KNOWN_LOADS = {
+    "with a log with 20.1 t, 0.8 m high": Load(20122.0, 0.8),
+    "with a log with 10 t, 0.6 m high": Load(10000.0, 0.6),
+    "with a log of the empty trailer": EMPTY,
+}
+
+
+class Draw(NamedTuple):
+    """Errors of one truck, the same in all its logs, and the generator of all others."""
+
+    factors: Mapping[str, float]
+    changes: Mapping[str, float]
+    gain: float
+    steer_delay: float
+    gyros: Mapping[str, tuple[float, float, float]]  # misalignment, rad; latency, s; gain
+    rng: np.random.Generator
+
+
+def loaded(load: Load) -> Vehicle:
+    p = TRUCK.parameters()
+    mass = p["semitrailer.mass"] + load.mass - p["semitrailer.payload.mass"]
+    return TRUCK.replace(
+        {
+            "semitrailer.mass": mass,
+            "semitrailer.payload.mass": load.mass,
+            HEIGHT: load.height,
+            "semitrailer.yaw_inertia": p["semitrailer.yaw_inertia"] * mass / p["semitrailer.mass"],
+        }
+    )
+
+
+@cache
+def driven(load: Load) -> tuple[Array, Mapping[str, Array]]:
+    run = Plant(loaded(load)).drive(lane_changes(count=1))
+    return run.time, run.truth
+
+
+def drawn(seed: int) -> Draw:
+    rng, s = np.random.default_rng([seed, 5]), SETTINGS
+    factors = {}
+    for path, value in TRUCK.parameters().items():
+        key = longest_matching_key(path, s.consider)
+        if key is not None and key not in MODEL_ERRORS and value > 0 and path != "semitrailer.yaw_inertia":
+            factors[path] = math.exp(s.consider[key] * rng.normal())
+    latency = s.consider["gyro_delay"]
+    sigmas = np.array([s.misalignment_prior, latency, s.rate_gain_prior])
+    return Draw(
+        factors=factors,
+        changes={change.name: rng.normal() for change in changes(TRUCK) if _is_shared(change.name)},
+        gain=1 + s.steer_gain_prior * rng.normal(),
+        steer_delay=s.steer_delay_prior * rng.normal() / 2,
+        gyros={name: tuple(sigmas * rng.normal(size=3)) for name in GYROS},
+        rng=rng,
+    )
+
+
+def _is_shared(change: str) -> bool:
+    return change != MASS_SCALE and not change.endswith(("mass", "cog"))
+
+
+def file_of(draw: Draw, load: Load) -> Vehicle:
+    truck = loaded(load)
+    values = truck.parameters()
+    for change in changes(truck):
+        z = draw.changes.get(change.name) or draw.rng.normal()
+        for path, slope in change.slopes.items():
+            values[path] += z * slope
+    for path, factor in draw.factors.items():
+        values[path] *= factor
+    for path in stage_1_names(truck):
+        values[path] *= draw.rng.choice([0.8, 1.2])
+    return truck.replace(values | {HEIGHT: load.height})
+
+
+def logged(draw: Draw, load: Load) -> Record:
+    time, truth = driven(load)
+    offset = SETTINGS.steer_offset_prior * draw.rng.normal()
+    steer = np.interp(time - draw.steer_delay, time, truth[STEER]) / draw.gain + offset
+    measured = {SPEED: truth[SPEED], STEER: steer}
+    for name, (angle, latency, gain) in draw.gyros.items():
+        yaw = name.startswith("yaw")
+        other = name.replace("yaw", "roll") if yaw else name.replace("roll", "yaw")
+        values = math.cos(angle) * truth[name] + (1 if yaw else -1) * math.sin(angle) * truth[other]
+        bias = SETTINGS.rate_offset_prior * draw.rng.normal()
+        measured[name] = (1 + gain) * np.interp(time - latency, time, values) + bias
+    sensors = {name: Sensor(variance=GYROS.get(name, 0.0)) for name in measured}
+    return Record(time=time, signals=measure(time, measured, sensors, seed=int(draw.rng.integers(1 << 30))), name="log")
+
+
+def tested(draw: Draw, file: Vehicle) -> Vehicle:
+    """The file with the result of a static roll test: 2 t are moved by 0.9 m."""
+    empty, load, shift, z = loaded(EMPTY), 2000.0, 0.9, 0.9
+    trailer = empty.units[-1]
+    (group,) = trailer.axle_groups
+    stiffness = group.total_roll_stiffness + stiffness_of_rest(empty, trailer.name)
+    roll = load * STANDARD_GRAVITY * shift / stiffness
+    exact = (load, shift, roll, roll * (z - trailer.roll_axis_height), z)
+    sigmas = (0.01 * load, 0.005, 0.02 * roll, 1.5e-4, 0.005)
+    readings = [Measured(v + s * draw.rng.normal(), s) for v, s in zip(exact, sigmas, strict=True)]
+    result = roll_tested_vehicle(file_of(draw, EMPTY), RollTest(trailer.name, *readings))
+    return file.replace({path: result.parameters()[path] for path in result.stated}).with_stated(result.stated)
+
+
+def results(seed: int) -> dict[str, Identification]:
+    draw = drawn(seed)
+    file, record = file_of(draw, LADEN), logged(draw, LADEN)
+    found = {"alone": identify([record], file, SETTINGS)}
+    for name, load in KNOWN_LOADS.items():
+        reference = identify([logged(draw, load)], file_of(draw, load), KNOWN)
+        found[name] = identify([record], *with_suspension(file, SETTINGS, reference))
+    found["with a static roll test"] = identify([record], tested(draw, file), SETTINGS)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    of_seeds = []
+    for seed in range(parser.parse_args().seeds):
+        of_seeds.append({name: found[HEIGHT] for name, found in results(seed).items()})
+        print(f"seed {seed}", flush=True)
+    rows = []
+    for name in of_seeds[0]:
+        error = np.array([found[name].value / LADEN.height - 1 for found in of_seeds])
+        sigma = np.array([(found[name].sigma or np.nan) / LADEN.height for found in of_seeds])
+        rms, covered = np.sqrt(np.mean(error**2)), np.mean(np.abs(error) <= INTERVAL * sigma)
+        rows.append((name, f"{np.mean(error):+.1%}", f"{rms:.1%}", f"{np.mean(sigma):.1%}", f"{covered:.0%}"))
+    print("\n".join(table(("payload height", "mean error", "rms error", "mean sigma", "coverage of 90 %"), rows)))
+
+
+if __name__ == "__main__":
+    main()
