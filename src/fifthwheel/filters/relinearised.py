@@ -228,7 +228,7 @@ class RelinearisedFilter:
 
     def _advance_second(self) -> None:
         """Give the second filter its next sample."""
-        if self._complete or self._count - self._position > self.settings.lag:
+        if self._count - self._position > (0 if self._complete else self.settings.lag):
             np.copyto(self._second_sample, self._sample_views[self._position])
             np.copyto(self._second_base, self._z if self._base is None else self._base)
             self._position += 1
