@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify import TwoStage, parameters
-from fifthwheel.identify.dataset import prepare_dataset
+from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
 from fifthwheel.identify.two_stage.stage import run_stage, stage_model
 from fifthwheel.record import Record
@@ -37,12 +38,16 @@ class Stage1:
         self.values = {name: self.vehicle.parameters()[name] for name in self.names}
         self.logs = [log.with_noise(self.vehicle, self.channels, settings.noise) for log in self.dataset.logs]
 
+    def scaled_logs(self, factor: float) -> list[LogData]:
+        """The logs with the variance of the noise multiplied by a factor."""
+        return [replace(log, noise={name: factor * v for name, v in log.noise.items()}) for log in self.logs]
+
     def posterior(self, *, gated: bool = True, factor: float = 1.0, **values: float) -> TwoStagePosterior:
         """With the variance of the noise multiplied by a factor."""
         return evaluate_posterior(
             self.model,
             self.vehicle,
-            [replace(log, noise={name: factor * v for name, v in log.noise.items()}) for log in self.logs],
+            self.scaled_logs(factor),
             self.unknowns,
             values=self.values | values,
             settings=self.settings,
@@ -108,6 +113,55 @@ def test_information_is_that_of_the_free_running_model(noisy: Stage1) -> None:
     actual = np.linalg.inv(posterior.covariance) - np.eye(len(expected))
     root = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(actual / np.outer(root, root), expected / np.outer(root, root), atol=2e-3)
+
+
+def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) -> None:
+    """Against a least-squares fit of the free-running model with the prior, from whose mean every unknown is one sigma
+    away.
+
+    Each log has steering and gyro offsets of its own. Neither a sample nor the prior counts twice.
+    """
+    shared, own = ([i for i, u in enumerate(noisy.unknowns) if u.per_log == per_log] for per_log in (False, True))
+
+    def of_logs(z: np.ndarray) -> list[dict[str, float]]:
+        """Values of the unknowns in each log."""
+        rows = np.zeros((2, len(noisy.unknowns)))
+        rows[:, shared], rows[:, own] = z[: len(shared)], z[len(shared) :].reshape(2, -1)
+        p = parameters.scaling(noisy.unknowns).to_p(rows)
+        return [dict(zip([u.name for u in noisy.unknowns], row.tolist(), strict=True)) for row in p]
+
+    factor, rng = 1e3, np.random.default_rng(7)
+    sigma = np.sqrt([factor * NOISE[name] for name in noisy.channels])
+    logs = []
+    for log, values in zip(noisy.scaled_logs(factor), of_logs((-1.0) ** np.arange(12)), strict=True):
+        (segment,) = log.segments
+        y = noisy.response(segment, values) + sigma / 3 * rng.normal(size=(len(segment), 2))
+        logs.append(replace(log, segments=[segment.with_signals(dict(zip(noisy.channels, y.T, strict=True)))]))
+
+    def residuals(z: np.ndarray) -> np.ndarray:
+        parts = [z]
+        for log, values in zip(logs, of_logs(z), strict=True):
+            (segment,) = log.segments
+            measured = np.column_stack([segment.signals[name] for name in noisy.channels])
+            parts.append(((measured - noisy.response(segment, values)) / sigma).ravel())
+        return np.concatenate(parts)
+
+    fit = least_squares(residuals, np.zeros(12))
+    result = run_stage(
+        noisy.model,
+        noisy.vehicle,
+        logs,
+        noisy.unknowns,
+        active=[u.name for u in noisy.unknowns],
+        start=noisy.values,
+        settings=replace(SMOOTH, tolerance=1e-6),
+        passes=30,
+    )
+    assert result.settled
+    values = [{**result.values, **log.errors} for log in result.logs]
+    z = parameters.scaling(noisy.unknowns).to_z(np.array([[v[u.name] for u in noisy.unknowns] for v in values]))
+    np.testing.assert_allclose(z[:, shared], [fit.x[: len(shared)]] * 2, atol=0.05)
+    np.testing.assert_allclose(z[:, own], fit.x[len(shared) :].reshape(2, -1), atol=0.08)
 
 
 def test_white_innovations_give_both_covariances_alike(noisy: Stage1) -> None:
