@@ -163,7 +163,6 @@ class RelinearisedFilter:
         self.carry[self.layout.x, 0] = x
         self.carry[self.layout.P, 0] = pack_array(P)
         self.carry[self.layout.V, 0] = V.ravel(order="F")
-        self.carry[:, 1] = self.carry[:, 0]
         self.sample[:, 0] = 0.0
         self._d[:] = d
         self._pause_second()
