@@ -18,7 +18,7 @@ from fifthwheel.identify.design.predict import (
     combine_information,
     is_stable,
 )
-from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies
+from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies, lane_change_information
 from fifthwheel.identify.design.search import CandidateRun
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
@@ -217,6 +217,33 @@ def test_information_of_a_channel_that_misses_samples(truck, lanes) -> None:
     order = [expected.names.index(name) for name in run.names]
     scale = 1e-9 * np.abs(hessian).max()
     assert run.information([other]) == pytest.approx(hessian[np.ix_(order, order)], rel=1e-9, abs=scale)
+
+
+def test_the_conditional_sigma_of_a_parameter(truck, lanes) -> None:
+    """All other parameters known, but not the errors of the sensors and the initial state."""
+    vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
+    predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
+    run = predictor.run_information(LogData(name="lanes", segments=[lanes], noise=dict(GYROS)))
+    information, parameters = run.information(), vehicle.parameters()
+    nuisances = [i for i, n in enumerate(run.names) if n.startswith(("steer.", *GYROS, "articulation.")) or "@" in n]
+    assert len(nuisances) > 20
+    for name in predictor.estimated:
+        assert name in parameters
+        kept = [run.names.index(name), *nuisances]
+        expected = np.linalg.inv(np.eye(len(kept)) + information[np.ix_(kept, kept)])[0, 0]
+        assert predictor.posterior([run]).conditional_sigma(name) == pytest.approx(np.sqrt(expected), rel=1e-6)
+
+
+def test_information_of_a_lane_change_by_the_noise(truck, lanes) -> None:
+    vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
+    predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
+    one, other = (
+        lane_change_information(predictor, speed=20.0, rate=100.0, channels=list(noise), noise=noise)
+        for noise in (GYROS, {name: 4 * variance for name, variance in GYROS.items()})
+    )
+    for name in GYROS:
+        np.testing.assert_allclose(other.logged[name], one.logged[name] / 4, rtol=1e-9)
+        assert one.logged[name].any()
 
 
 def test_the_start_of_an_unstable_vehicle(truck, lanes) -> None:

@@ -129,6 +129,22 @@ def test_hessian_is_the_information(truck: Vehicle) -> None:
     assert np.diag(covariance) / np.diag(information) == pytest.approx(np.ones(5), abs=0.55)
 
 
+@pytest.mark.parametrize("samples", [5001, 100])
+def test_a_shortened_problem_has_the_parts_with_most_steering(truck: Vehicle, samples: int) -> None:
+    """The largest variance of speed times steer angle, by a search over all parts; at least 20 s of each segment."""
+    records = [simulate(truck, count=5, seed=seed, name=str(seed)) for seed in (1, 2)]
+    whole = problem(truck, records, OneStage())
+    total = sum(len(record) for record in records)
+    for record, log in zip(records, whole.shortened(samples).logs, strict=True):
+        (part,) = log.segments
+        assert len(part) == max(np.ceil(samples / total * len(record)), 2000)
+        product = record.signals["speed"] * record.signals["steer.tractor.front"]
+        first = int(np.argmax([np.var(product[i : i + len(part)]) for i in range(len(record) - len(part) + 1)]))
+        assert part.time[0] == record.time[first]
+    assert whole.shortened(total) is whole
+    assert whole.shortened(total - 1) is not whole
+
+
 def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=4)
     gyro = record.signals["yaw_rate.tractor"].copy()
