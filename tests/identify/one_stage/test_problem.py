@@ -137,7 +137,7 @@ def test_a_shortened_problem_has_the_parts_with_most_steering(truck: Vehicle, sa
     total = sum(len(record) for record in records)
     for record, log in zip(records, whole.shortened(samples).logs, strict=True):
         (part,) = log.segments
-        assert len(part) == max(np.ceil(samples / total * len(record)), 2000)
+        assert len(part) - max(np.ceil(samples / total * len(record)), 2000) in (0, 1)  # the rate is rounded
         product = record.signals["speed"] * record.signals["steer.tractor.front"]
         first = int(np.argmax([np.var(product[i : i + len(part)]) for i in range(len(record) - len(part) + 1)]))
         assert part.time[0] == record.time[first]
