@@ -167,6 +167,8 @@ def test_the_runs_of_an_identification(result):
     plain = summarise_records([first, other], "tractor", {"b": 0.01})
     assert [run.acceleration for run in plain] == pytest.approx([1.2, 1.0])
     assert {run.speed for run in plain} == {(20.0, 20.0)}
+    slowest = first.with_signals({"speed": np.maximum(speed, 5.0)})
+    assert summarise_records([slowest])[0].speed == (5.0, 20.0)
     assert summarise_records([first], min_speed=4.0)[0].speed == (4.9, 20.0)
     assert summarise_records([first], min_speed=20.0)[0].speed == (20.0, 20.0)
     assert np.isnan(summarise_records([first], "semitrailer2")[0].acceleration)
