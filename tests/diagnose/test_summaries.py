@@ -134,9 +134,9 @@ def test_status_bands_and_valid_samples():
     assert summary.status == {"OK": 0.75, "TOO_SLOW": 0.25}
     assert summary.valid == 0.75
     assert summary.band == {"roll.tractor": 4.0}
-    other = states_of(range(2), status=np.array([3, 3], dtype=np.int8))
+    other = states_of(range(3), status=np.array([3, 3, 3], dtype=np.int8))
     assert summarise_states(other).valid == 0.0
-    assert valid_fraction([one, other]) == pytest.approx(3 / 6)
+    assert valid_fraction([one, other]) == pytest.approx(3 / 7)
     assert valid_fraction([]) == 0.0
 
 

@@ -64,13 +64,13 @@ class Stage1:
         known |= {name: 0.0 for name in known if name.endswith(".delay")}
         return linear_response(model, known, segment.time, corrected_inputs(segment, model.inputs, errors), start)[1]
 
-    def information(self, segment: Record) -> np.ndarray:
+    def information(self, segment: Record, **values: float) -> np.ndarray:
         """Sum of J' J / R over samples that are measured, J by central differences with respect to z (n, n)."""
-        columns = []
+        columns, values = [], self.values | values
         for u in self.unknowns:
-            at = self.values.get(u.name, u.centre)
+            at = values.get(u.name, u.centre)
             step = 1e-4 * u.slope(at)
-            higher, lower = (self.response(segment, {**self.values, u.name: at + s}) for s in (step, -step))
+            higher, lower = (self.response(segment, {**values, u.name: at + s}) for s in (step, -step))
             columns.append((higher - lower) / 2e-4)
         jacobian = np.stack(columns, axis=-1) / np.sqrt([NOISE[name] for name in self.channels])[:, None]
         present = np.column_stack([np.isfinite(segment.signals[name]) for name in self.channels])
@@ -95,13 +95,14 @@ def noisy(truck: Vehicle) -> Stage1:
                    for r in records], truck, SMOOTH)  # fmt: skip
 
 
-def test_information_is_that_of_the_free_running_model(noisy: Stage1) -> None:
-    """Summed over the logs; each has steering and gyro offsets of its own.
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_information_is_that_of_the_free_running_model(noisy: Stage1, delay: float) -> None:
+    """Summed over the logs; each has steering and gyro offsets of its own. A delay of the steering shifts it.
 
     The noise is so large that neither the filter nor its initial covariance has an effect.
     """
-    factor = 1e4
-    posterior = noisy.posterior(gated=False, factor=factor)
+    factor, values = 1e4, {"steer.tractor.front.delay": delay}
+    posterior = noisy.posterior(gated=False, factor=factor, **values)
     offsets = [u.name for u in noisy.unknowns if u.per_log]
     shared = [u.name for u in noisy.unknowns if not u.per_log]
     assert posterior.names == (*shared, *[f"{name}@{i}" for i in range(2) for name in offsets])
@@ -109,7 +110,7 @@ def test_information_is_that_of_the_free_running_model(noisy: Stage1) -> None:
     for i, log in enumerate(noisy.logs):
         (segment,) = log.segments
         rows = [posterior.names.index(f"{u.name}@{i}" if u.per_log else u.name) for u in noisy.unknowns]
-        expected[np.ix_(rows, rows)] += noisy.information(segment) / factor
+        expected[np.ix_(rows, rows)] += noisy.information(segment, **values) / factor
     actual = np.linalg.inv(posterior.covariance) - np.eye(len(expected))
     root = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(actual / np.outer(root, root), expected / np.outer(root, root), atol=2e-3)

@@ -1,5 +1,6 @@
 """Values, verdicts and settling times of two stages, for histories that are chosen."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from fifthwheel.identify import TwoStage, parameters
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.two_stage.estimator import _estimates, _settling_time, _State
+from fifthwheel.identify.two_stage.estimator import _estimates, _Estimator, _settling_time, _State
 from fifthwheel.identify.two_stage.stage import StageResult
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.vehicle import Vehicle
@@ -116,3 +117,36 @@ def test_verdicts(truck: Vehicle) -> None:
         assert verdicts(truck, **changes)[FRONT][0] is Verdict.NOT_CONVERGED
     assert verdicts(truck, values={HEIGHT: 3.5})[HEIGHT][0] is Verdict.AT_BOUND
     assert verdicts(truck, not_excited=[FRONT])[FRONT] == (Verdict.NOT_EXCITED, 1.0, 1.0, 1, None)
+
+
+@pytest.mark.parametrize("rounds", [1, 3, 9])
+def test_both_stages_are_repeated_until_no_parameter_changes(rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By more than a tenth of sigma and of the tolerance; a parameter that still changes in the last round has not
+    settled."""
+    course = {"stage 1": [4.0, 2.0, 1.5, 1.4, 1.4 + 0.9e-2], "stage 2": [1.0, 1.0, 1.0, 1.0, 1.0]}
+    calls: list[str] = []
+
+    def stage(_, state: _State, title: str, model: str, unknowns: tuple, active: list[str], progress: None) -> _State:
+        name, number = {"stage 1": "a", "stage 2": HEIGHT}[title], calls.count(title)
+        assert (model, active) == ("yaw" if not calls else "roll", [name])
+        calls.append(title)
+        value = course[title][number]
+        return replace(
+            state,
+            values={**state.values, name: value},
+            sigma={**state.sigma, name: 0.1},
+            settled={**state.settled, name: True},
+        )
+
+    monkeypatch.setattr(_Estimator, "_stage", stage)
+    a, height = (SimpleNamespace(name=name) for name in ("a", HEIGHT))
+    estimator = _Estimator(
+        dataset=None, settings=TwoStage(rounds=rounds), notes=(), stage_1=(a,), stage_2=(height,), yaw_model="yaw",
+        yaw_unknowns=(a,), model="roll", unknowns=(a, height),
+    )  # fmt: skip
+    state = estimator._stages(_State(values={}, logs=(), not_excited=frozenset()), None)
+    done = min(rounds, 5)
+    assert calls == ["stage 1", "stage 2"] * done
+    assert state.rounds == done
+    assert state.values == {"a": course["stage 1"][done - 1], HEIGHT: 1.0}
+    assert state.settled == {"a": rounds != 3, HEIGHT: True}
