@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fifthwheel import dynamics
 from fifthwheel.filters import tangent
@@ -157,6 +158,22 @@ def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     estimate, expected = (p.logs[0].noise["yaw_rate.tractor"] for p in (spiked, clean))
     assert expected == pytest.approx(0.000016, rel=0.15)
     assert expected < estimate < 1.5 * expected
+
+
+def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
+    """Of a gyro with noise of 0.2 s, for which the filter takes white noise."""
+    record, name = simulate(truck, count=1, seed=4), "yaw_rate.semitrailer"
+    rng, pole = np.random.default_rng(2), np.exp(-record.time[1] / 0.2)
+    slow = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=len(record)))
+    factors = []
+    for size in (0.0, 0.01):
+        noisy = record.with_signals({name: record.signals[name] + size * slow})
+        p = problem(truck, [noisy], OneStage(form="prediction_error", initial_payload_height=None))
+        p.update_noise(np.zeros(len(p.names)), autocorrelated=True)
+        factors.append(p.logs[0].autocorrelation_factor[name])
+        assert not p.logs[0].noise_models
+    assert 1 <= factors[0] < 2.5
+    assert factors[1] > 5
 
 
 def test_update_noise_leaves_the_given_logs_alone(truck: Vehicle) -> None:
