@@ -150,3 +150,29 @@ def test_both_stages_are_repeated_until_no_parameter_changes(rounds: int, monkey
     assert state.rounds == done
     assert state.values == {"a": course["stage 1"][done - 1], HEIGHT: 1.0}
     assert state.settled == {"a": rounds != 3, HEIGHT: True}
+
+
+def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """First with the yaw model and all measurements. A parameter may leave the set once; then the set only grows."""
+    found = iter([{"a", "b"}, {"a"}, {"c"}, set()])
+    calls: list[tuple] = []
+
+    def posterior(_, model: str, unknowns: str, state: frozenset[str], *, gated: bool = True) -> None:
+        calls.append((model, unknowns, sorted(state), gated))
+
+    monkeypatch.setattr(_Estimator, "_initial", lambda _, not_excited: not_excited)
+    monkeypatch.setattr(_Estimator, "_stages", lambda _, state, progress: state)
+    monkeypatch.setattr(_Estimator, "_posterior", posterior)
+    monkeypatch.setattr(_Estimator, "_not_excited", lambda *_: frozenset(next(found)))
+    estimator = _Estimator(
+        dataset=None, settings=TwoStage(), notes=(), stage_1=(), stage_2=(), yaw_model="yaw", yaw_unknowns="of yaw",
+        model="roll", unknowns="of roll",
+    )  # fmt: skip
+    state, _ = estimator.solve(None)
+    assert state == {"a", "c"}
+    assert calls == [
+        ("yaw", "of yaw", [], False),
+        ("roll", "of roll", ["a", "b"], True),
+        ("roll", "of roll", ["a"], True),
+        ("roll", "of roll", ["a", "c"], True),
+    ]
