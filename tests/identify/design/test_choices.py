@@ -10,7 +10,7 @@ from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design import AssessmentSettings, DesignSettings, Remedy, assess_information
 from fifthwheel.identify.design.assess import _noise_variances, _with_log_name
-from fifthwheel.identify.design.experiment import _best_of_each_kind
+from fifthwheel.identify.design.experiment import _best_of_each_kind, _with_targets_estimated
 from fifthwheel.identify.design.predict import (
     InformationPredictor,
     PredictedPosterior,
@@ -22,6 +22,7 @@ from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRe
 from fifthwheel.identify.design.search import CandidateRun
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.parameters import estimated_parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.record import Record
@@ -290,6 +291,16 @@ def test_the_speed_of_the_lane_change_that_is_a_remedy(truck, speed: float) -> N
     settings = OneStage(free=("tractor.front.cornering_stiffness",), consider={})
     assessment = assess_information([record], truck, settings, AssessmentSettings(), checked=True)
     assert assessment.speed == max(float(np.median(record.signals["speed"])), 15.0)
+
+
+def test_a_parameter_with_a_target_is_estimated(truck) -> None:
+    """With all others that the settings estimate."""
+    settings = OneStage(fixed=("tractor.front.cornering_stiffness",))
+    usual = estimated_parameters(truck, settings)
+    more = _with_targets_estimated(truck, {"tractor.yaw_inertia": 0.2, usual[0]: 0.1}, settings)
+    assert estimated_parameters(truck, more) == [*usual, "tractor.yaw_inertia"]
+    assert more.fixed == settings.fixed
+    assert _with_targets_estimated(truck, {usual[0]: 0.1}, settings) == settings
 
 
 def test_sizes_of_candidate_runs() -> None:
