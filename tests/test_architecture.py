@@ -1,6 +1,7 @@
 """The architecture, read from the imports: rooms import only rooms before them, and there is no circle."""
 
 import ast
+import functools
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -51,6 +52,7 @@ MAX_FILES = 14
 """Modules of a folder, without its __init__."""
 
 
+@functools.cache
 def modules() -> dict[str, ast.Module]:
     """Syntax tree of every module by its dotted name within the package."""
     return {

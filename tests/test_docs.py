@@ -321,7 +321,7 @@ def test_the_readme_is_short_and_has_the_test_command() -> None:
     assert len(text.splitlines()) <= 120
     marked = re.search(r"<!-- test command -->\n```sh\n(python3 .*)\n```$", text, re.MULTILINE)
     assert marked
-    assert marked[1].endswith(".venv/bin/pytest -n 2 -m 'not slow'")
+    assert marked[1].endswith(".venv/bin/pytest -n 2 --dist worksteal -m 'not slow'")
 
 
 def test_every_room_is_described_in_the_import_order() -> None:

@@ -162,6 +162,8 @@ CASES = [
     ),
 ]
 cases = pytest.mark.parametrize("case", CASES, ids=str)
+LONG = ("with a noisy gyro",)
+"""Variants whose estimation diverges, which takes long."""
 
 
 def require_finite(found: Identification) -> None:
@@ -222,7 +224,9 @@ def test_without_a_fault():
     assert (Observer(TRUCK, BASE.signals).batch(BASE).status == Status.OK).all()
 
 
-@cases
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=[pytest.mark.slow] * (c.variant in LONG)) for c in CASES], ids=map(str, CASES)
+)
 def test_identification(case):
     record = case.inject(BASE)
     if case.refused:

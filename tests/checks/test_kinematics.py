@@ -9,6 +9,7 @@ from scipy import signal as filters
 from fifthwheel.checks import Fault, check
 from fifthwheel.checks.kinematics import (
     Relation,
+    _finding,
     at_common_time,
     common_time,
     correlation,
@@ -137,6 +138,25 @@ def test_the_relations_of_a_known_turn():
     assert found.offset == pytest.approx(0.05, rel=0.01)
 
 
+@pytest.mark.parametrize("edge", [0.999, 1.001])
+def test_a_signal_that_varies_enough(edge):
+    """Above the standard deviations of the article's noise by far; of smoothed signals, and of the yaw rate itself."""
+    time = np.arange(0, 60, 0.05)
+    wave = np.sin(0.7 * time)
+    smooth = lagged(wave, 0.3)
+    wanted = {STEER: 0.003, RATE2: 0.01, HITCH: 0.01, ACCELERATION: 0.3, ROLL: 0.003}
+    signals = {name: edge * sigma / np.std(smooth) * wave for name, sigma in wanted.items()}
+    signals[STEER] = edge * 0.003 / np.std(lagged(lagged(wave, 0.25), 0.3)) * wave
+    signals |= {"speed": np.full(time.size, 16.0), RATE: 0.1 * wave}
+    for r in relations(Record(time=time, signals=signals), wheelbase=4.0, min_speed=5.0):
+        assert r.excited == (edge > 1), r.signal
+    signals[RATE2], signals[RATE] = wave, edge * 0.01 / np.std(wave) * wave
+    (trailer,) = (
+        r for r in relations(Record(time=time, signals=signals), wheelbase=4.0, min_speed=5.0) if r.signal == RATE2
+    )
+    assert trailer.excited == (edge > 1)
+
+
 def test_only_fast_and_common_samples_are_compared():
     """More than three seconds above the lowest and below the highest speed, and with the yaw rate."""
     time = np.arange(0, 40, 0.05)
@@ -207,12 +227,23 @@ def test_the_smallest_number_of_swapped_signs_explains_all(weaving, wrong):
 
 @pytest.mark.parametrize(
     ("gain", "text"),
-    [(27.0, "set gain = 1 / steering ratio"), (29.0, 'unit = "deg" or gain'), (400.0, 'unit = "deg" and gain')],
+    [
+        (28.0, "set gain = 1 / steering ratio"),
+        (28.0 + EDGE, 'unit = "deg" or gain'),
+        (38.0 - EDGE, 'unit = "deg" or gain'),
+        (300.0 + EDGE, 'unit = "deg" and gain'),
+    ],
 )
-def test_how_a_steering_wheel_angle_is_corrected(weaving, gain, text):
-    (relation,) = (r for r in relations(weaving, wheelbase=4.0, min_speed=5.0) if r.signal == STEER)
-    scaled = weaving.with_signals({STEER: gain / relation.gain * weaving.signals[STEER]})
-    (finding,) = (f for f in check(scaled, wheelbase=4.0) if f.signal == STEER)
-    assert finding.fault is Fault.STEERING_WHEEL
+def test_how_a_steering_wheel_angle_is_corrected(gain, text):
+    finding = _finding(replace(GOOD, gain=gain), Fault.STEERING_WHEEL, of_leading=False)
+    assert finding.severity == "error"
     assert f"{gain:.0f} times the value expected" in finding.message
     assert text in finding.message
+
+
+def test_a_steering_wheel_angle_is_found(weaving):
+    for factor in (15.0, 400.0):
+        (relation,) = (r for r in relations(weaving, wheelbase=4.0, min_speed=5.0) if r.signal == STEER)
+        scaled = weaving.with_signals({STEER: factor / relation.gain * weaving.signals[STEER]})
+        (finding,) = (f for f in check(scaled, wheelbase=4.0) if f.signal == STEER)
+        assert finding.fault is Fault.STEERING_WHEEL

@@ -33,6 +33,14 @@ def test_a_good_identification_has_none(result):
     assert identification_cautions(replace(result.identification, fits=fits), [], result.states[:1]) == []
 
 
+def test_a_poor_fit_of_a_validation_log_says_so(result):
+    poor = [replace(fit, explained=0.5, rms=1e3) for fit in result.identification.fits]
+    for identified_on, place in ((True, "in"), (False, ", validation log")):
+        fits = tuple(replace(fit, identified_on=identified_on) for fit in poor[:1])
+        (caution,) = fit_cautions(replace(result.identification, fits=fits, logs=()))
+        assert caution.message.startswith(f"{poor[0].signal} {place} {poor[0].log}: ".replace(" ,", ","))
+
+
 def test_an_estimate_far_from_the_vehicle_file(result):
     first, *rest = result.identification.parameters
     far = replace(first, value=2.8 * first.initial)

@@ -134,9 +134,9 @@ def test_status_bands_and_valid_samples():
     assert summary.status == {"OK": 0.75, "TOO_SLOW": 0.25}
     assert summary.valid == 0.75
     assert summary.band == {"roll.tractor": 4.0}
-    other = states_of(range(2), status=np.array([3, 3], dtype=np.int8))
+    other = states_of(range(3), status=np.array([3, 3, 3], dtype=np.int8))
     assert summarise_states(other).valid == 0.0
-    assert valid_fraction([one, other]) == pytest.approx(3 / 6)
+    assert valid_fraction([one, other]) == pytest.approx(3 / 7)
     assert valid_fraction([]) == 0.0
 
 
@@ -167,6 +167,8 @@ def test_the_runs_of_an_identification(result):
     plain = summarise_records([first, other], "tractor", {"b": 0.01})
     assert [run.acceleration for run in plain] == pytest.approx([1.2, 1.0])
     assert {run.speed for run in plain} == {(20.0, 20.0)}
+    slowest = first.with_signals({"speed": np.maximum(speed, 5.0)})
+    assert summarise_records([slowest])[0].speed == (5.0, 20.0)
     assert summarise_records([first], min_speed=4.0)[0].speed == (4.9, 20.0)
     assert summarise_records([first], min_speed=20.0)[0].speed == (20.0, 20.0)
     assert np.isnan(summarise_records([first], "semitrailer2")[0].acceleration)

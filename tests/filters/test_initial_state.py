@@ -11,6 +11,7 @@ from fifthwheel.filters.initial_state import (
     random_steer_covariance,
     steady_initial_state,
 )
+from fifthwheel.identify import OneStage
 from fifthwheel.names import SignalName
 from fifthwheel.vehicle import get
 
@@ -60,6 +61,10 @@ def test_the_covariance_under_random_steering(roll, speed):
     scale = np.sqrt(np.diag(P)[:n])
     actual = random_steer_covariance(with_bank) / np.outer(scale, scale)
     np.testing.assert_allclose(actual, P[:n, :n] / np.outer(scale, scale), atol=1e-9)
+
+
+def test_the_prior_of_a_bank_is_that_of_an_identification():
+    assert INITIAL_SIGMA["bank"] == OneStage().bank_prior == 0.03
 
 
 @pytest.mark.parametrize("bank", [None, 0.02])

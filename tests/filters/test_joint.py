@@ -189,3 +189,52 @@ def test_an_estimate_that_is_not_a_number_is_not_taken_over(rows: Array) -> None
     carries, outputs = run(np.vstack([rows, broken]), np.zeros(1), 1)
     np.testing.assert_array_equal(carries[-1][layout.estimate], before[layout.estimate])
     assert (outputs[-1, -1] == 1.0).all()
+
+
+REPORT = example(
+    lambda x, dt, d, p, c: x,
+    lambda x, d, p, c: ca.vertcat(p[0] * x[0] * x[1] + c[0] * p[1] ** 2, d[0] * x[1], p[0] * p[1] * x[0]),
+    x=2,
+    d=1,
+    p=2,
+    c=1,
+)
+
+
+def test_reported_signals_contain_the_variance_of_all_unknowns() -> None:
+    """Of the first states, with P, Pz and B of a joint covariance of [x, z, c] that is built from them.
+
+    One unknown is estimated, the other is considered and stays at 0.
+    """
+    rng, scaling = np.random.default_rng(8), Scaling(**(vars(SCALING) | {"logarithmic": (True, False)}))
+    layout, step = joint.Layout(3, 1, 1), joint.state_view(MODEL, REPORT, scaling.logarithmic, 1)
+    x, z, d = rng.normal(size=3), rng.normal(size=1), rng.normal(size=1)
+    root, V, B, Pz = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(1, 1)), np.array([[0.7]])
+    carry = np.zeros((layout.size, 2))
+    parts = {"x": x, "P": pack_array(root @ root.T), "V": V.ravel(order="F"), "z": z, "Pz": pack_array(Pz), "B": B[0]}
+    for name, values in parts.items():
+        carry[getattr(layout, name)] = values[:, None]
+    constant = np.repeat(np.concatenate([C, scaling.centre, scaling.scale])[:, None], 2, axis=1)
+    output = np.empty((step.n_output, 2))
+    sample = np.repeat(d[:, None], 2, axis=1)
+    step.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
+
+    def reported(v: Array) -> Array:
+        return np.array(REPORT.observation(v[:2], d, scaling.to_p(v[3:]), C)).ravel()
+
+    at = np.concatenate([x, z, [0.0]])
+    slopes = np.column_stack([(reported(at + h) - reported(at - h)) / 2e-5 for h in 1e-5 * np.eye(5)])
+    errors = np.block(  # of x, z and c by independent errors of the state, of z and of c
+        [
+            [np.eye(3), V[:, :1], V[:, :1] @ B + V[:, 1:]],
+            [np.zeros((1, 3)), np.eye(1), B],
+            [np.zeros((1, 4)), np.eye(1)],
+        ]
+    )
+    independent = np.block(
+        [[root @ root.T, np.zeros((3, 2))], [np.zeros((1, 3)), Pz, np.zeros((1, 1))], [np.zeros((1, 4)), np.eye(1)]]
+    )
+    expected = slopes @ errors @ independent @ errors.T @ slopes.T
+    for lane in output.T:
+        np.testing.assert_allclose(lane[:3], reported(at), rtol=1e-12)
+        np.testing.assert_allclose(lane[3:], np.diag(expected), rtol=1e-6)

@@ -27,6 +27,13 @@ def test_process_noise_of_the_observer_is_that_of_the_article() -> None:
         assert table["bank"] == pytest.approx(0.002**2)
 
 
+def test_parameters_are_estimated_with_less_process_noise_than_states() -> None:
+    """The states of a wrong vehicle must follow the measurements; but the estimation must see that they contradict."""
+    for quantity in ("lateral_velocity", "yaw_rate", "articulation", "roll"):
+        assert 0 < PROCESS_VARIANCE[quantity] < OBSERVER_PROCESS_VARIANCE[quantity]
+    assert PROCESS_VARIANCE["articulation"] == PROCESS_VARIANCE["roll"] < PROCESS_VARIANCE["roll_rate"] < 1e-4
+
+
 def test_the_variance_of_a_sensor() -> None:
     """As given; else of the article's gyros, which differ from unit to unit; else that of its quantity."""
     article = dict(article_gyro_variance(UNITS))

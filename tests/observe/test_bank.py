@@ -44,7 +44,7 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-@pytest.mark.parametrize("method", ["batch", "smooth"])
+@pytest.mark.parametrize("method", ["batch", pytest.param("smooth", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "random", "straight"])
 def test_sideslip_on_a_banked_road(manoeuvre, method):
     record = banked(BANK, manoeuvre=manoeuvre)

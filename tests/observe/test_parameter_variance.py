@@ -35,21 +35,19 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     Q, R = unpack_array(constant[n_c : n_c + n * (n + 1) // 2], n), constant[n_c + n * (n + 1) // 2 :][:m]
     noise = kalman.Noise(process=Q, measurement=R)
     run = kalman.run_kalman(model, rows, p=np.zeros(0), c=c, noise=noise, x0=start[:n], P0=unpack_array(start[n:], n))
-    covariance = run.covariance
+    gains = []  # P H' / R of the given parameters, 0 for missing measurements
+    for row, P in zip(rows, run.covariance, strict=True):
+        d = row[1 : 1 + n_d]
+        at_zero = model.observation(np.zeros(n), d, np.zeros(0), c)
+        H = np.column_stack([np.array(model.observation(e, d, np.zeros(0), c) - at_zero) for e in np.eye(n)])
+        gains.append(row[1 + n_d + m :] * (P @ H.T / R))
 
     def follow(constant: np.ndarray) -> np.ndarray:
-        """Reported signals of the filter with other parameters and the gains P H' / R of the given ones."""
+        """Reported signals of the filter with other parameters and these gains."""
         (c_changed, c_report), x, results = split(constant), start[:n], []
-        for row, P in zip(rows, covariance, strict=True):
+        for row, gain in zip(rows, gains, strict=True):
             dt, d, y = row[0], row[1 : 1 + n_d], row[1 + n_d : 1 + n_d + m]
             x = np.array(model.transition(x, dt, d, np.zeros(0), c_changed)).ravel()
-            H = np.column_stack(
-                [
-                    np.array(model.observation(e, d, np.zeros(0), c) - model.observation(0 * e, d, np.zeros(0), c))
-                    for e in np.eye(n)
-                ]
-            )
-            gain = row[1 + n_d + m :] * (P @ H.T / R)
             x = x + gain @ (y - np.array(model.observation(x, d, np.zeros(0), c_changed)).ravel())
             results.append(np.array(report.observation(x, d, np.zeros(0), c_report)).ravel())
         return np.array(results)

@@ -32,7 +32,7 @@ def variances(states) -> dict[str, np.ndarray]:
     return {name: sigma**2 for name, sigma in states.sigma.items()}
 
 
-@pytest.mark.parametrize(("method", "draws"), [("batch", 160), ("smooth", 100)])
+@pytest.mark.parametrize(("method", "draws"), [("batch", 160), pytest.param("smooth", 100, marks=pytest.mark.slow)])
 def test_coverage_of_the_intervals(method, draws):
     """Random vehicles, observed with the nominal vehicle: coverage of the 90 % intervals over all samples."""
     random = np.random.default_rng(8)

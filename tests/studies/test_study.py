@@ -21,6 +21,7 @@ from fifthwheel.record import Record
 from fifthwheel.studies import (
     Estimates,
     Identified,
+    Learned,
     SimulatedRun,
     StatesOf,
     exact_guess,
@@ -261,14 +262,16 @@ def test_states_of_a_known_truck_equal_the_observer(tmp_path: Path) -> None:
 
 def test_settings_are_estimators(tmp_path: Path) -> None:
     """A learner as a study calls it equals a learner that gets the record."""
-    table = run(tmp_path / "study.parquet", {"recursive": LearnerSettings()}, guess=exact_guess, seeds=[3])
+    five = OneStage(priors={}, consider={}, nuisances=False)  # compiled in a fraction of the time of all unknowns
+    table = run(tmp_path / "study.parquet", {"recursive": Learned(settings=five)}, guess=exact_guess, seeds=[3])
     record = simulated(get(TRUCK), SHORT["short"]).record(3)
-    learner = Learner(get(TRUCK), record.signals)
+    learner = Learner(get(TRUCK), record.signals, five)
     learner.learn(record)
     expected = {p.name: p.value for p in learner.parameters}
     assert dict(zip(table["parameter"].to_pylist(), table["estimate"].to_pylist(), strict=True)) == expected
     assert table["rms.sideslip.semitrailer"][0].as_py() > 0
     assert as_estimator(TwoStage()) == Identified(TwoStage())
+    assert as_estimator(LearnerSettings(hold=0.1)) == Learned(OneStage(), LearnerSettings(hold=0.1))
 
 
 def test_the_settling_time_is_left_out(tmp_path: Path) -> None:

@@ -163,7 +163,6 @@ class RelinearisedFilter:
         self.carry[self.layout.x, 0] = x
         self.carry[self.layout.P, 0] = pack_array(P)
         self.carry[self.layout.V, 0] = V.ravel(order="F")
-        self.carry[:, 1] = self.carry[:, 0]
         self.sample[:, 0] = 0.0
         self._d[:] = d
         self._pause_second()
@@ -228,7 +227,7 @@ class RelinearisedFilter:
 
     def _advance_second(self) -> None:
         """Give the second filter its next sample."""
-        if self._complete or self._count - self._position > self.settings.lag:
+        if self._count - self._position > (0 if self._complete else self.settings.lag):
             np.copyto(self._second_sample, self._sample_views[self._position])
             np.copyto(self._second_base, self._z if self._base is None else self._base)
             self._position += 1

@@ -19,12 +19,11 @@ import numpy as np
 
 from fifthwheel._types import Array
 
-SIGNIFICANT_SCORE = 6.0
-"""|t| of a significant score test. Whitened residuals of a real vehicle are not exactly white."""
 STRONG_SCORE = 9.0
 """|t| from which the model does not describe the logs: then every estimate is doubtful."""
 UNUSUAL_CHANGE = 3.0
-"""|z| of an implied change that its prior does not explain."""
+"""|z_c| of an implied change that its prior does not explain. Its |t| = |z_c| (1 + I_c) / sqrt(I_c) is at least twice
+as large: above 6, because the whitened residuals of a real vehicle are not exactly white."""
 UNUSUAL_SENSOR_ERROR = 3.5
 """An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""
 UNUSUAL_ESTIMATE = 2.5
@@ -115,6 +114,6 @@ def score_tests(
 
 
 def most_likely(tests: Sequence[ScoreTest]) -> list[ScoreTest]:
-    """The significant tests with an unusual change that are about as likely as the first of them."""
-    unusual = [t for t in tests if abs(t.statistic) > SIGNIFICANT_SCORE and abs(t.implied) > UNUSUAL_CHANGE]
+    """The tests with an unusual change that are about as likely as the first of them."""
+    unusual = [t for t in tests if abs(t.implied) > UNUSUAL_CHANGE]
     return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]

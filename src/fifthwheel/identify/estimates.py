@@ -163,13 +163,12 @@ def sensor_error_estimates(
 
 def sensor_error_unit(name: str) -> str:
     """SI unit of a sensor error."""
-    error = SensorErrorName.of(name)
-    if error is None:
-        raise SignalError(f"{name}: expected the name of a sensor error, such as yaw_rate.tractor.offset")
     units = {"misalignment": "rad", "play": "rad", "delay": "s", "gain": "1", "position": "m", "height": "m"}
-    if error.kind in units:
-        return units[error.kind]
-    return si_unit(error.signal) or "1"
+    error = SensorErrorName.of(name)
+    unit = (units.get(error.kind) or si_unit(error.signal)) if error else None
+    if unit is None:
+        raise SignalError(f"{name}: expected the name of a sensor error, such as yaw_rate.tractor.offset")
+    return unit
 
 
 def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: Array) -> LogSummary:

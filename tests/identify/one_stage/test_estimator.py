@@ -91,7 +91,7 @@ def test_one_lane_change_reaches_the_bound(truck: Vehicle) -> None:
     assert (np.abs(covered - 0.9) < 2.7 * 0.03).all(), covered  # 100 draws have a standard deviation of 3 %
 
 
-@pytest.mark.parametrize("form", ["output_error", "prediction_error"])
+@pytest.mark.parametrize("form", ["output_error", pytest.param("prediction_error", marks=pytest.mark.slow)])
 def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle, form: str) -> None:
     """Gain, offset and delay of the steering, biases and a gain of gyros: all estimated within their sigma."""
     record = simulate(truck, count=3, seed=3)

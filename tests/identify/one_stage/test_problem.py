@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fifthwheel import dynamics
 from fifthwheel.filters import tangent
@@ -21,7 +22,7 @@ from fifthwheel.vehicle import Vehicle
 
 def problem(truck: Vehicle, records: list[Record], settings: OneStage, further: Sequence[Unknown] = ()) -> Problem:
     truck = truck.with_logged_steering(records[0].signals, "the records")
-    outputs = tuple(name for name in records[0].signals if "rate" in name)
+    outputs = tuple(sorted((n for n in records[0].signals if "rate" in n), reverse=True))  # as in an identification
     free = tuple(dynamics.all_parameters(truck, outputs, extended=True))
     model = dynamics.model(truck, outputs, roll=True, bank=settings.nuisances, free=free, extended=True)
     logs = [LogData(name=r.name, segments=segments_above(r, 5.0)) for r in records]
@@ -129,6 +130,22 @@ def test_hessian_is_the_information(truck: Vehicle) -> None:
     assert np.diag(covariance) / np.diag(information) == pytest.approx(np.ones(5), abs=0.55)
 
 
+@pytest.mark.parametrize("samples", [5001, 100])
+def test_a_shortened_problem_has_the_parts_with_most_steering(truck: Vehicle, samples: int) -> None:
+    """The largest variance of speed times steer angle, by a search over all parts; at least 20 s of each segment."""
+    records = [simulate(truck, count=5, seed=seed, name=str(seed)) for seed in (1, 2)]
+    whole = problem(truck, records, OneStage())
+    total = sum(len(record) for record in records)
+    for record, log in zip(records, whole.shortened(samples).logs, strict=True):
+        (part,) = log.segments
+        assert len(part) - max(np.ceil(samples / total * len(record)), 2000) in (0, 1)  # the rate is rounded
+        product = record.signals["speed"] * record.signals["steer.tractor.front"]
+        first = int(np.argmax([np.var(product[i : i + len(part)]) for i in range(len(record) - len(part) + 1)]))
+        assert part.time[0] == record.time[first]
+    assert whole.shortened(total) is whole
+    assert whole.shortened(total - 1) is not whole
+
+
 def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=4)
     gyro = record.signals["yaw_rate.tractor"].copy()
@@ -141,6 +158,22 @@ def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     estimate, expected = (p.logs[0].noise["yaw_rate.tractor"] for p in (spiked, clean))
     assert expected == pytest.approx(0.000016, rel=0.15)
     assert expected < estimate < 1.5 * expected
+
+
+def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
+    """Of a gyro with noise of 0.2 s, for which the filter takes white noise."""
+    record, name = simulate(truck, count=1, seed=4), "yaw_rate.semitrailer"
+    rng, pole = np.random.default_rng(2), np.exp(-record.time[1] / 0.2)
+    slow = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=len(record)))
+    factors = []
+    for size in (0.0, 0.01):
+        noisy = record.with_signals({name: record.signals[name] + size * slow})
+        p = problem(truck, [noisy], OneStage(form="prediction_error", initial_payload_height=None))
+        p.update_noise(np.zeros(len(p.names)), autocorrelated=True)
+        factors.append(p.logs[0].autocorrelation_factor[name])
+        assert not p.logs[0].noise_models
+    assert 1 <= factors[0] < 2.5
+    assert factors[1] > 5
 
 
 def test_update_noise_leaves_the_given_logs_alone(truck: Vehicle) -> None:
@@ -157,7 +190,7 @@ def test_update_noise_leaves_the_given_logs_alone(truck: Vehicle) -> None:
 
 def test_one_block_is_all_blocks(truck: Vehicle, records: list[Record], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tangent, "CHUNK", 37)
-    p = problem(truck, records, OneStage(form="prediction_error", nuisances=False))
+    p = problem(truck, records, OneStage(form="prediction_error"))
     z = np.zeros(len(p.names))
     blocks = list(p.blocks(z, 1, 0))
     assert len(blocks) > 3

@@ -32,3 +32,15 @@ def test_the_history_covers_all_logs(truck: Vehicle) -> None:
     assert history.time[-1] == pytest.approx(sum(log.time[-1] - log.time[0] for log in logs), rel=1e-6)
     assert history.values[-1] == pytest.approx([e.value for e in result.parameters], rel=1e-3)
     assert (np.diff(history.sigma, axis=0) <= 1e-3 * history.sigma[:-1]).mean() > 0.95
+
+
+def test_the_history_does_not_contain_considered_parameters(truck: Vehicle) -> None:
+    """Its sigma is that of a fit in which they are known."""
+    log = simulate(truck, count=1, seed=1)
+    results = [
+        identify([log], truck, OneStage(consider=consider, nuisances=False, adapt_noise=False))
+        for consider in ({"roll_axis_height": 0.3, "roll_stiffness": 0.3}, {})
+    ]
+    considering, knowing = (result.histories["one stage"].sigma[-1] for result in results)
+    assert considering == pytest.approx(knowing, rel=0.01)
+    assert results[0]["semitrailer.payload.height"].sigma > 1.5 * results[1]["semitrailer.payload.height"].sigma

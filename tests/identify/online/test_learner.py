@@ -284,3 +284,12 @@ def test_nothing_to_learn_is_refused(guess: Vehicle, lanes: Record) -> None:
 def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(FifthwheelError, match=f"^{next(iter(wrong))}: expected"):
         LearnerSettings(**wrong)
+
+
+def test_spikes_are_rejected(guess: Vehicle, lanes: Record, learned: Learner) -> None:
+    gyro = lanes.signals["yaw_rate.tractor"].copy()
+    gyro[::97] += 0.5
+    spiked = learn(guess, lanes.with_signals({"yaw_rate.tractor": gyro}))
+    for e, clean in zip(spiked.parameters, learned.parameters, strict=True):
+        assert abs(e.value - clean.value) < clean.sigma
+        assert e.verdict == clean.verdict

@@ -43,7 +43,7 @@ def within(result: Identification, truck: Vehicle, stiffness: float = 0.02, heig
             assert abs(error) < height, name
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *[pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2)]])
 def test_ten_lane_changes_from_80_and_120_percent(truck: Vehicle, seed: int) -> None:
     factors = tuple(np.random.default_rng(seed).choice([0.8, 1.2], 4))
     result = identify([simulate(truck, count=10, seed=seed)], guesses(truck, factors))
@@ -106,6 +106,7 @@ def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None
     assert result.vehicle.parameters()["tractor.front.cornering_stiffness"] == pytest.approx(0.8 * 4.75e5)
 
 
+@pytest.mark.slow
 def test_fixed_parameters_keep_their_value(truck: Vehicle) -> None:
     name = "tractor.front.cornering_stiffness"
     initial = guesses(truck, (1.0, 1.2, 0.8, 1.2))

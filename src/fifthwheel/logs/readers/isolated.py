@@ -38,7 +38,13 @@ _ENVIRONMENT = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMEXP
 
 
 def start_reader() -> None:
-    """Start a child process for the next file. It imports its libraries while the caller does other things."""
+    """Start a child process for the next file, unless one waits for it already.
+
+    It imports its libraries while the caller does other things.
+    """
+    with _lock:
+        if any(child.process.poll() is None for child in _idle):
+            return
     child = _started_child()
     with _lock:
         _idle.append(child)
