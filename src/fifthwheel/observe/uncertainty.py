@@ -121,6 +121,12 @@ class Uncertainty:
         selected = [i for i, name in enumerate(self.names) if name in names]
         return self._subset(selected, [self.names[i] for i in selected])
 
+    def with_independent(self, name: str, sigma: float) -> "Uncertainty":
+        """The uncertainty with a further name, which is independent of the others."""
+        covariance = np.pad(self.covariance, (0, 1))
+        covariance[-1, -1] = sigma**2
+        return Uncertainty(names=(*self.names, name), covariance=covariance)
+
     def columns(self) -> Array:
         """A square root S (k, c) of the covariance, S S': the principal axes of the correlation matrix.
 

@@ -12,6 +12,7 @@ from fifthwheel._extras import require
 from fifthwheel._html import block
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, printable, suggestion
+from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
@@ -20,6 +21,7 @@ from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.plots import Plot
@@ -28,6 +30,11 @@ from fifthwheel.vehicle import save as save_vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+def _is_steer_offset(name: str) -> bool:
+    return is_sensor_error(name, "offset") and SignalName.of(name).quantity == "steer"
+
 
 _FIT = ("time", "measured", "predicted")
 _HISTORY = ("time", "values", "sigma")
@@ -91,16 +98,30 @@ class Identification:
         return ObserverSettings(**self.sensor_settings(log) | changes)
 
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
-        """Sensor errors and noise, as arguments of `ObserverSettings`.
+        """Sensor errors, noise and bank of the road, as arguments of `ObserverSettings`.
 
         Args:
-            log: its sensor errors and noise, besides the errors that all logs share; None or another log for the
-                latter only and the noise of the first log.
+            log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
+                latter only, the noise of the first log, and the priors of steering offset and bank.
         """
         sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
         errors = {error.name: error.value for error in sensors if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return {"sensor_errors": errors, "noise": noise}
+        return {"sensor_errors": errors, "noise": noise} | self._unknown_settings(log)
+
+    def _unknown_settings(self, log: str | None) -> dict[str, Any]:
+        """Mean and sigma of the bank, and sigma of the steering offset.
+
+        If there is a joint covariance, it contains the offset of a log: for the observer of that log it is exact.
+        """
+        settings, bank = self.settings, next((summary.bank for summary in self.logs if summary.name == log), None)
+        if not settings.nuisances:
+            return {"bank": 0.0, "steer_offset": 0.0}
+        prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
+        mean, sigma = bank or (0.0, prior)
+        offsets = [e.sigma for e in self.sensors if e.log == log is not None and _is_steer_offset(e.name)]
+        offset = max(offsets, default=settings.steer_offset_prior)
+        return {"bank_mean": mean, "bank": sigma, "steer_offset": 0.0 if offsets and self.covariance else offset}
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
