@@ -45,6 +45,7 @@ SETTINGS = TwoStage(  # a simulator has no sensor offsets; the gain is uncertain
 )
 TIME_STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
 STEER_STEP = 0.006  # rad between rows: a larger step starts the steering, and follows the hit of the car
+INTERVAL = 1.645  # half width of a 90 % interval, in standard deviations
 ROAD_SEAM = 192.0  # m east: there the road lifts the front wheels
 
 
@@ -243,13 +244,18 @@ class Transfer:
         fits = free_run_fits(model, vehicle, log, errors, values=self.steering, identified_on=False)
         return {fit.signal: 100 * fit.explained for fit in fits}
 
-    def sideslip(self, run: Run) -> dict[str, tuple[float, float]]:
-        """Rms error of the observed sideslip and standard deviation of the true one from the start of steering, deg."""
+    def sideslip(self, run: Run) -> dict[str, tuple[float, float, float]]:
+        """Rms error of the observed sideslip and standard deviation of the true one from the start of steering, deg,
+        and the fraction of the samples that its 90 % intervals contain, per cent."""
         record, settings = run.record, ObserverSettings(sensor_errors=self.steering, noise=self.noise)
         states, results = Observer(self.truck(run), record.signals, settings).batch(record), {}
         for name in ("sideslip.tractor", "sideslip.semitrailer"):
-            truth, observed = (np.degrees(v[name][record.time >= 0]) for v in (record.reference, states.values))
-            results[name] = float(np.sqrt(np.mean((observed - truth) ** 2))), float(truth.std())
+            truth, observed, sigma = (
+                np.degrees(v[name][record.time >= 0]) for v in (record.reference, states.values, states.sigma)
+            )
+            error = observed - truth
+            covered = 100 * float(np.mean(np.abs(error) <= INTERVAL * sigma))
+            results[name] = float(np.sqrt(np.mean(error**2))), float(truth.std()), covered
         return results
 
 
@@ -267,14 +273,15 @@ def main() -> None:
         print(f"{run.record.name}: {run.record.span[1]:.2f} s from the start of steering; {run.geometry}")
         for e in results[run.record.name].parameters:
             print(f"  {e.name:35s} {e.value:9.3g} +- {e.sigma or np.nan:7.2g}, assumed {e.initial:8.3g}, {e.verdict}")
-    print(f"\n{'':18s}{'explained, %':>20s}{'sideslip, deg: rms error (sigma of truth)':>46s}")
-    print(f"identified on log  {'tractor':>9s}{'trailer':>9s}{'artic.':>9s}   {'tractor':>12s}{'trailer':>17s}")
+    title = "sideslip, deg: rms error (sigma of truth), coverage of 90 % intervals"
+    print(f"\n{'':18s}{'explained, %':>20s}   {title}")
+    print(f"identified on log  {'tractor':>9s}{'trailer':>9s}{'artic.':>9s}   {'tractor':>17s}{'trailer':>23s}")
     for used in [*[[name] for name in results], [*results]]:
         transfer = Transfer.of([results[name] for name in used])
         for run in runs:
             log = run.record.name + ("*" if run.record.name in used else "")
             explained = "".join(f"{transfer.explained(run)[channel]:9.1f}" for channel in CHANNELS)
-            sideslip = "".join(f"{rms:10.2f} ({sigma:.2f})" for rms, sigma in transfer.sideslip(run).values())
+            sideslip = "".join(f"{r:10.2f} ({s:.2f}){c:4.0f} %" for r, s, c in transfer.sideslip(run).values())
             print(f"{'mean of all' if len(used) > 1 else used[0]:14s}{log:5s}{explained}{sideslip}")
     print("* identified on this log; all others are predicted")
 

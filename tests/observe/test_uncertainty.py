@@ -74,9 +74,17 @@ SINGLE = {
 
 @pytest.fixture
 def one_start(monkeypatch):
-    """Every observer starts at the state of the nominal vehicle."""
-    nominal = observer()._model.start
-    monkeypatch.setattr(ObserverModel, "start", lambda _, inputs: nominal(inputs))
+    """Every observer starts at the state of the nominal vehicle, with its own offset of the steering."""
+    nominal = observer()._model
+    offset, n = nominal.model.unknowns.index(OFFSET), len(nominal.model.states)
+
+    def start(other, inputs):
+        first = nominal_start(inputs)
+        first[:n] += other.settings.sensor_errors.get(OFFSET, 0.0) * nominal.effects(inputs)[offset]
+        return first
+
+    nominal_start = nominal.start
+    monkeypatch.setattr(ObserverModel, "start", start)
 
 
 @both_methods
