@@ -50,7 +50,7 @@ def states(
         bool,
         typer.Option(
             "--bank",
-            help="Also estimate the bank of the road, instead of including its prior in sigma; for exact models only.",
+            help="Also estimate the bank of the road. Default: sigma contains the bank.",
         ),
     ] = False,
     check: options.CheckOption = True,

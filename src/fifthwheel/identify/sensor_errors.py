@@ -26,8 +26,8 @@ def estimate_sensor_errors(
     Args:
         record: the new log.
         vehicle: as identified.
-        known: joint uncertainty from the identification. Its sensor errors and banks are dropped; those of the new log are
-            taken as independent of the parameters of the vehicle. None if not known.
+        known: joint uncertainty from the identification. Its sensor errors and banks are dropped; those of the new
+            log are taken as independent of the parameters of the vehicle. None if not known.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.

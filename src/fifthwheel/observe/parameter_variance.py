@@ -93,7 +93,7 @@ def parameter_variance(
     rows: Array,
     constant: Array,
 ) -> tuple[Array, Array]:
-    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters, and over a considered bank.
+    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters, and that over the bank.
 
     Args:
         model, report: of the measured and of the reported signals.

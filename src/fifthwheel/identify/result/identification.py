@@ -31,11 +31,6 @@ from fifthwheel.vehicle import save as save_vehicle
 if TYPE_CHECKING:
     import pandas as pd
 
-
-def _is_steer_offset(name: str) -> bool:
-    return is_sensor_error(name, "offset") and SignalName.of(name).quantity == "steer"
-
-
 _FIT = ("time", "measured", "predicted")
 _HISTORY = ("time", "values", "sigma")
 
@@ -334,3 +329,7 @@ class Identification:
         """What a notebook shows: tables of estimates and fits."""
         tables = summary.html_tables((*self.parameters, *self.derived), self.fits)
         return block(self._title, *tables, *self.notes)
+
+
+def _is_steer_offset(name: str) -> bool:
+    return is_sensor_error(name, "offset") and SignalName.of(name).quantity == "steer"
