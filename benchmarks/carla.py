@@ -33,9 +33,10 @@ from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import free_run_fits
 from fifthwheel.identify.parameters import sensor_error_unknowns
-from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
+from fifthwheel.vehicle.uncertainty import changes
 
 FOLDER = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "carla"
 UNITS = ("tractor", "semitrailer")
@@ -215,23 +216,35 @@ class Transfer:
     factors: Mapping[str, float]  # estimate divided by the assumed value
     steering: Mapping[str, float]  # gain and delay
     noise: Mapping[str, float]  # variances
+    sigma: Mapping[str, float]  # of factors, as fractions, and of gain and delay
 
     @classmethod
     def of(cls, results: Sequence[Identification]) -> "Transfer":
         """The estimates of one result, or their mean weighted by sigma (for factors, the mean of the logarithm)."""
-        factors, steering = {}, {}
+        factors, steering, sigma = {}, {}, {}
         for same in zip(*[result.parameters for result in results], strict=True):
             weights = [(e.value / (e.sigma or np.inf)) ** 2 for e in same]
             factors[same[0].name] = np.exp(np.average([np.log(e.value / e.initial) for e in same], weights=weights))
+            sigma[same[0].name] = np.sum(weights) ** -0.5
         for same in zip(*[[e for e in result.sensors if e.log is None] for result in results], strict=True):
             steering[same[0].name] = np.average([e.value for e in same], weights=[e.sigma**-2 for e in same])
+            sigma[same[0].name] = np.sum([e.sigma**-2 for e in same]) ** -0.5
         noise = {name: float(np.mean([result.logs[0].noise[name] for result in results])) for name in CHANNELS}
-        return cls(factors=factors, steering=steering, noise=noise)
+        return cls(factors=factors, steering=steering, noise=noise, sigma=sigma)
 
     def truck(self, run: Run) -> Vehicle:
         """The truck of a log with the estimates: tyres scale with the static load, yaw inertia with m length^2."""
         assumed = run.truck.parameters()
         return run.truck.replace({name: factor * assumed[name] for name, factor in self.factors.items()})
+
+    def uncertainty(self, truck: Vehicle) -> Uncertainty:
+        """Of the estimates, which are taken as independent, and of masses and lengths."""
+        values = truck.parameters()
+        columns = [{name: sigma * values.get(name, 1.0)} for name, sigma in self.sigma.items()]
+        columns += [dict(change.slopes) for change in changes(truck)]
+        names = tuple(dict.fromkeys(name for column in columns for name in column))
+        root = np.array([[column.get(name, 0.0) for column in columns] for name in names])
+        return Uncertainty(names=names, covariance=root @ root.T)
 
     def explained(self, run: Run) -> dict[str, float]:
         """Explained variance of each channel in a free run, per cent, with the truck of the log."""
@@ -248,7 +261,8 @@ class Transfer:
         """Rms error of the observed sideslip and standard deviation of the true one from the start of steering, deg,
         and the fraction of the samples that its 90 % intervals contain, per cent."""
         record, settings = run.record, ObserverSettings(sensor_errors=self.steering, noise=self.noise)
-        states, results = Observer(self.truck(run), record.signals, settings).batch(record), {}
+        truck, results = self.truck(run), {}
+        states = Observer(truck, record.signals, settings).batch(record, self.uncertainty(truck))
         for name in ("sideslip.tractor", "sideslip.semitrailer"):
             truth, observed, sigma = (
                 np.degrees(v[name][record.time >= 0]) for v in (record.reference, states.values, states.sigma)
