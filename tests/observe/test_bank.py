@@ -140,6 +140,17 @@ def test_sigma_contains_the_bank_by_default(roll, method):
             np.testing.assert_allclose(actual.values[name], level.values[name], rtol=0, atol=1e-12)
 
 
+def test_the_considered_bank_equals_an_uncertain_parameter():
+    """The filter propagates its effect like `parameter_variance` that of any parameter."""
+    record = banked(0.03, manoeuvre="random").cut(0, 10)
+    considered = Observer(TRUCK, record.signals, ObserverSettings(gate=1e6)).batch(record)
+    uncertain = Uncertainty(names=("bank.road",), covariance=np.array([[0.03**2]]))
+    expected = Observer(TRUCK, record.signals, ObserverSettings(gate=1e6, bank=0.0)).batch(record, uncertain)
+    for name, sigma in expected.sigma.items():
+        np.testing.assert_allclose(considered.values[name], expected.values[name], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(considered.sigma[name], sigma, rtol=1e-6, err_msg=name)
+
+
 @pytest.mark.parametrize("method", ["batch", "smooth"])
 def test_the_known_bank_of_a_log(method):
     """Its mean corrects the states, and its sigma, correlated with the steering offset, replaces the prior."""

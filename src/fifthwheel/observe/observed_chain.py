@@ -106,5 +106,5 @@ def _observed_chain(chain: ChainModel, estimate_bank: bool) -> ObservedChain:
         estimates_bank=estimate_bank,
         transition=ca.Function("transition", arguments, [ca.vertcat(later, offsets)]),
         observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
-        state_jacobian=ca.Function("state_jacobian", arguments, [ca.densify(F)]),
+        state_jacobian=ca.Function("state_jacobian", arguments, [F]),
     )

@@ -49,7 +49,7 @@ class Uncertainty:
 
     names: tuple[str, ...]
     """Paths of parameters, and sensor errors such as "steer.tractor.front.offset" or "yaw_rate.tractor.gain". A sensor
-    error of one log is "<name>@<log>", and "<name>@" is that of all other logs."""
+    error of one log is "<name>@<log>", and "<name>@" is that of all other logs. "bank.road" is the bank of the road."""
     covariance: Array
     """(k, k), SI."""
 

@@ -102,21 +102,7 @@ class Identification:
         sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
         errors = {error.name: error.value for error in sensors if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return {"sensor_errors": errors, "noise": noise} | self._unknown_settings(log)
-
-    def _unknown_settings(self, log: str | None) -> dict[str, Any]:
-        """Mean and sigma of the bank, and sigma of the steering offset.
-
-        If there is a joint covariance, it contains the offset of a log: for the observer of that log it is exact.
-        """
-        settings, bank = self.settings, next((summary.bank for summary in self.logs if summary.name == log), None)
-        if not settings.nuisances:
-            return {"bank": 0.0, "steer_offset": 0.0}
-        prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
-        mean, sigma = bank or (0.0, prior)
-        offsets = [e.sigma for e in self.sensors if e.log == log is not None and _is_steer_offset(e.name)]
-        offset = max(offsets, default=settings.steer_offset_prior)
-        return {"bank_mean": mean, "bank": sigma, "steer_offset": 0.0 if offsets and self.covariance else offset}
+        return {"sensor_errors": errors, "noise": noise} | _unknowns(self, log)
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
@@ -329,6 +315,23 @@ class Identification:
         """What a notebook shows: tables of estimates and fits."""
         tables = summary.html_tables((*self.parameters, *self.derived), self.fits)
         return block(self._title, *tables, *self.notes)
+
+
+def _unknowns(identification: Identification, log: str | None) -> dict[str, float]:
+    """Mean and sigma of the bank, and sigma of the steering offset, as arguments of `ObserverSettings`.
+
+    If there is a joint covariance, it contains the offset of a log, so that it is exact for the observer of that log.
+    """
+    settings = identification.settings
+    if not settings.nuisances:
+        return {"bank": 0.0, "steer_offset": 0.0}
+    prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
+    mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
+    own = [error for error in identification.sensors if error.log is not None and error.log == log]
+    offsets = [error.sigma for error in own if _is_steer_offset(error.name)]
+    known = identification.covariance is not None and offsets
+    offset = 0.0 if known else max(offsets, default=settings.steer_offset_prior)
+    return {"bank_mean": mean, "bank": bank, "steer_offset": offset}
 
 
 def _is_steer_offset(name: str) -> bool:
