@@ -33,9 +33,10 @@ from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import free_run_fits
 from fifthwheel.identify.parameters import sensor_error_unknowns
-from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
+from fifthwheel.vehicle.uncertainty import changes
 
 FOLDER = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "carla"
 UNITS = ("tractor", "semitrailer")
@@ -45,6 +46,7 @@ SETTINGS = TwoStage(  # a simulator has no sensor offsets; the gain is uncertain
 )
 TIME_STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
 STEER_STEP = 0.006  # rad between rows: a larger step starts the steering, and follows the hit of the car
+INTERVAL = 1.645  # half width of a 90 % interval, in standard deviations
 ROAD_SEAM = 192.0  # m east: there the road lifts the front wheels
 
 
@@ -214,23 +216,35 @@ class Transfer:
     factors: Mapping[str, float]  # estimate divided by the assumed value
     steering: Mapping[str, float]  # gain and delay
     noise: Mapping[str, float]  # variances
+    sigma: Mapping[str, float]  # of factors, as fractions, and of gain and delay
 
     @classmethod
     def of(cls, results: Sequence[Identification]) -> "Transfer":
         """The estimates of one result, or their mean weighted by sigma (for factors, the mean of the logarithm)."""
-        factors, steering = {}, {}
+        factors, steering, sigma = {}, {}, {}
         for same in zip(*[result.parameters for result in results], strict=True):
             weights = [(e.value / (e.sigma or np.inf)) ** 2 for e in same]
             factors[same[0].name] = np.exp(np.average([np.log(e.value / e.initial) for e in same], weights=weights))
+            sigma[same[0].name] = np.sum(weights) ** -0.5
         for same in zip(*[[e for e in result.sensors if e.log is None] for result in results], strict=True):
             steering[same[0].name] = np.average([e.value for e in same], weights=[e.sigma**-2 for e in same])
+            sigma[same[0].name] = np.sum([e.sigma**-2 for e in same]) ** -0.5
         noise = {name: float(np.mean([result.logs[0].noise[name] for result in results])) for name in CHANNELS}
-        return cls(factors=factors, steering=steering, noise=noise)
+        return cls(factors=factors, steering=steering, noise=noise, sigma=sigma)
 
     def truck(self, run: Run) -> Vehicle:
         """The truck of a log with the estimates: tyres scale with the static load, yaw inertia with m length^2."""
         assumed = run.truck.parameters()
         return run.truck.replace({name: factor * assumed[name] for name, factor in self.factors.items()})
+
+    def uncertainty(self, truck: Vehicle) -> Uncertainty:
+        """Of the estimates, which are taken as independent, and of masses and lengths."""
+        values = truck.parameters()
+        columns = [{name: sigma * values.get(name, 1.0)} for name, sigma in self.sigma.items()]
+        columns += [dict(change.slopes) for change in changes(truck)]
+        names = tuple(dict.fromkeys(name for column in columns for name in column))
+        root = np.array([[column.get(name, 0.0) for column in columns] for name in names])
+        return Uncertainty(names=names, covariance=root @ root.T)
 
     def explained(self, run: Run) -> dict[str, float]:
         """Explained variance of each channel in a free run, per cent, with the truck of the log."""
@@ -243,13 +257,19 @@ class Transfer:
         fits = free_run_fits(model, vehicle, log, errors, values=self.steering, identified_on=False)
         return {fit.signal: 100 * fit.explained for fit in fits}
 
-    def sideslip(self, run: Run) -> dict[str, tuple[float, float]]:
-        """Rms error of the observed sideslip and standard deviation of the true one from the start of steering, deg."""
+    def sideslip(self, run: Run) -> dict[str, tuple[float, float, float]]:
+        """Rms error of the observed sideslip and standard deviation of the true one from the start of steering, deg,
+        and the fraction of the samples that its 90 % intervals contain, per cent."""
         record, settings = run.record, ObserverSettings(sensor_errors=self.steering, noise=self.noise)
-        states, results = Observer(self.truck(run), record.signals, settings).batch(record), {}
+        truck, results = self.truck(run), {}
+        states = Observer(truck, record.signals, settings).batch(record, self.uncertainty(truck))
         for name in ("sideslip.tractor", "sideslip.semitrailer"):
-            truth, observed = (np.degrees(v[name][record.time >= 0]) for v in (record.reference, states.values))
-            results[name] = float(np.sqrt(np.mean((observed - truth) ** 2))), float(truth.std())
+            truth, observed, sigma = (
+                np.degrees(v[name][record.time >= 0]) for v in (record.reference, states.values, states.sigma)
+            )
+            error = observed - truth
+            covered = 100 * float(np.mean(np.abs(error) <= INTERVAL * sigma))
+            results[name] = float(np.sqrt(np.mean(error**2))), float(truth.std()), covered
         return results
 
 
@@ -267,14 +287,15 @@ def main() -> None:
         print(f"{run.record.name}: {run.record.span[1]:.2f} s from the start of steering; {run.geometry}")
         for e in results[run.record.name].parameters:
             print(f"  {e.name:35s} {e.value:9.3g} +- {e.sigma or np.nan:7.2g}, assumed {e.initial:8.3g}, {e.verdict}")
-    print(f"\n{'':18s}{'explained, %':>20s}{'sideslip, deg: rms error (sigma of truth)':>46s}")
-    print(f"identified on log  {'tractor':>9s}{'trailer':>9s}{'artic.':>9s}   {'tractor':>12s}{'trailer':>17s}")
+    title = "sideslip, deg: rms error (sigma of truth), coverage of 90 % intervals"
+    print(f"\n{'':18s}{'explained, %':>20s}   {title}")
+    print(f"identified on log  {'tractor':>9s}{'trailer':>9s}{'artic.':>9s}   {'tractor':>17s}{'trailer':>23s}")
     for used in [*[[name] for name in results], [*results]]:
         transfer = Transfer.of([results[name] for name in used])
         for run in runs:
             log = run.record.name + ("*" if run.record.name in used else "")
             explained = "".join(f"{transfer.explained(run)[channel]:9.1f}" for channel in CHANNELS)
-            sideslip = "".join(f"{rms:10.2f} ({sigma:.2f})" for rms, sigma in transfer.sideslip(run).values())
+            sideslip = "".join(f"{r:10.2f} ({s:.2f}){c:4.0f} %" for r, s, c in transfer.sideslip(run).values())
             print(f"{'mean of all' if len(used) > 1 else used[0]:14s}{log:5s}{explained}{sideslip}")
     print("* identified on this log; all others are predicted")
 

@@ -8,7 +8,7 @@ linear truck has the speed and the steer angle of a run of the nonlinear truck.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -20,9 +20,10 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
+from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.names import ParameterPath
-from fifthwheel.observe import Observer
+from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Sensor, measure
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
@@ -35,7 +36,10 @@ UNITS = ("tractor", "semitrailer")
 GYROS = article_gyro_variance(UNITS)
 STATES = tuple(f"{quantity}.{unit}" for quantity in ("sideslip", "roll") for unit in UNITS)
 SPEED, STEER = "speed", "steer.tractor.front"
-LEVEL, BANKED = ", level road assumed", ", bank as a state"
+IDENTIFIED, UNSEEN, ON_LINE, FILE_ONLY = ", identified log", ", unseen log", ", on-line", ", vehicle file only"
+"""Where the knowledge of the observer comes from; the last two observe the unseen log sample by sample."""
+UNSEEN_SEEDS = 1_000_000
+"""Added to the seed of a log for that of the unseen log, which has its own offsets and bank."""
 INTERVAL = 1.645
 """Half width of a 90 % interval, in standard deviations."""
 
@@ -90,36 +94,51 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     return run.time, inputs | {name: y[:, i] for i, name in enumerate(outputs)}
 
 
-def drawn_record(draw: Draw, settings: OneStage, rng: np.random.Generator) -> Record:
-    """The log of a draw with errors of all sensors and the true states as reference."""
-    time, truth = true_signals(draw, settings.bank_prior * rng.normal())
-    measured: dict[str, Array] = {SPEED: truth[SPEED]}
-    gain, offset = 1 + settings.steer_gain_prior * rng.normal(), settings.steer_offset_prior * rng.normal()
-    delay = settings.steer_delay_prior * rng.normal()
-    measured[STEER] = np.interp(time - delay, time, truth[STEER]) / gain + offset
+def drawn_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
+    """Bank of the road and errors of all sensors of one log, SI."""
+    errors = {"bank": settings.bank_prior * rng.normal()}
+    errors |= {f"{STEER}.gain": 1 + settings.steer_gain_prior * rng.normal()}
+    errors |= {f"{STEER}.offset": settings.steer_offset_prior * rng.normal()}
+    errors |= {f"{STEER}.delay": settings.steer_delay_prior * rng.normal()}
     for name in GYROS:
-        other = name.replace("yaw", "roll") if name.startswith("yaw") else name.replace("roll", "yaw")
-        angle = settings.misalignment_prior * rng.normal() * (1 if name.startswith("yaw") else -1)
-        values = math.cos(angle) * truth[name] + math.sin(angle) * truth[other]
-        values = np.interp(time - settings.consider["gyro_delay"] * rng.normal(), time, values)
-        gain, offset = 1 + settings.rate_gain_prior * rng.normal(), settings.rate_offset_prior * rng.normal()
-        measured[name] = gain * values + offset
+        errors |= {f"{name}.misalignment": settings.misalignment_prior * rng.normal()}
+        errors |= {f"{name}.delay": settings.consider["gyro_delay"] * rng.normal()}
+        errors |= {f"{name}.gain": 1 + settings.rate_gain_prior * rng.normal()}
+        errors |= {f"{name}.offset": settings.rate_offset_prior * rng.normal()}
+    return errors
+
+
+def drawn_record(draw: Draw, errors: Mapping[str, float], name: str) -> Record:
+    """The log of a draw with errors of all sensors and the true states as reference."""
+    time, truth = true_signals(draw, errors["bank"])
+    measured: dict[str, Array] = {SPEED: truth[SPEED]}
+    late = np.interp(time - errors[f"{STEER}.delay"], time, truth[STEER])
+    measured[STEER] = late / errors[f"{STEER}.gain"] + errors[f"{STEER}.offset"]
+    for gyro in GYROS:
+        other = gyro.replace("yaw", "roll") if gyro.startswith("yaw") else gyro.replace("roll", "yaw")
+        angle = errors[f"{gyro}.misalignment"] * (1 if gyro.startswith("yaw") else -1)
+        values = math.cos(angle) * truth[gyro] + math.sin(angle) * truth[other]
+        values = np.interp(time - errors[f"{gyro}.delay"], time, values)
+        measured[gyro] = errors[f"{gyro}.gain"] * values + errors[f"{gyro}.offset"]
     sensors = {name: Sensor(variance=GYROS.get(name, 0.0)) for name in measured}
     signals = measure(time, measured, sensors, seed=draw.seed)
-    return Record(time=time, signals=signals, reference={name: truth[name] for name in STATES}, name="log")
+    return Record(time=time, signals=signals, reference={name: truth[name] for name in STATES}, name=name)
 
 
 def samples(draw: Draw) -> dict[str, Sample]:
     """Errors and sigmas of all estimates and states by name, as fractions and in rad; empty if the log is refused."""
     settings, rng = OneStage(), np.random.default_rng([draw.seed, 17])
     file = drawn_file(settings, rng)
-    record = drawn_record(draw, settings, rng)
+    errors = drawn_errors(settings, rng)
+    of_log = {key: x for key, x in drawn_errors(settings, rng).items() if key == "bank" or key.endswith(".offset")}
+    record = drawn_record(draw, errors, "log")
+    unseen = drawn_record(replace(draw, seed=draw.seed + UNSEEN_SEEDS), {**errors, **of_log}, "unseen log")
     try:
         result = identify([record], initial_guess(file, draw.seed), settings)
     except FifthwheelError:
         return {}
     ranges = true_ranges(((),)) if draw.nonlinear else exact_values()
-    return dict(estimate_samples(result, ranges)) | dict(state_samples(result, record, settings.bank_prior))
+    return dict(estimate_samples(result, ranges)) | dict(state_samples(result, file, record, unseen))
 
 
 def estimate_samples(result: Identification, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Sample]]:
@@ -129,13 +148,22 @@ def estimate_samples(result: Identification, ranges: Mapping[str, Range]) -> Ite
         yield e.name, Sample(error=error, sigma=sigma, converged=e.verdict == "converged")
 
 
-def state_samples(result: Identification, record: Record, bank: float) -> Iterator[tuple[str, Sample]]:
-    """States as `fifthwheel identify` estimates them, for a level road, and with the bank of the road as a state."""
-    for suffix, prior in ((LEVEL, None), (BANKED, bank)):
-        settings = result.observer_settings(record.name, bank=prior)
-        states = Observer(result.vehicle, record.signals, settings).batch(record, result.uncertainty(record.name))
+def state_samples(
+    result: Identification, file: Vehicle, record: Record, unseen: Record
+) -> Iterator[tuple[str, Sample]]:
+    """States as `fifthwheel identify`, `fifthwheel states -i` on another log and `Observer` estimate them."""
+    sensors = log_sensors(result, unseen, result.vehicle)
+    new = ObserverSettings(**sensors.settings)
+    observers = {
+        IDENTIFIED: (record, result.observer(log=record.name), result.uncertainty(record.name)),
+        UNSEEN: (unseen, Observer(result.vehicle, unseen.signals, new), sensors.uncertainty),
+        ON_LINE: (unseen, result.observer(), None),
+        FILE_ONLY: (unseen, Observer(file, unseen.signals), None),
+    }
+    for suffix, (log, observer, uncertainty) in observers.items():
+        states = observer.batch(log, uncertainty)
         for name in STATES:
-            error = states.values[name] - record.reference[name]
+            error = states.values[name] - log.reference[name]
             present = np.isfinite(error)
             yield name + suffix, Sample(error=error[present], sigma=states.sigma[name][present])
 
@@ -143,7 +171,7 @@ def state_samples(result: Identification, record: Record, bank: float) -> Iterat
 def row(name: str, of_seeds: Sequence[Sample]) -> tuple[str, ...]:
     """Converged, coverage, mean and rms error, mean sigma and its ratio to the rms error; of states in degrees."""
     error, sigma = (np.concatenate([getattr(s, key) for s in of_seeds]) for key in ("error", "sigma"))
-    scale = math.degrees(1) if name.endswith((LEVEL, BANKED)) else 100.0
+    scale = math.degrees(1) if name.endswith((IDENTIFIED, UNSEEN, ON_LINE, FILE_ONLY)) else 100.0
     rms, mean_sigma = float(np.sqrt(np.mean(error**2))), float(np.mean(sigma))
     numbers = [f"{scale * x:.3g}" for x in (np.mean(error), rms, mean_sigma)]
     converged = np.mean([s.converged for s in of_seeds])

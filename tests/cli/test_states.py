@@ -82,7 +82,7 @@ def test_equal_to_the_observer(record, truck):
 def test_on_a_bank(record, truck):
     printed, columns = states("--bank")
     assert printed["logs"][0]["states"][-1] == "bank.road"
-    same(columns, Observer(truck, record.signals, ObserverSettings(bank=0.03)).batch(record))
+    same(columns, Observer(truck, record.signals, ObserverSettings(estimate_bank=True)).batch(record))
     page = Path("fifthwheel-states/report.html").read_text(encoding="utf-8")
     assert re.search(r"bank\.(<wbr>)?road", page)
 

@@ -26,8 +26,9 @@ STEER = "steer.tractor.front"
 ERRORS = {f"{STEER}.offset": 0.002, f"{STEER}.gain": 1.03, f"{STEER}.delay": 0.04, "yaw_rate.tractor.offset": 0.001}
 SETTINGS = {
     "plain": ObserverSettings(),
-    "sensor errors": ObserverSettings(sensor_errors=ERRORS),
-    "bank": ObserverSettings(bank=0.03),
+    "sensor errors": ObserverSettings(sensor_errors=ERRORS, bank_mean=0.02),
+    "exact": ObserverSettings(bank=0.0, steer_offset=0.0),
+    "bank": ObserverSettings(bank=0.04, bank_mean=0.01, estimate_bank=True, steer_offset=0.001),
     "eager": ObserverSettings(hold=0.05, max_gap=0.2, coast=0.1, gate=2.0, restart_after=0.0, min_speed=24.3),
 }
 TOLERANCE = {"double": 1e-12, "float": 1e-4}

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from fifthwheel.identify import Identification
+from fifthwheel.identify import Identification, OneStage
 from fifthwheel.identify.result.storage import _finite
 
 STEER, YAW = "steer.tractor.front", "yaw_rate.tractor"
 
 
 def error(name: str, value: float, log: str | None) -> SimpleNamespace:
-    return SimpleNamespace(name=name, value=value, log=log)
+    return SimpleNamespace(name=name, value=value, log=log, sigma=0.003)
 
 
 IDENTIFICATION: Any = SimpleNamespace(
@@ -24,7 +24,12 @@ IDENTIFICATION: Any = SimpleNamespace(
         error(f"{YAW}.offset", 0.002, "second"),
         error("time_base.trailer.delay", 0.1, None),
     ],
-    logs=[SimpleNamespace(name="first", noise={YAW: 1e-6}), SimpleNamespace(name="second", noise={YAW: 2e-6})],
+    logs=[
+        SimpleNamespace(name="first", noise={YAW: 1e-6}, bank=(0.01, 0.02)),
+        SimpleNamespace(name="second", noise={YAW: 2e-6}, bank=None),
+    ],
+    settings=OneStage(nuisances=False),
+    covariance=None,
 )
 
 
@@ -35,7 +40,29 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     """Of another log only what all logs share, with the noise of the first; an observer has one time base."""
     settings = Identification.sensor_settings(IDENTIFICATION, log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
-    assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}}
+    exact = {"bank": 0.0, "steer_offset": 0.0}
+    assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}} | exact
+
+
+@pytest.mark.parametrize(
+    ("log", "joint", "bank_mean", "bank", "offset"),
+    [
+        ("first", True, 0.01, 0.02, 0.0),
+        ("first", False, 0.01, 0.02, 0.003),
+        ("second", True, 0.0, 0.03, 0.01),
+        (None, True, 0.0, 0.03, 0.01),
+        ("b", True, 0.0, 0.03, 0.01),
+    ],
+)
+def test_bank_and_steering_offset_of_a_log(
+    log: str | None, joint: bool, bank_mean: float, bank: float, offset: float
+) -> None:
+    """The joint covariance contains the offset of a log that has one; other logs have the priors."""
+    sensors = [*IDENTIFICATION.sensors, error(f"{STEER}.offset", 0.004, "first")]
+    changes = {"sensors": sensors, "settings": OneStage(), "covariance": object() if joint else None}
+    identification: Any = SimpleNamespace(**{**vars(IDENTIFICATION), **changes})
+    settings = Identification.sensor_settings(identification, log)
+    assert [settings[name] for name in ("bank_mean", "bank", "steer_offset")] == [bank_mean, bank, offset]
 
 
 def test_json_has_no_number_that_is_not_finite() -> None:

@@ -12,6 +12,8 @@ from fifthwheel.vehicle import Vehicle, get
 
 STEER = "steer.tractor.front"
 YAWS = ("yaw_rate.tractor", "yaw_rate.semitrailer")
+EXACT = {"bank": 0.0, "steer_offset": 0.0}
+"""Settings of an observer on a level road without an offset of the steering."""
 ROLLS = ("roll_rate.tractor", "roll_rate.semitrailer")
 
 

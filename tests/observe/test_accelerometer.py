@@ -31,7 +31,7 @@ def banked(truck: Vehicle, lane_changes: Record) -> Record:
 
 def test_it_bounds_the_sideslip_on_an_unknown_bank(truck: Vehicle, banked: Record) -> None:
     """An accelerometer measures the side forces of the tyres, whatever the bank; the observer assumes a level road."""
-    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2})
+    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2}, steer_offset=0.0)
     for signals in ((*YAWS, NAME), YAWS):
         states = Observer(truck, ("speed", STEER, *signals), settings).batch(banked)
         error = states.values[SIDESLIP] - banked.reference[SIDESLIP]

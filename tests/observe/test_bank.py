@@ -1,6 +1,7 @@
-"""The bank of the road as a state of the observer."""
+"""The bank of the road in the observer: considered by default, or a state."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,10 +14,12 @@ from fifthwheel.manoeuvres import acceleration_course, inverse_steer
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import GYRO_VARIANCE
-from tests.observe.conftest import STEER, assert_same, batched, pushed
+from tests.observe.conftest import EXACT, STEER, assert_same, batched, pushed
 from tests.observe.exact import OUTPUTS, SPEED, TRUCK
 
 BANK = 0.035
+LEVEL = ObserverSettings(**EXACT)
+ESTIMATED = ObserverSettings(estimate_bank=True, steer_offset=0.0)
 REPORTED = ("sideslip.tractor", "sideslip.semitrailer", "roll.tractor", "roll.semitrailer", "bank.road")
 
 
@@ -49,7 +52,7 @@ def rms(error: np.ndarray) -> float:
 def test_sideslip_on_a_banked_road(manoeuvre, method):
     record = banked(BANK, manoeuvre=manoeuvre)
     level, banked_road = (
-        getattr(Observer(TRUCK, record.signals, ObserverSettings(bank=bank)), method)(record) for bank in (None, 0.03)
+        getattr(Observer(TRUCK, record.signals, settings), method)(record) for settings in (LEVEL, ESTIMATED)
     )
     assert "bank.road" not in level.values
     settled = record.time > 5
@@ -67,14 +70,14 @@ def test_sideslip_on_a_banked_road(manoeuvre, method):
 
 def test_first_sigma_is_the_prior():
     record = banked(BANK)
-    sigma = Observer(TRUCK, record.signals, ObserverSettings(bank=0.05)).batch(record).sigma["bank.road"]
+    sigma = Observer(TRUCK, record.signals, replace(ESTIMATED, bank=0.05)).batch(record).sigma["bank.road"]
     assert sigma[0] == pytest.approx(0.05, rel=1e-3)  # after the first sample, which hardly informs of the bank
     assert sigma[500] < 0.01
 
 
 def test_yaw_model_with_a_bank():
     record = banked(BANK, roll=False)
-    o = Observer(TRUCK, record.signals, ObserverSettings(bank=0.03))
+    o = Observer(TRUCK, record.signals, ESTIMATED)
     assert o.reported[-1] == "bank.road"
     actual = o.batch(record)
     settled = record.time > 5
@@ -84,7 +87,7 @@ def test_yaw_model_with_a_bank():
 def test_bank_of_a_level_road_is_zero(lane_changes):
     """An additional state increases sigmas and errors; the errors agree with the sigmas."""
     level, banked_road = (
-        Observer(TRUCK, lane_changes.signals, ObserverSettings(bank=bank)).batch(lane_changes) for bank in (None, 0.03)
+        Observer(TRUCK, lane_changes.signals, settings).batch(lane_changes) for settings in (LEVEL, ESTIMATED)
     )
     assert np.abs(banked_road.values["bank.road"] / banked_road.sigma["bank.road"]).max() < 4
     for name, truth in lane_changes.reference.items():
@@ -94,22 +97,21 @@ def test_bank_of_a_level_road_is_zero(lane_changes):
 
 def test_push_equals_batch_and_resumes():
     record = banked(BANK).cut(0, 6)
-    settings = ObserverSettings(bank=0.03)
-    o = Observer(TRUCK, record.signals, settings)
+    o = Observer(TRUCK, record.signals, ESTIMATED)
     batch_result = batched(o, record)
     assert {"bank.road", "bank.road.sigma"} <= batch_result.keys()
     assert_same(pushed(o, record), batch_result)
     saved = json.loads(json.dumps(o.save()))
-    Observer(TRUCK, record.signals, settings).resume(saved)
-    for other in (None, 0.06):
+    Observer(TRUCK, record.signals, ESTIMATED).resume(saved)
+    for other in (LEVEL, replace(ESTIMATED, bank=0.06)):
         with pytest.raises(SignalError, match="expected one of the same vehicle"):
-            Observer(TRUCK, record.signals, ObserverSettings(bank=other)).resume(saved)
+            Observer(TRUCK, record.signals, other).resume(saved)
 
 
 def test_an_uncertain_steer_offset_makes_the_bank_uncertain():
     """Yaw rates identify only a combination of steer offset and bank: 0.5 mrad of offset equals degrees of bank."""
     record = banked(BANK)
-    o = Observer(TRUCK, record.signals, ObserverSettings(bank=0.03))
+    o = Observer(TRUCK, record.signals, ESTIMATED)
     uncertainty = Uncertainty(names=(f"{STEER}.offset",), covariance=np.array([[0.0005**2]]))
     plain, actual = o.batch(record), o.batch(record, uncertainty)
     assert (actual.status == Status.OK).all()
@@ -122,7 +124,65 @@ def test_an_uncertain_steer_offset_makes_the_bank_uncertain():
         assert rms(error / actual.sigma[name][settled]) == pytest.approx(1, abs=0.1), name
 
 
-@pytest.mark.parametrize("bank", [0.0, -0.1, 2.0, float("nan")])
+@pytest.mark.parametrize("roll", [True, False])
+@pytest.mark.parametrize("method", ["batch", "smooth"])
+def test_sigma_contains_the_bank_by_default(roll, method):
+    """The bank is not visible: its error is that of a level road, one standard deviation here."""
+    record = banked(0.03, roll=roll, manoeuvre="straight")
+    o = Observer(TRUCK, record.signals, ObserverSettings(steer_offset=0.0))
+    actual, level = (getattr(each, method)(record) for each in (o, Observer(TRUCK, record.signals, LEVEL)))
+    settled = record.time > 5
+    for name in record.reference:
+        if name != "bank.road":
+            error = (actual.values[name] - record.reference[name])[settled]
+            expected = np.sqrt(np.mean(error) ** 2 + level.sigma[name][settled] ** 2)
+            np.testing.assert_allclose(actual.sigma[name][settled], expected, rtol=0.05, err_msg=name)
+            np.testing.assert_allclose(actual.values[name], level.values[name], rtol=0, atol=1e-12)
+
+
+def test_the_considered_bank_equals_an_uncertain_parameter():
+    """The filter propagates its effect like `parameter_variance` that of any parameter."""
+    record = banked(0.03, manoeuvre="random").cut(0, 10)
+    considered = Observer(TRUCK, record.signals, ObserverSettings(gate=1e6)).batch(record)
+    uncertain = Uncertainty(names=("bank.road",), covariance=np.array([[0.03**2]]))
+    expected = Observer(TRUCK, record.signals, ObserverSettings(gate=1e6, bank=0.0)).batch(record, uncertain)
+    for name, sigma in expected.sigma.items():
+        np.testing.assert_allclose(considered.values[name], expected.values[name], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(considered.sigma[name], sigma, rtol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("method", ["batch", "smooth"])
+def test_the_known_bank_of_a_log(method):
+    """Its mean corrects the states, and its sigma, correlated with the steering offset, replaces the prior."""
+    record = banked(0.03)
+    o = Observer(TRUCK, record.signals, ObserverSettings(bank_mean=0.03, steer_offset=0.0))
+    names = (f"{STEER}.offset", "bank.road")
+    known, correlated = (
+        Uncertainty(names=names, covariance=np.outer(sigma, sigma) * [[1, r], [r, 1]])
+        for sigma, r in ((np.array([1e-9, 1e-6]), 0.0), (np.array([1e-4, 0.02]), 0.999))
+    )
+    actual, prior, joint = (getattr(o, method)(record, u) for u in (known, None, correlated))
+    for name in REPORTED[:4]:
+        error = (actual.values[name] - record.reference[name])[record.time > 5]
+        assert rms(error / actual.sigma[name][record.time > 5]) < 1.2, name
+        assert np.median(actual.sigma[name]) < 0.3 * np.median(prior.sigma[name]), name
+        assert np.median(joint.sigma[name]) < np.median(prior.sigma[name]), name
+        np.testing.assert_array_equal(actual.values[name], prior.values[name])
+
+
+def test_the_offset_of_the_steering_is_estimated():
+    """By default; as a known error that is wrong it would bias the sideslip."""
+    record = banked(0.0, manoeuvre="random")
+    wrong = record.with_signals({STEER: record.signals[STEER] + 0.01})
+    o, exact = Observer(TRUCK, record.signals), Observer(TRUCK, record.signals, ObserverSettings(steer_offset=0.0))
+    assert_same(pushed(o, wrong.cut(0, 5)), batched(o, wrong.cut(0, 5)))
+    settled = record.time > 5
+    for name in ("sideslip.tractor", "sideslip.semitrailer"):
+        estimated, fixed = ((each.batch(wrong).values[name] - record.reference[name])[settled] for each in (o, exact))
+        assert rms(estimated) < 0.1 * rms(fixed), name
+
+
+@pytest.mark.parametrize("bank", [-0.1, 2.0, float("nan")])
 def test_implausible_bank_is_refused(bank):
     with pytest.raises(SignalError, match=r"^bank: expected between 0 and 1 rad"):
         ObserverSettings(bank=bank)

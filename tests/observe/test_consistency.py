@@ -13,7 +13,7 @@ from fifthwheel.observe.monitor import START
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
-from tests.observe.conftest import ROLLS, STEER, YAWS, assert_same, batched, pushed, put, samples
+from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, assert_same, batched, pushed, put, samples
 
 TRUCK = get("cheng_cebon_2011")
 LANE_CHANGES = simulate(TRUCK, count=2, seed=7)
@@ -43,7 +43,7 @@ BRIEF = ("steer wrong for 0.2 s", "steer wrong for 1 s", "wrong yaw rates")
 
 
 def observer(**changes) -> Observer:
-    return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(**changes))
+    return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(**{**EXACT, **changes}))
 
 
 def beyond(o: Observer, record: Record, sigmas: float) -> np.ndarray:
@@ -95,12 +95,12 @@ def test_push_equals_batch(name: str) -> None:
 
 @pytest.mark.parametrize("name", WRONG)
 def test_covariances_remain_positive(name: str) -> None:
-    o = observer()
+    o = Observer(TRUCK, LANE_CHANGES.signals)
     smallest = np.inf
     for sample in samples(WRONG[name]):
         o.push(sample)
         n = len(o.model.states)
-        P = unpack_array(np.array(o._buffers.carry[n : -len(START)]), n)
+        P = unpack_array(np.array(o._buffers.carry[n : -n - len(START)]), n)
         scale = np.sqrt(np.diag(P))
         smallest = min(smallest, np.linalg.eigvalsh(P / np.outer(scale, scale)).min())
     assert smallest > 1e-12

@@ -12,8 +12,14 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from tests.observe.exact import TRUCK
 from tests.observe.test_stream import LANE_CHANGES, observer
 
-NAMES = ("tractor.front.cornering_stiffness", "semitrailer.cog", "yaw_rate.tractor.gain", "steer.tractor.front.offset")
-SIGMA = np.array([1e3, 0.01, 0.002, 1e-4])
+NAMES = (
+    "tractor.front.cornering_stiffness",
+    "semitrailer.cog",
+    "yaw_rate.tractor.gain",
+    "steer.tractor.front.offset",
+    "bank.road",
+)
+SIGMA = np.array([1e3, 0.01, 0.002, 1e-4, 0.02])
 
 
 def test_variance_is_that_of_filters_with_the_same_gains() -> None:
@@ -34,7 +40,7 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     c, _ = split(constant)
     Q, R = unpack_array(constant[n_c : n_c + n * (n + 1) // 2], n), constant[n_c + n * (n + 1) // 2 :][:m]
     noise = kalman.Noise(process=Q, measurement=R)
-    run = kalman.run_kalman(model, rows, p=np.zeros(0), c=c, noise=noise, x0=start[:n], P0=unpack_array(start[n:], n))
+    run = kalman.run_kalman(model, rows, p=np.zeros(0), c=c, noise=noise, x0=start[:n], P0=unpack_array(start[n:-n], n))
     gains = []  # P H' / R of the given parameters, 0 for missing measurements
     for row, P in zip(rows, run.covariance, strict=True):
         d = row[1 : 1 + n_d]
@@ -42,9 +48,9 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
         H = np.column_stack([np.array(model.observation(e, d, np.zeros(0), c) - at_zero) for e in np.eye(n)])
         gains.append(row[1 + n_d + m :] * (P @ H.T / R))
 
-    def follow(constant: np.ndarray) -> np.ndarray:
+    def follow(constant: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """Reported signals of the filter with other parameters and these gains."""
-        (c_changed, c_report), x, results = split(constant), start[:n], []
+        (c_changed, c_report), x, results = split(constant), start[:n] + shift, []
         for row, gain in zip(rows, gains, strict=True):
             dt, d, y = row[0], row[1 : 1 + n_d], row[1 + n_d : 1 + n_d + m]
             x = np.array(model.transition(x, dt, d, np.zeros(0), c_changed)).ravel()
@@ -53,9 +59,13 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
         return np.array(results)
 
     expected = np.zeros((len(rows), reported))
-    for plus, minus, step in zip(points.constants[::2], points.constants[1::2], points.steps, strict=True):
-        expected += ((follow(plus) - follow(minus)) / (2 * step)) ** 2
-    actual = parameter_variance(model, report, points, start, rows, constant)
+    effects = o.effects(segment.first)
+    shifts = points.steps[:, None] * (points.unknowns @ effects)
+    pairs_of_constants = zip(points.constants[::2], points.constants[1::2], strict=True)
+    for (plus, minus), step, shift in zip(pairs_of_constants, points.steps, shifts, strict=True):
+        expected += ((follow(plus, shift) - follow(minus, -shift)) / (2 * step)) ** 2
+    actual, of_bank = parameter_variance(model, report, points, effects, start, rows, constant)
+    assert (of_bank == 0).all()  # it is exact
     scale = np.sqrt(expected.max(axis=0))
     np.testing.assert_allclose(np.sqrt(actual) / scale, np.sqrt(expected) / scale, atol=2e-3)
     assert (scale > 0).all()

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from fifthwheel.observe import Observer, ObserverSettings, Status, offline
-from tests.observe.conftest import STEER, assert_same
+from tests.observe.conftest import EXACT, STEER, assert_same
 from tests.observe.exact import OUTPUTS, TRUCK, exact_system, lane_change_steer, simulate_exact
 from tests.observe.test_stream import LANE_CHANGES, SCENARIOS, observer
 
@@ -34,7 +34,7 @@ def test_errors_are_smaller_than_those_of_the_filter_and_agree_with_sigma():
     time = np.arange(600) / 100
     steer, random = lane_change_steer(time), np.random.default_rng(5)
     system = exact_system(time, steer[0])
-    o = Observer(TRUCK, {"speed", STEER, *OUTPUTS}, ObserverSettings(gate=1e6))
+    o = Observer(TRUCK, {"speed", STEER, *OUTPUTS}, ObserverSettings(gate=1e6, **EXACT))
     normalised, by_filter, by_smoother = {}, {}, {}
     for _ in range(SEEDS):
         record = simulate_exact(system, time, steer, random)
@@ -61,7 +61,8 @@ def test_equals_the_dense_solution(process_noise):
     record = simulate_exact(system, time, steer, random)
     lost = {name: np.where(random.random(N) < 0.3, np.nan, record.signals[name]) for name in OUTPUTS}
     record = record.with_signals({name: np.where(time - time[0] < 0.1, np.nan, v) for name, v in lost.items()})
-    actual = Observer(TRUCK, record.signals, ObserverSettings(gate=1e6, process_noise=process_noise)).smooth(record)
+    settings = ObserverSettings(gate=1e6, process_noise=process_noise, **EXACT)
+    actual = Observer(TRUCK, record.signals, settings).smooth(record)
 
     n = len(system.x0)
     mean, covariance = np.zeros(N * n), np.zeros((N * n, N * n))

@@ -13,7 +13,7 @@ from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
-from tests.observe.conftest import ROLLS, STEER, YAWS, assert_same, batched, pushed, put, rows, samples
+from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, assert_same, batched, pushed, put, rows, samples
 
 TRUCK = get("cheng_cebon_2011")
 FINE = simulate(TRUCK, count=2, rate=1000, seed=3)
@@ -90,7 +90,7 @@ each = pytest.mark.parametrize("name", SCENARIOS)
 
 
 def observer(**changes) -> Observer:
-    return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(**changes))
+    return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(**{**EXACT, **changes}))
 
 
 @each

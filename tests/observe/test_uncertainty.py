@@ -9,7 +9,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.simulate import simulate
-from tests.observe.conftest import ROLLS, STEER, YAWS, batched
+from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, batched
 from tests.observe.exact import OUTPUTS, TRUCK, exact_system, lane_change_steer, simulate_exact
 from tests.observe.test_smoothing import columns
 from tests.observe.test_stream import LANE_CHANGES, SCENARIOS, observer
@@ -37,7 +37,7 @@ def test_coverage_of_the_intervals(method, draws):
     """Random vehicles, observed with the nominal vehicle: coverage of the 90 % intervals over all samples."""
     random = np.random.default_rng(8)
     time = np.arange(300) / 50
-    steer, o = lane_change_steer(time), Observer(TRUCK, {"speed", STEER, *OUTPUTS})
+    steer, o = lane_change_steer(time), Observer(TRUCK, {"speed", STEER, *OUTPUTS}, ObserverSettings(**EXACT))
     coverage: dict[str, list[list[float]]] = {}
     for _ in range(draws):
         z = random.normal(size=len(NAMES))
@@ -74,9 +74,17 @@ SINGLE = {
 
 @pytest.fixture
 def one_start(monkeypatch):
-    """Every observer starts at the state of the nominal vehicle."""
-    nominal = observer()._model.start
-    monkeypatch.setattr(ObserverModel, "start", lambda _, inputs: nominal(inputs))
+    """Every observer starts at the state of the nominal vehicle, with its own offset of the steering."""
+    nominal = observer()._model
+    offset, n = nominal.model.unknowns.index(OFFSET), len(nominal.model.states)
+
+    def start(other, inputs):
+        first = nominal_start(inputs)
+        first[:n] += other.settings.sensor_errors.get(OFFSET, 0.0) * nominal.effects(inputs)[offset]
+        return first
+
+    nominal_start = nominal.start
+    monkeypatch.setattr(ObserverModel, "start", start)
 
 
 @both_methods
@@ -97,7 +105,7 @@ def test_one_uncertain_name_equals_two_changed_vehicles(name, method):
         known = VALUES.get(name, float(name.endswith(".gain")))
         value = known + sign * sigma if relative is None else known * np.exp(sign * relative)
         if name in VALUES:
-            other = Observer(TRUCK.replace({name: value}), LANE_CHANGES.signals, ObserverSettings(**settings))
+            other = Observer(TRUCK.replace({name: value}), LANE_CHANGES.signals, ObserverSettings(**EXACT, **settings))
         else:
             other = observer(**settings, sensor_errors={name: value})
         reported.append(getattr(other, method)(LANE_CHANGES).values)
@@ -133,7 +141,7 @@ def test_correlated_parameters_equal_monte_carlo(method):
     for z in sigma * (samples @ np.linalg.cholesky(correlation).T):
         stiff = {name: VALUES[name] * np.exp(x / VALUES[name]) for name, x in zip(TYRES, z, strict=False)}
         other = Observer(
-            TRUCK.replace(stiff), record.signals, ObserverSettings(sensor_errors={OFFSET: z[3]}, gate=gate)
+            TRUCK.replace(stiff), record.signals, ObserverSettings(sensor_errors={OFFSET: z[3]}, gate=gate, **EXACT)
         )
         for signal, values in getattr(other, method)(record).values.items():
             results.setdefault(signal, []).append(values)
@@ -220,7 +228,7 @@ def test_position_of_sideslip_with_an_uncertain_cog(lane_changes):
     """Sideslip under the CoG moves with the CoG; sideslip at a given position does not."""
     u = single("semitrailer.cog", 0.3)
     at_cog, at_position = (
-        Observer(TRUCK, lane_changes.signals, ObserverSettings(positions=positions, gate=1e6))
+        Observer(TRUCK, lane_changes.signals, ObserverSettings(positions=positions, gate=1e6, **EXACT))
         for positions in ({}, {"sideslip.semitrailer": TRUCK.unit("semitrailer").cog})
     )
     np.testing.assert_array_equal(
@@ -237,7 +245,7 @@ def test_errors_of_unused_sensors_have_no_effect():
         covariance=np.diag([*SIGMA**2, 1.0, 1.0, 1.0]),
     )
     record = simulate(TRUCK, count=1, roll=False)
-    o = Observer(TRUCK, {"speed", STEER, *YAWS})
+    o = Observer(TRUCK, {"speed", STEER, *YAWS}, ObserverSettings(**EXACT))
     for name, sigma in o.batch(record, TYRES_AND_OFFSET).sigma.items():
         np.testing.assert_array_equal(o.batch(record, u).sigma[name], sigma)
 

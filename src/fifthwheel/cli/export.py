@@ -46,15 +46,12 @@ def c(
     -DFW_FLOAT, in single precision. It treats missing samples, gaps and wrong measurements like `fifthwheel states`.
     """
     from fifthwheel.export import FILES, export_c
-    from fifthwheel.filters.initial_state import INITIAL_SIGMA
     from fifthwheel.identify import Identification
     from fifthwheel.workflow import exported_observer, read_vehicle
 
     truck = read_vehicle(vehicle)
     stored = Identification.load(identification) if identification else None
-    observer = exported_observer(
-        truck, signal, stored, min_speed=min_speed, bank=INITIAL_SIGMA["bank"] if bank else None
-    )
+    observer = exported_observer(truck, signal, stored, min_speed=min_speed, estimate_bank=bank)
     read = [Path(vehicle), *([identification] if identification else [])]
     with result_folder(out, "export c", FILES, inputs=read, force=force) as folder:
         files = {path.name: path for path in export_c(observer, folder)}

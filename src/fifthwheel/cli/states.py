@@ -48,7 +48,10 @@ def states(
     smooth: Annotated[bool, typer.Option("--smooth", help="Use later samples too.")] = False,
     bank: Annotated[
         bool,
-        typer.Option("--bank", help="Also estimate the bank of the road; needs an exact offset of the steering."),
+        typer.Option(
+            "--bank",
+            help="Also estimate the bank of the road. Default: sigma contains the bank.",
+        ),
     ] = False,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
@@ -67,7 +70,6 @@ def states(
     from fifthwheel.logs import start_reader
 
     start_reader()
-    from fifthwheel.filters.initial_state import INITIAL_SIGMA
     from fifthwheel.identify import Identification
     from fifthwheel.observe import ObserverSettings
     from fifthwheel.report import provenance_of_run, show_states
@@ -80,7 +82,7 @@ def states(
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None
     positions = options.named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
-    settings = ObserverSettings(min_speed=min_speed, positions=positions, bank=INITIAL_SIGMA["bank"] if bank else None)
+    settings = ObserverSettings(min_speed=min_speed, positions=positions, estimate_bank=bank)
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
     with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(logs, signals, allow_outside=allow_outside)

@@ -56,7 +56,7 @@ def source(observer: Observer) -> str:
         "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
         "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
-        "BANK_SIGMA": 0.0 if settings.bank is None else settings.bank,
+        "BANK_MEAN": settings.bank_mean,
     }
     times = {"HOLD": settings.hold, "MAX_GAP": settings.max_gap, "COAST": settings.coast}
     columns = ("time", *observer.inputs, *observer.outputs)
@@ -67,6 +67,7 @@ def source(observer: Observer) -> str:
         "steer_gain": [errors.get(f"{name}.gain", 1.0) for name in steered],
         "steer_offset": [errors.get(f"{name}.offset", 0.0) for name in steered],
         "initial_variance": floor,
+        "unknown_sigma": [settings.bank, *[settings.steer_offset] * len(steered)],
         "step_speed": SPEEDS,
         "step_limit": step_limit(vehicle, observer.roll).longest,
     }
@@ -74,6 +75,7 @@ def source(observer: Observer) -> str:
         "FILTER_STATES": len(observer.model.states),
         "MODEL_STATES": len(states),
         "STEER_COUNT": len(steered),
+        "ESTIMATES_BANK": int(settings.estimate_bank),
         "SPEED_COUNT": len(SPEEDS),
     }
     return "\n".join(

@@ -71,6 +71,15 @@ def bank_effect(m: dynamics.Matrices) -> Array:
     return np.append(_equilibrium(m, m.A[:-1, -1]), 1.0)
 
 
+def steer_effects(m: dynamics.Matrices) -> Array:
+    """Change (k, n + 1) of the steady state per rad of each of k steer angles, with the bank as the last state.
+
+    Args:
+        m: with the bank as a state.
+    """
+    return np.array([np.append(_equilibrium(m, column), 0.0) for column in m.B[:-1].T]).reshape(-1, len(m.A))
+
+
 def initial_state(
     vehicle: Vehicle,
     inputs: Mapping[str, float],
@@ -93,12 +102,17 @@ def initial_state(
         bank: standard deviation of the bank of the road, rad, if the bank is a state.
     """
     x0, m = steady_initial_state(vehicle, inputs, errors, roll=roll)
-    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:-1]])
-    P0 = floor + steer_sigma**2 * random_steer_covariance(m)
+    P0 = initial_covariance(m, steer_sigma)
     if bank is None:
         return x0, P0
     effect = bank * bank_effect(m)
     return np.append(x0, 0.0), np.pad(P0, (0, 1)) + np.outer(effect, effect)
+
+
+def initial_covariance(m: dynamics.Matrices, steer_sigma: float) -> Array:
+    """Covariance (n, n) of the states about a steady state, without the bank; arguments as in `initial_state`."""
+    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:-1]])
+    return np.asarray(floor + steer_sigma**2 * random_steer_covariance(m))
 
 
 def random_steer_covariance(m: dynamics.Matrices) -> Array:

@@ -94,19 +94,50 @@ def correct(
     Returns:
         State, covariance, the update of each channel, and (gain, row of H) of each channel.
     """
+    nothing = ca.SX(x.shape[0], 0), ca.SX(y.shape[0], 0)
+    corrected = correct_considering(x, covariance, predicted, H, y, weight, r, limit, *nothing)
+    return corrected[0], corrected[1], corrected[3], corrected[4]
+
+
+def correct_considering(
+    x: ca.SX,
+    covariance: ca.SX,
+    predicted: ca.SX,
+    H: ca.SX,
+    y: ca.SX,
+    weight: ca.SX,
+    r: ca.SX,
+    limit: ca.SX,
+    considered: ca.SX,
+    direct: ca.SX,
+) -> tuple[ca.SX, ca.SX, ca.SX, list[ChannelUpdate], list[tuple[ca.SX, ca.SX]]]:
+    """Measurement update with considered parameters, which measurements do not correct (Schmidt 1966).
+
+    The weights are those for exact parameters. Optimal weights would correct the state as if the measurements showed
+    the parameters, which a model error does too. The gate allows for the parameters.
+
+    Args:
+        x, covariance, predicted, H, y, weight, r, limit: as in `correct`; the covariance is that without them.
+        considered: change (n, k) of the state before the update by one standard deviation of each of k parameters.
+        direct: further change (m, k) of the measurements.
+
+    Returns:
+        State, covariance, `considered` after the update, and channels and gains as in `correct`.
+    """
     prior, channels, gains = x, [], []
     for i in range(y.shape[0]):
         row = H[i, :]
         innovation = y[i] - predicted[i] - row @ (x - prior)
-        cross = covariance @ row.T
-        variance = row @ cross + r[i]
+        cross, effect = covariance @ row.T, row @ considered + direct[i, :]
+        exact = row @ cross + r[i]
+        variance = exact + ca.sumsqr(effect)
         accepted = gate(innovation, variance, weight[i], limit)
-        gain = accepted * cross / variance
-        x = x + gain * innovation
+        gain = accepted * cross / exact
+        x, considered = x + gain * innovation, considered - gain @ effect
         covariance = joseph(covariance, cross, gain, row, r[i])
         channels.append(ChannelUpdate(weight[i] * innovation, variance, accepted))
         gains.append((gain, row))
-    return x, covariance, channels, gains
+    return x, covariance, considered, channels, gains
 
 
 def channel_columns(channels: list[ChannelUpdate]) -> ca.SX:

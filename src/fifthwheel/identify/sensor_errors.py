@@ -9,7 +9,7 @@ from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.parameters import estimated_parameters
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.names import is_sensor_error
+from fifthwheel.names import is_sensor_error, split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -26,8 +26,8 @@ def estimate_sensor_errors(
     Args:
         record: the new log.
         vehicle: as identified.
-        known: joint uncertainty from the identification. Its sensor errors are dropped; those of the new log are taken
-            as independent of the parameters of the vehicle. None if not known.
+        known: joint uncertainty from the identification. Its sensor errors and banks are dropped; those of the new
+            log are taken as independent of the parameters of the vehicle. None if not known.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
@@ -42,7 +42,7 @@ def estimate_sensor_errors(
     sensors = identification.uncertainty(record.name)
     if known is None or sensors is None:
         return settings, None
-    parameters = known.among([name for name in known.names if not is_sensor_error(name)])
+    parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[1] is None])
     k, m = len(parameters.names), len(sensors.names)
     covariance = np.block([[parameters.covariance, np.zeros((k, m))], [np.zeros((m, k)), sensors.covariance]])
     return settings, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
@@ -52,7 +52,7 @@ class LogSensors(NamedTuple):
     """The sensors of one log."""
 
     settings: dict[str, Any]
-    """Sensor errors and noise, as arguments of `ObserverSettings`."""
+    """Sensor errors, noise and bank, as arguments of `ObserverSettings`."""
     uncertainty: Uncertainty | None
     """Joint uncertainty of vehicle and sensors."""
     note: str

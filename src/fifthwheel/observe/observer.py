@@ -13,16 +13,16 @@ from typing import Any, Self
 
 import numpy as np
 
-from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import ChainModel, steps
+from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
 from fifthwheel.errors import SignalError
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
 from fifthwheel.observe.inputs import HeldInputs, magnitude
+from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
 from fifthwheel.observe.observer_model import ObserverModel, signals_with_position
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.observe.settings import ObserverSettings
@@ -81,7 +81,7 @@ class Observer:
             )
         self.inputs = ("speed", *self.vehicle.steer_signals())
         self.roll = any(SignalName.of(name).quantity in (*NEEDS_ROLL, ACCELEROMETER) for name in self.outputs)
-        self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.bank is not None)
+        self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.estimate_bank)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
@@ -93,9 +93,9 @@ class Observer:
     @lazy
     def _model(self) -> ObserverModel:
         """The models of measured and reported signals."""
-        bank = self.settings.bank is not None
         model, report = (
-            dynamics.model(self.vehicle, names, roll=self.roll, bank=bank) for names in (self.outputs, self.reported)
+            observed_chain(self.vehicle, names, roll=self.roll, estimate_bank=self.settings.estimate_bank)
+            for names in (self.outputs, self.reported)
         )
         return ObserverModel(vehicle=self.vehicle, model=model, report=report, settings=self.settings)
 
@@ -105,7 +105,7 @@ class Observer:
         return _Buffers(self._model.scan, self._model.constant(), self._carry)
 
     @property
-    def model(self) -> ChainModel:
+    def model(self) -> ObservedChain:
         """The model of the measured signals."""
         return self._model.model
 

@@ -8,15 +8,22 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
-from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
+from fifthwheel.filters.initial_state import (
+    TYPICAL_STEER_SIGMA,
+    bank_effect,
+    initial_covariance,
+    steady_initial_state,
+    steer_effects,
+)
 from fifthwheel.filters.model import pack_array
 from fifthwheel.names import SENSOR_ERROR_KINDS, ParameterPath, SensorErrorName, SignalName
 from fifthwheel.native import Scan
+from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_step import observer_step
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
@@ -38,8 +45,8 @@ class ObserverModel:
     """
 
     vehicle: Vehicle
-    model: ChainModel  # outputs: the measured signals
-    report: ChainModel  # outputs: the reported signals
+    model: ObservedChain  # outputs: the measured signals
+    report: ObservedChain  # outputs: the reported signals
     settings: ObserverSettings
 
     @lazy
@@ -54,23 +61,32 @@ class ObserverModel:
 
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
-        return dynamics.all_parameters(self.vehicle, self.model.outputs) | dict(self.settings.sensor_errors)
+        values = dynamics.all_parameters(self.vehicle, self.model.outputs) | dict(self.settings.sensor_errors)
+        return values | {BANK: self.settings.bank_mean}
 
-    def pairs(self, uncertainty: Uncertainty) -> list[SigmaPointPair]:
-        """Sigma points of the vehicle. Errors of sensors that are not measured have no effect.
+    def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
+        """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the
+        filter estimates with a prior of its own.
 
         Raises:
             SignalError: a name is neither a parameter of the vehicle nor an error of a sensor on it.
         """
-        parameters, known = self.vehicle.parameters(), self.model.known
+        known = {*self.model.known, *self.model.unknowns}
         for name in uncertainty.names:
             if name not in known and not self._is_error_of_a_sensor(name):
                 raise SignalError(
                     f"{name}: uncertain, but {self.vehicle.name} has no such parameter or sensor error;"
                     f" {suggestion(name, known)}"
                 )
+        estimated = {BANK} if self.model.estimates_bank else set()
+        estimated |= {*self.model.chain.free} if self.settings.steer_offset else set()
+        return uncertainty.among(known - estimated)
+
+    def pairs(self, uncertainty: Uncertainty) -> list[SigmaPointPair]:
+        """Sigma points of the vehicle, for names of `uncertain`."""
+        parameters = self.vehicle.parameters()
         positive = {n for n, value in parameters.items() if value > 0 and ParameterPath.of(n).quantity not in SIGNED}
-        return uncertainty.among(known).pairs(self.values(), positive)
+        return uncertainty.pairs(self.values(), positive)
 
     def _is_error_of_a_sensor(self, name: str) -> bool:
         """Whether a name is an error that a sensor on the vehicle can have."""
@@ -88,17 +104,17 @@ class ObserverModel:
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
         """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
         settings, outputs = self.settings, self.model.outputs
+        drift = variances.OBSERVER_PROCESS_VARIANCE | {"steer": 0.0}  # offsets are constant
         noise = Noise(
-            process=variances.process_covariance(
-                self.model.states, variances.OBSERVER_PROCESS_VARIANCE, settings.process_noise
-            ),
+            process=variances.process_covariance(self.model.states, drift, settings.process_noise),
             measurement=np.array([variances.sensor_variance(self.vehicle, name, settings.noise) for name in outputs]),
             gate=settings.gate if gate is None else gate,
         )
         c = self.model.known_values({**self.values(), **changed})
+        considered = [] if self.model.estimates_bank else [settings.bank]
         monitor_settings = [settings.nis_window, settings.restart_after]
         report = self.report.known_values(self._report_values(changed))
-        return np.concatenate([c, noise.vector(), report, monitor_settings])
+        return np.concatenate([c, noise.vector(), report, considered, monitor_settings])
 
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
@@ -110,24 +126,44 @@ class ObserverModel:
         for name in signals_with_position(names):  # under the CoG, also if the CoG is changed
             unit = SignalName.of(name).unit
             values |= {f"{name}.position": values[f"{unit}.cog"], f"{name}.height": values[f"{unit}.roll_axis_height"]}
+        values[BANK] = changed.get(BANK, self.settings.bank_mean)
         return values | {f"{name}.position": x for name, x in self.settings.positions.items()}
 
     def start(self, inputs: Mapping[str, float], *, suspect: bool = False) -> Array:
-        """[x, P] before a first sample.
+        """[x, P, considered] before a first sample: the steady state of the inputs and of the means of the unknowns.
 
         Args:
             inputs: speed, m/s, and steer angles, rad, of the sample.
             suspect: whether the measurements contradict the inputs; then P allows for any steer angle.
         """
-        x0, P0 = initial_state(
-            self.vehicle,
-            inputs,
-            self.settings.sensor_errors,
-            roll=self.model.roll,
-            steer_sigma=SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA,
-            bank=self.settings.bank,
-        )
-        return np.concatenate([x0, pack_array(P0)])
+        values, n = self.values(), len(self.model.states)
+        unknowns = self.model.unknowns
+        means = np.array([values[name] for name in unknowns])
+        errors = self.settings.sensor_errors
+        x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.model.roll, bank=means[0])
+        P0 = initial_covariance(m, SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA)
+        sigmas = np.array([self.settings.bank, *[self.settings.steer_offset] * len(unknowns[1:])])
+        bank, *offsets = sigmas[:, None] * self._effects(m)
+        states = [bank, *offsets] if self.model.estimates_bank else offsets
+        P0 = np.pad(P0, (0, n - len(P0))) + sum((np.outer(effect, effect) for effect in states), np.zeros((n, n)))
+        x0 = np.concatenate([x0, means if self.model.estimates_bank else means[1:]])
+        return np.concatenate([x0, pack_array(P0), [] if self.model.estimates_bank else bank])
+
+    def effects(self, inputs: Mapping[str, float]) -> Array:
+        """Change (u, n) of the first state per unit of each of the u unknowns.
+
+        Args:
+            inputs: of the first sample.
+        """
+        _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.model.roll)
+        return self._effects(m)
+
+    def _effects(self, m: dynamics.Matrices) -> Array:
+        values, steers = self.values(), self.vehicle.steer_signals()
+        gains = np.array([values[f"{name}.gain"] for name in steers])
+        moved = np.vstack([bank_effect(m), -gains[:, None] * steer_effects(m)])
+        states = moved if self.model.estimates_bank else moved[:, :-1]
+        return np.hstack([states, np.eye(len(moved))[:, 1:]])
 
 
 def signals_with_position(reported: tuple[str, ...]) -> list[str]:

@@ -1,13 +1,22 @@
-"""The compiled step of an observer: a Kalman filter with reported outputs and a monitor of its consistency."""
+"""The compiled step of an observer: a Kalman filter with reported outputs and a monitor of its consistency.
+
+A bank that is not estimated is considered (Schmidt 1966): measurements do not correct it, and its effect on all states
+is part of every variance. s is the change of the states by one standard deviation sigma of the bank b, with the gain K:
+
+    s- = F s + dx-/db sigma        s = s- - K (H s- + dh/db sigma)
+"""
+
+from typing import NamedTuple
 
 import casadi as ca
 
-from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
+from fifthwheel.filters.update import ChannelUpdate
 from fifthwheel.native import Scan, compiled
 from fifthwheel.observe import monitor
+from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.vehicle import Vehicle
 
 
@@ -17,7 +26,7 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
     Args:
         vehicle: gives the units.
         roll: whether the model has roll; then roll angles and roll rates are reported.
-        bank: whether the bank of the road is a state; then it is reported.
+        bank: whether the bank of the road is estimated; then it is reported.
     """
     units = [unit.name for unit in vehicle.units]
     names = [f"{quantity}.{u}" for quantity in ("sideslip", "yaw_rate") for u in units]
@@ -26,32 +35,83 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
     return (*names, BANK) if bank else tuple(names)
 
 
+class Layout(NamedTuple):
+    """Numbers of elements of the parts of carry, sample and constant of `observer_step`."""
+
+    carry: tuple[int, ...]  # x, P, s
+    sample: tuple[int, ...]  # dt, d, y, weight
+    constant: tuple[int, ...]  # c, Q, R, gate^2, c of the report, sigma of a considered bank
+
+    @classmethod
+    def of(cls, model: ObservedChain, report: ObservedChain) -> "Layout":
+        """The layout of an observer."""
+        n_x, n_d, _, n_c, n_y = sizes(model)
+        n_P, considered = packed_size(n_x), not model.estimates_bank
+        return cls(
+            carry=(n_x, n_P, n_x * considered),
+            sample=(1, n_d, n_y, n_y),
+            constant=(n_c, n_P, n_y, 1, len(report.known), int(considered)),
+        )
+
+
+class FilterStep(NamedTuple):
+    """One step of the filter."""
+
+    before: ca.SX  # predicted state (n,)
+    after: ca.SX  # state (n,)
+    covariance: ca.SX  # P (n, n)
+    considered: ca.SX  # s (n, 1); (n, 0) without a considered bank
+    channels: list[ChannelUpdate]
+
+
+def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.SX, constant: ca.SX) -> FilterStep:
+    """Prediction and update; carry, sample and constant as in `Layout`."""
+    x, P, s = split(carry, layout.carry)
+    dt, d, y, weight = split(sample, layout.sample)
+    c, q, r, limit, _, sigma = split(constant, layout.constant)
+    n, no_p = x.shape[0], ca.SX(0, 1)
+    before, P_before, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
+    predicted, H = kalman.observe(model, before, d, no_p, c)
+    direct = ca.SX(y.shape[0], s.shape[0] // n)
+    s = ca.reshape(s, n, direct.shape[1])
+    if not model.estimates_bank:
+        bank = c[model.known.index(BANK)]
+        s = F @ s + ca.jacobian(before, bank) * sigma
+        state = ca.SX.sym("state", n)
+        direct = ca.substitute(ca.jacobian(model.observation(state, d, no_p, c), bank), state, before) * sigma
+    after, P_after, s, channels, _ = kalman.correct_considering(
+        before, P_before, predicted, H, y, weight, r, limit, s, direct
+    )
+    return FilterStep(before, after, P_after, s, channels)
+
+
 @compiled(Scan)
-def observer_step(model: ChainModel, report: ChainModel) -> ca.Function:
+def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     """The compiled step: a Kalman filter of `model` with the outputs of `report` and their variances.
 
-    carry = [x, P, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, settings of
-    the monitor]; output = [reported, their variances, innovation, variance, accepted, NIS, restart].
+    carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
+    considered bank, settings of the monitor]; output = [reported, their variances, innovation, variance, accepted, NIS,
+    restart].
     """
-    n_x, n_d, _, n_c, n_y = sizes(model)
-    n_P, n_report = packed_size(n_x), len(report.known)
+    layout = Layout.of(model, report)
     carry, sample, constant = (
         ca.SX.sym(name, size)
         for name, size in (
-            ("carry", n_x + n_P + len(monitor.START)),
-            ("sample", 1 + n_d + 2 * n_y),
-            ("constant", n_c + n_P + n_y + 1 + n_report + 2),
+            ("carry", sum(layout.carry) + len(monitor.START)),
+            ("sample", sum(layout.sample)),
+            ("constant", sum(layout.constant) + 2),
         )
     )
-    x, P, monitored = split(carry, [n_x, n_P, len(monitor.START)])
-    dt, d, y, weight = split(sample, [1, n_d, n_y, n_y])
-    c, q, r, limit, c_report, monitor_settings = split(constant, [n_c, n_P, n_y, 1, n_report, 2])
-    no_p = ca.SX(0, 1)
-    before, P_before, _ = kalman.predict(model, x, unpack(P, n_x), dt, d, no_p, c, unpack(q, n_x))
-    predicted, H = kalman.observe(model, before, d, no_p, c)
-    after, P_after, channels, _ = kalman.correct(before, P_before, predicted, H, y, weight, r, limit)
-    reported, variances = kalman.report_outputs(report, after, P_after, d, no_p, c_report)
-    monitored, findings = monitor.monitor(monitored, channels, weight, dt, limit, monitor_settings)
-    carried = ca.vertcat(after, pack(P_after), monitored)
-    output = ca.vertcat(reported, variances, kalman.channel_columns(channels), findings)
+    filtered, monitored = split(carry, [sum(layout.carry), len(monitor.START)])
+    numbers, monitor_settings = split(constant, [sum(layout.constant), 2])
+    dt, d, _, weight = split(sample, layout.sample)
+    _, _, _, limit, c_report, _ = split(numbers, layout.constant)
+    step = filter_step(model, layout, filtered, sample, numbers)
+    reported, H = kalman.observe(report, step.after, d, ca.SX(0, 1), c_report)
+    variances = [
+        H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])
+    ]
+    monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, limit, monitor_settings)
+    carried = ca.vertcat(step.after, pack(step.covariance), ca.vec(step.considered), monitored)
+    output = ca.vertcat(reported, *variances, kalman.channel_columns(step.channels), findings)
     return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})

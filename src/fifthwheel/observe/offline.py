@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import kalman, smoother
 from fifthwheel.filters.model import packed_size, sizes
 from fifthwheel.observe import monitor
+from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.parameter_variance import parameter_variance
 from fifthwheel.observe.segments import ObserverSegment, measurements, observer_segments, without_measurement
@@ -42,7 +43,8 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
     for name in (*model.inputs, *model.outputs):
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
-    pairs = [] if uncertainty is None else observer.pairs(uncertainty.of_log(record.name))
+    uncertain = _uncertain(record, observer, uncertainty, smooth=smooth)
+    pairs = observer.pairs(uncertain)
     status, segments = observer_segments(record, model, observer.settings, observer.step_limit)
     n, m = len(observer.report.outputs), len(model.outputs)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
@@ -55,20 +57,38 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
             run = partial(smoother_pass, model, observer.report, rows)
             if smooth:
+                start = start[: len(model.states) + packed_size(len(model.states))]
                 output[samples, : 2 * n] = run(start[None], ungated[None])[0, part.sample_indices]
-            output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
-            if pairs and smooth:
-                variance = sigma_point_variance(points, start, run, observer.scan.lanes)
-            elif pairs:
-                variance = parameter_variance(model, observer.report, points, start, rows, ungated)
             if pairs:
+                effects = observer.effects(part.first)
+                if smooth:
+                    variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+                else:
+                    variance, of_bank = parameter_variance(
+                        model, observer.report, points, effects, start, rows, ungated
+                    )
+                    variance -= of_bank * (BANK in uncertain.names)  # it is part of both
                 output[samples, n : 2 * n] += variance[part.sample_indices]
+            output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
             del part, filtered, rows, run  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
         inconsistent = within[:, -2] > settings.max_nis
         status[segment.samples] = np.select([inconsistent, coasting], [Status.INCONSISTENT, Status.COASTING], Status.OK)
     return _states(record, observer, output, status)
+
+
+def _uncertain(
+    record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool
+) -> Uncertainty:
+    """What is uncertain besides the state. The bank is part of it in the smoother; the filter considers it itself."""
+    uncertain = Uncertainty(names=(), covariance=np.zeros((0, 0)))
+    if uncertainty is not None:
+        uncertain = observer.uncertain(uncertainty.of_log(record.name))
+    considered = smooth and observer.settings.bank > 0 and not observer.model.estimates_bank
+    if considered and BANK not in uncertain.names:
+        return uncertain.with_independent(BANK, observer.settings.bank)
+    return uncertain
 
 
 def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterator[tuple[ObserverSegment, Array, Array]]:
@@ -101,7 +121,7 @@ def chunks(rows: Array) -> list[slice]:
     return [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
 
 
-def smoother_pass(model: ChainModel, report: ChainModel, rows: Array, carry: Array, constant: Array) -> Array:
+def smoother_pass(model: ObservedChain, report: ObservedChain, rows: Array, carry: Array, constant: Array) -> Array:
     """Outputs of `report` and their variances given all rows, (B, M, 2 n); arguments as in `filter_pass`."""
     n_x, n_d, _, _, n_y = sizes(model)
     n_P = packed_size(n_x)

@@ -17,10 +17,11 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
+from fifthwheel.filters.model import pack, split
 from fifthwheel.native import DirectionScan, compiled
+from fifthwheel.observe.observed_chain import ObservedChain
+from fifthwheel.observe.observer_step import Layout, filter_step
 from fifthwheel.observe.sigma_points import SigmaPoints
 
 CHUNK = 1_000
@@ -28,42 +29,41 @@ CHUNK = 1_000
 
 
 @compiled(DirectionScan)
-def sensitivity_step(model: ChainModel, report: ChainModel) -> ca.Function:
+def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     """The compiled step: `observer_step`, and the change of its reported signals along directions of the parameters.
 
-    carry = [x, P]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report]; output = reported;
-    carry' = x'; constant' = [c', c' of the report]; output' = reported'.
+    carry, sample and constant as there, without those of the monitor; output = variances of the reported signals that
+    the considered bank causes; carry' = x'; constant' = [c', c' of the report]; output' = reported'.
     """
-    n_x, n_d, _, n_c, n_y = sizes(model)
-    n_P, n_report = packed_size(n_x), len(report.known)
+    layout = Layout.of(model, report)
+    n_x, n_c, n_report = layout.carry[0], layout.constant[0], layout.constant[4]
     carry, sample, constant, x_dot, parameters_dot = (
         ca.SX.sym(name, size)
         for name, size in (
-            ("carry", n_x + n_P),
-            ("sample", 1 + n_d + 2 * n_y),
-            ("constant", n_c + n_P + n_y + 1 + n_report),
+            ("carry", sum(layout.carry)),
+            ("sample", sum(layout.sample)),
+            ("constant", sum(layout.constant)),
             ("x_dot", n_x),
             ("parameters_dot", n_c + n_report),
         )
     )
-    x, P = split(carry, [n_x, n_P])
-    dt, d, y, weight = split(sample, [1, n_d, n_y, n_y])
-    c, q, r, limit, c_report = split(constant, [n_c, n_P, n_y, 1, n_report])
+    x, *_ = split(carry, layout.carry)
+    dt, d, y, _ = split(sample, layout.sample)
+    c, *_, c_report, _ = split(constant, layout.constant)
     c_dot, report_dot = split(parameters_dot, [n_c, n_report])
     no_p, state = ca.SX(0, 1), ca.SX.sym("state", n_x)
-    before, P_before, _ = kalman.predict(model, x, unpack(P, n_x), dt, d, no_p, c, unpack(q, n_x))
-    predicted, H = kalman.observe(model, before, d, no_p, c)
-    after, P_after, _, _ = kalman.correct(before, P_before, predicted, H, y, weight, r, limit)
+    before, after, P_after, considered, _ = filter_step(model, layout, carry, sample, constant)
     gain = ca.jacobian(after, y)
     before_dot = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
     along = ca.vertcat(before_dot, c_dot)
     predicted_dot = ca.jtimes(model.observation(state, d, no_p, c), ca.vertcat(state, c), along)
     after_dot = before_dot - gain @ ca.substitute(predicted_dot, state, before)
     reported = report.observation(state, d, no_p, c_report)
+    _, H = kalman.observe(report, after, d, no_p, c_report)
     reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
     results = [
-        ca.vertcat(after, pack(P_after)),
-        ca.substitute(reported, state, after),
+        ca.vertcat(after, pack(P_after), ca.vec(considered)),
+        ca.sum2((H @ considered) ** 2),
         after_dot,
         ca.substitute(reported_dot, state, after),
     ]
@@ -71,37 +71,45 @@ def sensitivity_step(model: ChainModel, report: ChainModel) -> ca.Function:
     return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})
 
 
-def parameter_directions(model: ChainModel, report: ChainModel, points: SigmaPoints) -> Array:
+def parameter_directions(model: ObservedChain, report: ObservedChain, points: SigmaPoints) -> Array:
     """Directions [c', c' of the report] (k, n) by differences of the constants at k pairs of sigma points.
 
     Args:
         model, report: of the measured and of the reported signals.
         points: of the uncertain parameters.
     """
-    n_x, _, _, n_c, n_y = sizes(model)
-    first = n_c + packed_size(n_x) + n_y + 1
+    n_c, *between, n_report, _ = Layout.of(model, report).constant
+    first = n_c + sum(between)
     slopes = (points.constants[::2] - points.constants[1::2]) / (2 * points.steps[:, None])
-    return np.hstack([slopes[:, :n_c], slopes[:, first : first + len(report.known)]])
+    return np.hstack([slopes[:, :n_c], slopes[:, first : first + n_report]])
 
 
 def parameter_variance(
-    model: ChainModel, report: ChainModel, points: SigmaPoints, start: Array, rows: Array, constant: Array
-) -> Array:
-    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters.
+    model: ObservedChain,
+    report: ObservedChain,
+    points: SigmaPoints,
+    effects: Array,
+    start: Array,
+    rows: Array,
+    constant: Array,
+) -> tuple[Array, Array]:
+    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters, and that over the bank.
 
     Args:
         model, report: of the measured and of the reported signals.
         points: of the uncertain parameters.
-        start: [x, P] before the first row; it does not depend on the parameters, because P is wide enough.
+        effects: change (u, n_x) of the first state per unit of bank and offsets.
+        start: [x, P, s] before the first row; it does not depend on the other parameters, because P is wide enough.
         rows: (N, n_sample); their weights determine the samples that are used.
         constant: of `observer_step`, with an infinite gate.
     """
     scan, directions = sensitivity_step(model, report), parameter_directions(model, report, points)
-    variances, carry, constant = [], start, constant[: scan.sizes[2]]
-    carry_dot = np.zeros((len(directions), scan.sizes[3]))
+    variances, of_bank, carry, constant = [], [], start, constant[: scan.sizes[2]]
+    carry_dot = points.unknowns @ effects
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
         result = scan(carry, chunk, constant, carry_dot, directions, threads=os.cpu_count() or 1)
         variances.append(np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot))
+        of_bank.append(result.output)
         carry, carry_dot = result.carry, result.carry_dot
-    return np.concatenate(variances)
+    return np.concatenate(variances), np.concatenate(of_bank)

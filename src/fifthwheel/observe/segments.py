@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics import ChainModel, steps
+from fifthwheel.dynamics import steps
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.observe.inputs import held_inputs, within_magnitude
+from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import Status
 from fifthwheel.record import Record
@@ -43,7 +44,7 @@ class ObserverSegment:
 
 
 def observer_segments(
-    record: Record, model: ChainModel, settings: ObserverSettings, limit: steps.StepLimit
+    record: Record, model: ObservedChain, settings: ObserverSettings, limit: steps.StepLimit
 ) -> tuple[NDArray[np.int8], list[ObserverSegment]]:
     """Status (N,) of every sample as determined by the inputs, and the segments in which it is OK.
 

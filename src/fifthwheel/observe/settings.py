@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.initial_state import INITIAL_SIGMA
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +18,7 @@ class ObserverSettings:
 
     Example:
         >>> import fifthwheel as fw
-        >>> fw.ObserverSettings(min_speed=7.0, bank=0.03).coast
+        >>> fw.ObserverSettings(min_speed=7.0, bank=0.0).coast
         1.0
     """
 
@@ -46,8 +47,16 @@ class ObserverSettings:
     """Noise variance of measured signals, SI squared; by default the article's R."""
     process_noise: float = 1.0
     """Factor of the process noise `filters.variances.OBSERVER_PROCESS_VARIANCE`, equation (14) of the article."""
-    bank: float | None = None
-    """Prior sigma of the bank of the road, rad. The bank is then a state, "bank.road"; with None the road is level."""
+    bank: float = INITIAL_SIGMA["bank"]
+    """Standard deviation of the bank of the road, rad; 0 if it is exact. Every sigma contains it."""
+    bank_mean: float = 0.0
+    """Mean of the bank of the road, rad, positive with the left edge higher."""
+    estimate_bank: bool = False
+    """Correct the bank by measurements and report it as "bank.road". By default it is considered (Schmidt): it keeps
+    its mean, because errors of the vehicle look like a bank."""
+    steer_offset: float = 0.01
+    """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
+    estimates the offset; 0 if it is exact."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
@@ -71,8 +80,14 @@ class ObserverSettings:
         for name in ("hold", "process_noise", "restart_after"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
-        if self.bank is not None and not 0 < self.bank < 1:
-            raise SignalError(f"bank: expected between 0 and 1 rad, got {self.bank}; convert degrees to rad")
+        for name, smallest in (("bank", 0.0), ("bank_mean", -1.0), ("steer_offset", 0.0)):
+            value = getattr(self, name)
+            if not _is_finite(value) or not smallest <= value < 1:
+                raise SignalError(
+                    f"{name}: expected between {smallest:g} and 1 rad, got {value}; convert degrees to rad"
+                )
+        if self.estimate_bank and not self.bank:
+            raise SignalError("estimate_bank: expected a sigma of the bank above 0, got 0; give it as bank")
         for values, meaning in ((self.sensor_errors, "a sensor error"), (self.positions, "a position")):
             for name, value in values.items():
                 if not _is_finite(value):

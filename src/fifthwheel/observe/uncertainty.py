@@ -49,7 +49,7 @@ class Uncertainty:
 
     names: tuple[str, ...]
     """Paths of parameters, and sensor errors such as "steer.tractor.front.offset" or "yaw_rate.tractor.gain". A sensor
-    error of one log is "<name>@<log>", and "<name>@" is that of all other logs."""
+    error of one log is "<name>@<log>", and "<name>@" is that of all other logs. "bank.road" is the bank of the road."""
     covariance: Array
     """(k, k), SI."""
 
@@ -120,6 +120,12 @@ class Uncertainty:
         """The uncertainty of these names only."""
         selected = [i for i, name in enumerate(self.names) if name in names]
         return self._subset(selected, [self.names[i] for i in selected])
+
+    def with_independent(self, name: str, sigma: float) -> "Uncertainty":
+        """The uncertainty with a further name, which is independent of the others."""
+        covariance = np.pad(self.covariance, (0, 1))
+        covariance[-1, -1] = sigma**2
+        return Uncertainty(names=(*self.names, name), covariance=covariance)
 
     def columns(self) -> Array:
         """A square root S (k, c) of the covariance, S S': the principal axes of the correlation matrix.

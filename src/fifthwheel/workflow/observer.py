@@ -15,7 +15,7 @@ def exported_observer(
     identification: Identification | None = None,
     *,
     min_speed: float = 5.0,
-    bank: float | None = None,
+    estimate_bank: bool = False,
 ) -> Observer:
     """The observer that `fifthwheel export` writes.
 
@@ -26,7 +26,7 @@ def exported_observer(
         identification: for the sensor errors that its logs share, and the noise. Offsets that belong to one log are
             not used.
         min_speed: see `ObserverSettings`.
-        bank: see `ObserverSettings`.
+        estimate_bank: see `ObserverSettings`.
 
     Raises:
         SignalError: the signals are not sufficient, or an observer of the vehicle does not use one of them.
@@ -37,7 +37,7 @@ def exported_observer(
             f"{vehicle.name}: its units or axles are not those of the identification, which is of "
             f"{identification.vehicle.name}; give the vehicle.toml of the same result"
         )
-    changes: dict[str, Any] = {"min_speed": min_speed, "bank": bank}
+    changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank}
     if identification is not None:
         observer = Observer(vehicle, signals or identification.signals, identification.observer_settings(**changes))
     else:

@@ -14,6 +14,7 @@
 #define FW_RESTART (FW_OUTPUTS - 1)
 #define FW_SAMPLE (1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
 #define FW_N FW_MODEL_STATES    /* states of the vehicle, without the bank of the road */
+#define FW_U (1 + FW_STEER_COUNT) /* unknowns: the bank of the road and the offsets of the steer angles */
 #define FW_L (FW_MODEL_STATES + 1) /* with the low-pass of the steer angle */
 #define FW_MAX_STEPS 100000.0
 #define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
@@ -137,41 +138,60 @@ static void fw_random_steer(const fw_real *a, const fw_real *b, fw_real *p)
     }
 }
 
-/* Starts the filter at the steady state of the inputs. */
+/* Starts the filter at the steady state of the inputs and of the means of the unknowns. */
 static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, fw_real steer_sigma)
 {
     fw_real a[FW_N * FW_N];
     fw_real work[FW_N * FW_N];
     fw_real b[FW_N * FW_STEER_COUNT];
     fw_real effect[FW_N]; /* of the bank of the road on the accelerations */
-    fw_real x[FW_N * 2]; /* steady states of the inputs and of the bank */
+    fw_real x[FW_N * (1 + FW_U)]; /* steady states of the inputs, and of each unknown by its sigma */
+    fw_real shift[FW_FILTER_STATES * FW_U]; /* of the first state by one sigma of each unknown */
     fw_real p[FW_L * FW_L] = {FW_REAL(0.0)};
     fw_real *carry = observer->carry;
     int place = FW_FILTER_STATES;
     const int stable = inputs[0] < FW_CRITICAL_SPEED;
     fw_matrices(&inputs[0], a, b, effect);
     for (int i = 0; i < FW_N; i++) {
-        x[2 * i] = FW_REAL(0.0);
-        for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
-            x[2 * i] -= b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j] * (inputs[1 + j] - fw_steer_offset[j]);
+        fw_real *row = &x[i * (1 + FW_U)];
+        for (int j = 0; j <= FW_U; j++) {
+            row[j] = FW_REAL(0.0);
         }
-        x[(2 * i) + 1] = (stable != 0) ? -effect[i] : FW_REAL(0.0);
+        if (stable != 0) {
+            row[0] = -effect[i] * FW_BANK_MEAN;
+            row[1] = -effect[i] * fw_unknown_sigma[0];
+        }
+        for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
+            const fw_real gain = b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j];
+            row[0] -= gain * (inputs[1 + j] - fw_steer_offset[j]);
+            row[2 + j] = gain * fw_unknown_sigma[1 + j];
+        }
         for (int j = 0; j < FW_N; j++) {
             work[(i * FW_N) + j] = a[(i * FW_N) + j];
         }
     }
     if (stable != 0) {
-        (void)fw_solve(FW_N, work, 2, x);
+        (void)fw_solve(FW_N, work, 1 + FW_U, x);
         fw_random_steer(a, b, p);
     }
     for (int i = 0; i < FW_FILTER_STATES; i++) {
-        carry[i] = (i < FW_N) ? x[2 * i] : FW_REAL(0.0);
+        const int unknown = i - FW_N + 1 - FW_ESTIMATES_BANK; /* 0: the bank; 1 and more: offsets */
+        for (int j = 0; j < FW_U; j++) {
+            const fw_real own = (unknown == j) ? fw_unknown_sigma[j] : FW_REAL(0.0);
+            shift[(i * FW_U) + j] = (i < FW_N) ? x[(i * (1 + FW_U)) + 1 + j] : own;
+        }
+        if (i < FW_N) {
+            carry[i] = x[i * (1 + FW_U)];
+        } else {
+            carry[i] = (unknown == 0) ? FW_BANK_MEAN : fw_steer_offset[unknown - 1];
+        }
     }
     for (int j = 0; j < FW_FILTER_STATES; j++) { /* lower triangle by columns */
         for (int i = j; i < FW_FILTER_STATES; i++) {
-            const fw_real one = (j < FW_N) ? x[(2 * j) + 1] : FW_REAL(1.0);
-            const fw_real other = (i < FW_N) ? x[(2 * i) + 1] : FW_REAL(1.0);
-            fw_real value = FW_BANK_SIGMA * FW_BANK_SIGMA * one * other;
+            fw_real value = FW_REAL(0.0);
+            for (int k = 1 - FW_ESTIMATES_BANK; k < FW_U; k++) {
+                value += shift[(i * FW_U) + k] * shift[(j * FW_U) + k];
+            }
             if (i < FW_N) {
                 value += steer_sigma * steer_sigma * p[(i * FW_L) + j];
                 value += (i == j) ? fw_initial_variance[i] : FW_REAL(0.0);
@@ -179,6 +199,10 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
             carry[place] = value;
             place++;
         }
+    }
+    for (int i = 0; (FW_ESTIMATES_BANK == 0) && (i < FW_FILTER_STATES); i++) { /* the bank is considered */
+        carry[place] = shift[i * FW_U];
+        place++;
     }
     carry[place] = nis;
     carry[place + 1] = FW_REAL(0.0);

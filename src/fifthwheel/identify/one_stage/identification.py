@@ -8,6 +8,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates, parameters
 from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.one_stage.evidence import find_doubts
@@ -169,6 +170,9 @@ def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Unc
                     if name in known:
                         row = rows.setdefault(f"{name}@{log.name}" if u.per_log else name, np.zeros(len(problem.names)))
                         row[index] += slope * factor
+        if problem.model.bank and problem.output_error:
+            row = rows.setdefault(f"{BANK}@{log.name}", np.zeros(len(problem.names)))
+            row[problem.layout.initial_states[i][0][-1]] = problem.settings.bank_prior
     others = [u for u in problem.unknowns if u.per_log]
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ posterior.covariance @ map_to_si.T

@@ -12,6 +12,7 @@ from fifthwheel._extras import require
 from fifthwheel._html import block
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, printable, suggestion
+from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
@@ -20,6 +21,7 @@ from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.plots import Plot
@@ -90,16 +92,16 @@ class Identification:
         return ObserverSettings(**self.sensor_settings(log) | changes)
 
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
-        """Sensor errors and noise, as arguments of `ObserverSettings`.
+        """Sensor errors, noise and bank of the road, as arguments of `ObserverSettings`.
 
         Args:
-            log: its sensor errors and noise, besides the errors that all logs share; None or another log for the
-                latter only and the noise of the first log.
+            log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
+                latter only, the noise of the first log, and the priors of steering offset and bank.
         """
         sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
         errors = {error.name: error.value for error in sensors if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return {"sensor_errors": errors, "noise": noise}
+        return {"sensor_errors": errors, "noise": noise} | _unknowns(self, log)
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
@@ -312,3 +314,24 @@ class Identification:
         """What a notebook shows: tables of estimates and fits."""
         tables = summary.html_tables((*self.parameters, *self.derived), self.fits)
         return block(self._title, *tables, *self.notes)
+
+
+def _unknowns(identification: Identification, log: str | None) -> dict[str, float]:
+    """Mean and sigma of the bank, and sigma of the steering offset, as arguments of `ObserverSettings`.
+
+    If there is a joint covariance, it contains the offset of a log, so that it is exact for the observer of that log.
+    """
+    settings = identification.settings
+    if not settings.nuisances:
+        return {"bank": 0.0, "steer_offset": 0.0}
+    prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
+    mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
+    own = [error for error in identification.sensors if error.log is not None and error.log == log]
+    offsets = [error.sigma for error in own if _is_steer_offset(error.name)]
+    known = identification.covariance is not None and offsets
+    offset = 0.0 if known else max(offsets, default=settings.steer_offset_prior)
+    return {"bank_mean": mean, "bank": bank, "steer_offset": offset}
+
+
+def _is_steer_offset(name: str) -> bool:
+    return is_sensor_error(name, "offset") and SignalName.of(name).quantity == "steer"

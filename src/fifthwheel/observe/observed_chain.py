@@ -1,0 +1,110 @@
+"""The model of an observer: the chain with further unknowns, the bank of the road and the offsets of the steer angles.
+
+The offsets are states. The bank is a state if measurements are to correct it, otherwise a parameter.
+"""
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.chain import BANK
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ObservedChain:
+    """A `filters.model.Model` without parameters p, built by `observed_chain`.
+
+    The states are those of the chain, then the offsets of the steer angles.
+    """
+
+    chain: ChainModel
+    estimates_bank: bool
+    """Whether the bank is a state, the last one of the chain; otherwise it is the last parameter of c."""
+    transition: ca.Function
+    observation: ca.Function
+    state_jacobian: ca.Function
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """All that determines the functions."""
+        return "observed chain", self.chain.identity, self.estimates_bank
+
+    @property
+    def roll(self) -> bool:
+        """Whether the chain has roll."""
+        return self.chain.roll
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the bank and of the offsets."""
+        return (BANK, *self.chain.free)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return (*(self.chain.states if self.estimates_bank else self.chain.states[:-1]), *self.chain.free)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self.chain.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.chain.outputs
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of c."""
+        return self.chain.known if self.estimates_bank else (*self.chain.known, BANK)
+
+    def known_values(self, values: Mapping[str, float]) -> Array:
+        """c from values by name, SI."""
+        return np.array([values[name] for name in self.known], dtype=np.float64)
+
+
+def observed_chain(vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, estimate_bank: bool) -> ObservedChain:
+    """The model of a vehicle; vehicles of equal topology share one model.
+
+    Args:
+        vehicle, outputs, roll: as in `dynamics.model`, also the errors.
+        estimate_bank: whether the bank is a state.
+    """
+    offsets = tuple(f"{name}.offset" for name in vehicle.steer_signals())
+    return _observed_chain(dynamics.model(vehicle, outputs, roll=roll, bank=True, free=offsets), estimate_bank)
+
+
+@functools.cache
+def _observed_chain(chain: ChainModel, estimate_bank: bool) -> ObservedChain:
+    n, m = len(chain.states) - (not estimate_bank), len(chain.free)
+    x, dt, d, p, c = (
+        ca.SX.sym(name, size)
+        for name, size in (
+            ("x", n + m),
+            ("dt", 1),
+            ("d", 2 * len(chain.inputs)),
+            ("p", 0),
+            ("c", len(chain.known) + (not estimate_bank)),
+        )
+    )
+    state, offsets, known = ca.vertcat(x[:n], c[len(chain.known) :]), x[n:], c[: len(chain.known)]
+    later = chain.transition(state, dt, d, offsets, known)[:n]
+    F = chain.state_jacobian(state, dt, d, offsets, known)[:n, :n]
+    F = ca.blockcat([[F, ca.jacobian(later, offsets)], [ca.SX(m, n), ca.SX.eye(m)]])
+    y = chain.observation(state, d, offsets, known)
+    arguments = [x, dt, d, p, c]
+    return ObservedChain(
+        chain=chain,
+        estimates_bank=estimate_bank,
+        transition=ca.Function("transition", arguments, [ca.vertcat(later, offsets)]),
+        observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
+        state_jacobian=ca.Function("state_jacobian", arguments, [F]),
+    )
