@@ -20,6 +20,7 @@ from fifthwheel.observe import Status
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue, get, load
 from fifthwheel.workflow import SENSOR_PRIORS
+from tests.vehicle.test_classes import TEXT
 
 TRUCK = "cheng_cebon_2011"
 FILES = ["identification.json", "report.html", "states.parquet", "vehicle.toml"]
@@ -305,6 +306,19 @@ def test_vehicle(run):
         assert run("vehicle", name, "--json").json()["parameters"] == get(name).parameters()
     entries = run("vehicle", "--json").json()["vehicles"]
     assert {entry["name"]: entry["source"] for entry in entries} == {n: get(n).source for n in catalogue.names()}
+
+
+def test_show_a_vehicle(run):
+    Path("truck.toml").write_text(TEXT)
+    shown = run("vehicle", "show", "truck.toml", "--plot", "truck.svg", "--speed", "60")
+    assert shown.code == 0, shown.err
+    assert "at 60 km/h" in shown.out
+    assert "semitrailer.roll_stiffness" in shown.out
+    assert Path("truck.svg").read_text().startswith("<?xml")
+    contents = run("vehicle", "show", "truck.toml", "--json").json()
+    assert {number["path"] for number in contents["assumed"]} == set(load("truck.toml").assumed)
+    assert contents["summary"]["axle_loads"] == load("truck.toml").axle_loads()
+    refused(run("vehicle", "show", "truck.toml", "--plot", "truck.svg"), r"truck\.svg: .*--force")
 
 
 def vehicle_file_with(old: str, new: str) -> str:
