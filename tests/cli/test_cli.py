@@ -9,17 +9,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from pyarrow import parquet
 from typer.testing import CliRunner
 
 import fifthwheel
 from fifthwheel import cli
+from fifthwheel.cli.new_vehicle import ask
 from fifthwheel.identify import article
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Status
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue, get, load
 from fifthwheel.workflow import SENSOR_PRIORS
+from fifthwheel.workflow.vehicle_questions import QUESTIONS
 from tests.vehicle.test_classes import TEXT
 
 TRUCK = "cheng_cebon_2011"
@@ -319,6 +322,32 @@ def test_show_a_vehicle(run):
     assert {number["path"] for number in contents["assumed"]} == set(load("truck.toml").assumed)
     assert contents["summary"]["axle_loads"] == load("truck.toml").axle_loads()
     refused(run("vehicle", "show", "truck.toml", "--plot", "truck.svg"), r"truck\.svg: .*--force")
+
+
+NEW = ["--tractor", "tractor_4x2", "--trailer", "semitrailer_3", "--wheelbase", "3.7m", "--trailer-wheelbase", "7.7m"]
+
+
+def test_a_new_vehicle_by_options(run):
+    made = run("vehicle", "new", *NEW, "--laden", "6850 10500 22500", "--solo", "5200 2000", "--accuracy", "0.5%")
+    assert (made.code, made.out) == (0, "Written: truck.toml\n"), made.err
+    vehicle = load("truck.toml")
+    assert vehicle.unit("semitrailer").mass == pytest.approx(32650, rel=0.002)
+    assert vehicle.stated["tractor.mass"] == pytest.approx(28, rel=0.02)
+    assert "fifth_wheel.leading_position" not in vehicle.assumed
+    assert run("vehicle", "show", "truck.toml").code == 0
+    refused(run("vehicle", "new", *NEW, "--laden", "6850 10500 22500"), r"truck\.toml: .*--force")
+    refused(run("vehicle", "new", *NEW[2:], "-o", "b.toml"), r"tractor: expected a value, got none; give --tractor, or")
+    assert not Path("b.toml").exists()
+
+
+def test_questions_are_asked_until_they_are_answered(monkeypatch, capsys):
+    answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])
+    monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
+    keys = ("tractor", "trailer", "tractor_spread", "wheelbase")
+    asked = ask([next(q for q in QUESTIONS if q.key == key) for key in keys])
+    assert asked == {"tractor": "tractor_4x2", "trailer": "semitrailer_3", "wheelbase": "3.7 m"}
+    errors = capsys.readouterr().err.splitlines()
+    assert [line.partition(":")[0] for line in errors] == ["tractor", "trailer", "wheelbase"]
 
 
 def vehicle_file_with(old: str, new: str) -> str:

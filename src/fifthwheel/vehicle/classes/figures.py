@@ -42,6 +42,11 @@ DAMPING_TIME = Figure(
 """s."""
 RELAXATION_LENGTH = Figure(0.45, 0.1, "truck tyres at 30 to 50 kN: 0.4 to 0.6 m")
 """m."""
+TYRES = {
+    "single": Figure(1900e3, 250e3, "article 1900 kN m/rad and axle, chosen"),
+    "twin": Figure(3500e3, 550e3, "Auburn and drive axle of the article 3500 kN m/rad and axle, chosen"),
+}
+"""Roll stiffness of the tyres of an axle, N m/rad."""
 LOAD_EXPONENT = 0.25
 """Standard deviation of the exponent to which the cornering coefficient changes with the load, chosen: the cornering
 stiffness of a tyre rises less than in proportion to its load."""

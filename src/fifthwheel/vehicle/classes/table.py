@@ -38,6 +38,8 @@ class VehicleClass:
     description: str
     groups: Mapping[str, AxleFigures]
     """Figures of an axle of each group, front to rear, by the usual name of the group."""
+    axle_counts: tuple[int, ...]
+    """Usual number of axles in each group."""
     tare: Figure
     """Mass without payload, kg."""
     cog: Figure
@@ -74,10 +76,11 @@ TRAILER_COG = Figure(0.67, 0.08, "Auburn 0.56 laden and 0.67 unladen, article 0.
 THREE_AXLE_TRACTOR_COG = Figure(0.38, 0.06, "Auburn 0.37, Kraz 0.48 of the wheelbase")
 
 
-def _semitrailer(description: str, tare: Figure, steerable: Literal["last"] | None = None) -> VehicleClass:
+def _semitrailer(description: str, axles: int, tare: Figure, steerable: Literal["last"] | None = None) -> VehicleClass:
     return VehicleClass(
         description=description,
         groups={"axles": TRAILER_AXLE},
+        axle_counts=(axles,),
         tare=tare,
         cog=TRAILER_COG,
         body=TRAILER,
@@ -93,6 +96,7 @@ CLASSES: Mapping[str, VehicleClass] = {
     "tractor_4x2": VehicleClass(
         description="two-axle tractor",
         groups={"front": STEER_AXLE, "drive": DRIVE_AXLE},
+        axle_counts=(1, 1),
         tare=Figure(7200, 600, "article 6.9 and 7.2, GOPS 5.8 t"),
         cog=Figure(0.28, 0.04, "article 0.28, GOPS 0.28 of the wheelbase"),
         body=TRACTOR,
@@ -101,6 +105,7 @@ CLASSES: Mapping[str, VehicleClass] = {
     "tractor_6x2": VehicleClass(
         description="three-axle tractor, one driven axle",
         groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
+        axle_counts=(1, 2),
         tare=Figure(8300, 800, "between 7.2 t of two axles (article) and 8.6 t of 6x4 (Auburn)"),
         cog=THREE_AXLE_TRACTOR_COG,
         body=TRACTOR,
@@ -109,14 +114,15 @@ CLASSES: Mapping[str, VehicleClass] = {
     "tractor_6x4": VehicleClass(
         description="three-axle tractor, two driven axles",
         groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
+        axle_counts=(1, 2),
         tare=Figure(9000, 1000, "Auburn 8.6 t; Kraz 13.2 t"),
         cog=THREE_AXLE_TRACTOR_COG,
         body=TRACTOR,
         steerable="first",
     ),
-    "semitrailer_2": _semitrailer("two-axle semitrailer", TWO_AXLE_TARE),
-    "semitrailer_3": _semitrailer("three-axle semitrailer", THREE_AXLE_TARE),
-    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", TWO_AXLE_TARE, "last"),
-    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", THREE_AXLE_TARE, "last"),
+    "semitrailer_2": _semitrailer("two-axle semitrailer", 2, TWO_AXLE_TARE),
+    "semitrailer_3": _semitrailer("three-axle semitrailer", 3, THREE_AXLE_TARE),
+    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, "last"),
+    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, "last"),
 }
 """By the name that a vehicle file gives as `class`."""
