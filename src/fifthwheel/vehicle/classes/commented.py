@@ -25,8 +25,8 @@ def commented_toml(vehicle: Vehicle, sources: Mapping[str, str]) -> str:
     """
     lines = [
         "# Each number has its source behind it; the number after +- is one standard deviation. A key behind a # has",
-        "# an assumed number, from the class of its unit and what the other lines state. To replace it, remove the # and",
-        "# write a measured value.",
+        "# an assumed number, from the class of its unit and what the other lines state. To replace it, remove the #,",
+        "# and write a measured value.",
         f'name = "{vehicle.name}"',
         f'source = "{vehicle.source}"',
     ]
