@@ -153,6 +153,7 @@ def test_states_parquet(identified, folder):
 
 def test_vehicle_toml_is_the_identified_truck(identified):
     out, printed = identified
+    assert "# published, 4.3" in (out / "vehicle.toml").read_text()  # of the catalogue's file
     truck = load(out / "vehicle.toml")
     values, start = truck.parameters(), get(TRUCK).parameters()
     found = {p["name"]: p["value"] for p in (*printed["parameters"], *printed["uncertain"])}

@@ -172,10 +172,10 @@ class Vehicle(Component):
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
         fields = self.model_dump()
-        return {path: _owner(fields, location)[location[-1]] for path, location in self._locations().items()}
+        return {path: _owner(fields, location)[location[-1]] for path, location in self.locations().items()}
 
-    def _locations(self) -> dict[str, FieldLocation]:
-        """Location of every scalar by its path, in the order of the vehicle."""
+    def locations(self) -> dict[str, FieldLocation]:
+        """Keys of every scalar in the fields of the vehicle, by its path, in the order of the vehicle."""
         locations: dict[str, FieldLocation] = {}
 
         def add(prefix: str, kind: type[Component], location: FieldLocation) -> None:
@@ -242,7 +242,7 @@ class Vehicle(Component):
 
     def _location_of(self, paths: Iterable[str]) -> dict[str, FieldLocation]:
         """Location of some scalars by path; a VehicleError where there is none."""
-        locations = self._locations()
+        locations = self.locations()
         for path in paths:
             if path not in locations:
                 raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, locations)}")
