@@ -207,8 +207,8 @@ class _Builder:
 
 
 def _check(description: Description) -> None:
-    for key, first in (("tractor", True), ("trailer", False)):
-        names = [name for name, kind in CLASSES.items() if (kind.coupling is None) == first]
+    for key, prefix in (("tractor", TRACTOR), ("trailer", TRAILER)):
+        names = [name for name in CLASSES if name.startswith(prefix)]
         name = getattr(description, key)
         if name not in names:
             raise VehicleError(f"{key}: no such class {name!r}; {suggestion(name, names)}")

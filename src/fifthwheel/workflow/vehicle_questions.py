@@ -65,13 +65,13 @@ QUESTIONS = (
     Question(
         key="tractor",
         text="Class of the tractor",
-        choices=tuple(name for name, kind in CLASSES.items() if kind.coupling is None),
+        choices=tuple(name for name in CLASSES if name.startswith(TRACTOR)),
         required=True,
     ),
     Question(
         key="trailer",
         text="Class of the semitrailer",
-        choices=tuple(name for name in CLASSES if name.startswith("semitrailer")),
+        choices=tuple(name for name in CLASSES if name.startswith(TRAILER)),
         required=True,
     ),
     Question(key="wheelbase", text="Front axle to the first axle behind it", unit="m", required=True),

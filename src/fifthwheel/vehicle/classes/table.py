@@ -72,6 +72,12 @@ TRAILER = BodyFigures(
     cog_height=Figure(1.3, 0.2, "article 1.2 m, Auburn 1.6 m (chosen)"),
     roll_axis_height=Figure(0.79, 0.08, "article 0.77 and 0.81, Auburn 0.8 m (chosen)"),
 )
+RIGID = BodyFigures(
+    yaw_gyration=Figure(0.48, 0.08, f"as a tractor, with a longer body: {TRACTOR.yaw_gyration.source}"),
+    roll_gyration=Figure(0.9, 0.2, f"as a tractor, with a body: {TRACTOR.roll_gyration.source}"),
+    cog_height=Figure(1.2, 0.15, f"as a tractor, with a body: {TRACTOR.cog_height.source}"),
+    roll_axis_height=Figure(0.65, 0.12, f"as a tractor: {TRACTOR.roll_axis_height.source}"),
+)
 TRAILER_COG = Figure(0.67, 0.08, "Auburn 0.56 laden and 0.67 unladen, article 0.68, Kraz 0.79 of the wheelbase")
 THREE_AXLE_TRACTOR_COG = Figure(0.38, 0.06, "Auburn 0.37, Kraz 0.48 of the wheelbase")
 
@@ -124,5 +130,55 @@ CLASSES: Mapping[str, VehicleClass] = {
     "semitrailer_3": _semitrailer("three-axle semitrailer", 3, THREE_AXLE_TARE),
     "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, "last"),
     "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, "last"),
+    "b_double_lead": VehicleClass(
+        description="lead trailer of a B-double, with a fifth wheel behind its axles",
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(3,),
+        tare=Figure(7500, 1500, "as a three-axle semitrailer"),
+        cog=Figure(0.7, 0.1, "as a semitrailer, wider: the fifth wheel is part of the frame"),
+        body=TRAILER,
+        coupling=FIFTH_WHEEL,
+    ),
+    "truck_4x2": VehicleClass(
+        description="two-axle rigid truck",
+        groups={"front": STEER_AXLE, "drive": DRIVE_AXLE},
+        axle_counts=(1, 1),
+        tare=Figure(8500, 1500, "chosen: the tractor of the article, 7 t, with a body"),
+        cog=Figure(0.5, 0.12, "chosen: unladen 0.35, laden 0.65 of the wheelbase"),
+        body=RIGID,
+        steerable="first",
+    ),
+    "truck_6x2": VehicleClass(
+        description="three-axle rigid truck",
+        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
+        axle_counts=(1, 2),
+        tare=Figure(11000, 2000, "chosen: a three-axle tractor, 8.6 t (Auburn), with a body"),
+        cog=Figure(0.58, 0.12, "chosen: unladen 0.45, laden 0.7 of the wheelbase"),
+        body=RIGID,
+        steerable="first",
+    ),
+    "dolly": VehicleClass(
+        description="dolly: drawbar, axles and a fifth wheel",
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(2,),
+        tare=Figure(2800, 500, "chosen: frame and two axles of 0.7 t"),
+        cog=Figure(0.9, 0.08, "chosen: near the axles"),
+        body=BodyFigures(
+            yaw_gyration=Figure(0.35, 0.1, "chosen: 1.4 m for a drawbar of 4 m"),
+            roll_gyration=Figure(0.7, 0.2, "chosen"),
+            cog_height=Figure(0.9, 0.15, "chosen"),
+            roll_axis_height=TRAILER.roll_axis_height,
+        ),
+        coupling=DRAWBAR_EYE,
+    ),
+    "full_trailer": VehicleClass(
+        description="body of a full trailer, on the turntable of a dolly",
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(2,),
+        tare=Figure(4500, 1000, "chosen: a two-axle semitrailer (Auburn) without its landing legs"),
+        cog=Figure(0.5, 0.1, "chosen: the load lies between turntable and axles"),
+        body=TRAILER._replace(yaw_gyration=Figure(0.45, 0.08, f"as a semitrailer: {TRAILER.yaw_gyration.source}")),
+        coupling=FIFTH_WHEEL,
+    ),
 }
 """By the name that a vehicle file gives as `class`."""
