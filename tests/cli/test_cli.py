@@ -342,11 +342,12 @@ def test_a_new_vehicle_by_options(run):
 
 
 def test_questions_are_asked_until_they_are_answered(monkeypatch, capsys):
-    answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])
+    answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])  # "" refused, "" skipped
     monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
-    keys = ("tractor", "trailer", "tractor_spread", "wheelbase")
-    asked = ask([next(q for q in QUESTIONS if q.key == key) for key in keys])
-    assert asked == {"tractor": "tractor_4x2", "trailer": "semitrailer_3", "wheelbase": "3.7 m"}
+    keys = ("tractor", "trailer", "tractor_spread", "fifth_wheel", "wheelbase", "load_height")
+    asked = ask([next(q for q in QUESTIONS if q.key == key) for key in keys], {"load_mass": "0"})
+    chosen = {"tractor": "tractor_4x2", "trailer": "semitrailer_3", "wheelbase": "3.7 m"}
+    assert asked == {**chosen, "load_mass": "0"}  # a 4x2 has no spread, no load no height
     errors = capsys.readouterr().err.splitlines()
     assert [line.partition(":")[0] for line in errors] == ["tractor", "trailer", "wheelbase"]
 

@@ -123,7 +123,10 @@ def test_files_and_changes() -> None:
     assert hash(vehicle) == hash(Vehicle.loads(TEXT))
     path = "semitrailer.cornering_stiffness"
     assert path in vehicle.assumed
-    assert path not in vehicle.replace({path: 1e6}).assumed
+    estimated = vehicle.replace({path: 1e6})
+    assert path not in estimated.assumed
+    assert path not in estimated.stated  # the spread of the class is not that of the new value
+    assert estimated.stated.keys() == vehicle.stated.keys() - {path}
     assert path in vehicle.replace({"tractor.mass": 8000.0}).assumed
     assert not [p for p in vehicle.lumped().assumed if p.startswith("semitrailer.payload")]
 

@@ -1,7 +1,7 @@
 """fifthwheel vehicle new"""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -73,20 +73,27 @@ def new(
     answers = {q.key: context.params[q.key] for q in QUESTIONS if context.params[q.key] is not None}
     with reserved(out, force=force):
         if sys.stdin.isatty() and any(q.required and q.key not in answers for q in QUESTIONS):
-            answers |= ask([q for q in QUESTIONS if q.key not in answers and not (slip and q.is_slip)])
+            answers = ask([q for q in QUESTIONS if not (slip and q.is_slip)], answers)
         text = new_vehicle(describe(answers, slip=slip, accuracy=accuracy))
         with atomic_write(out) as temporary:
             temporary.write_text(text, encoding="utf-8")
     terminal.print_files({"vehicle": out})
 
 
-def ask(questions: "Iterable[Question]") -> dict[str, str]:
-    """Ask on the terminal until each answer is valid; an empty answer stands for a number that is not known."""
+def ask(questions: "Iterable[Question]", known: Mapping[str, str]) -> dict[str, str]:
+    """Ask on the terminal until each answer is valid; an empty answer stands for a number that is not known.
+
+    Args:
+        questions: those that are not known and apply are asked.
+        known: answers by their keys; the result has them too.
+    """
     from fifthwheel.errors import VehicleError
 
     typer.echo("Give each number with its unit, and how well you know it, such as 7.7 m +- 2 cm. Empty: not known.")
-    answers = {}
+    answers = dict(known)
     for question in questions:
+        if question.key in answers or not question.applies(answers):
+            continue
         choices = f" ({', '.join(question.choices)})" if question.choices else ""
         while True:
             answer = typer.prompt(question.text + choices, default="", show_default=False).strip()

@@ -198,8 +198,8 @@ class Vehicle(Component):
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay. A
-        parameter with another value is no longer assumed.
+        """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay, but
+        an assumed parameter with another value is no longer assumed and has no stated standard deviation.
 
         Args:
             values: by path, SI.
@@ -208,9 +208,9 @@ class Vehicle(Component):
             VehicleError: a path does not exist, or a value is not valid.
         """
         fields, before = self.fields_with(values), self._parameters
-        fields["assumed"] = {
-            path: source for path, source in self.assumed.items() if values.get(path, before[path]) == before[path]
-        }
+        known = {path for path in self.assumed if values.get(path, before[path]) != before[path]}
+        for key in ("assumed", "stated"):
+            fields[key] = {path: entry for path, entry in fields[key].items() if path not in known}
         return type(self)(**fields)
 
     def with_stated(self, sigmas: Mapping[str, float]) -> Self:

@@ -1,6 +1,6 @@
 """The questions whose answers describe a tractor-semitrailer, as data, and the description from the answers."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,8 @@ class Question:
     required: bool = False
     sigma: float | None = None
     """Standard deviation as a fraction where the answer states none."""
+    applies: Callable[[Mapping[str, str]], bool] = lambda answers: True
+    """Whether the earlier answers need this one."""
 
     @property
     def is_slip(self) -> bool:
@@ -61,6 +63,10 @@ def _loads(answer: str, paths: tuple[str, ...]) -> dict[str, float]:
     return {path: quantity(load, "kg") for path, load in zip(paths, loads, strict=True)}
 
 
+def _is_laden(answers: Mapping[str, str]) -> bool:
+    return quantity(answers.get("load_mass", "1"), "kg") > 0
+
+
 QUESTIONS = (
     Question(
         key="tractor",
@@ -75,7 +81,12 @@ QUESTIONS = (
         required=True,
     ),
     Question(key="wheelbase", text="Front axle to the first axle behind it", unit="m", required=True),
-    Question(key="tractor_spread", text="Between the rear axles of a three-axle tractor", unit="m"),
+    Question(
+        key="tractor_spread",
+        text="Between the rear axles of the tractor",
+        unit="m",
+        applies=lambda answers: CLASSES[answers["tractor"]].axle_counts[-1] > 1,
+    ),
     Question(key="fifth_wheel", text="Front axle to the kingpin; a laden and a solo slip also give it", unit="m"),
     Question(key="trailer_wheelbase", text="Kingpin to the middle of the trailer's axles", unit="m", required=True),
     Question(key="trailer_spread", text="Between neighbouring axles of the trailer", unit="m"),
@@ -85,10 +96,15 @@ QUESTIONS = (
     Question(key="tractor_tare", text="Mass of the tractor in the brochure", unit="kg", sigma=TARE_SIGMA),
     Question(key="trailer_tare", text="Mass of the trailer without load", unit="kg", sigma=TARE_SIGMA),
     Question(key="load_mass", text="Mass of the load; 0 for none", unit="kg"),
-    Question(key="load_height", text="Height of the load, from the floor to its top", unit="m"),
-    Question(key="load_width", text="Width of the load", unit="m"),
-    Question(key="floor_height", text="Height of the floor above the ground", unit="m"),
-    Question(key="load_shape", text="Kind of load: a uniform block, or a point", choices=("uniform", "point")),
+    Question(key="load_height", text="Height of the load, from the floor to its top", unit="m", applies=_is_laden),
+    Question(key="load_width", text="Width of the load", unit="m", applies=_is_laden),
+    Question(key="floor_height", text="Height of the floor above the ground", unit="m", applies=_is_laden),
+    Question(
+        key="load_shape",
+        text="Kind of load: a uniform block, or a point",
+        choices=("uniform", "point"),
+        applies=_is_laden,
+    ),
     Question(key="trailer_tyres", text="Tyres of the trailer", choices=tuple(TYRES)),
 )
 
