@@ -29,6 +29,7 @@ from fifthwheel.manoeuvres import MANOEUVRES
 from fifthwheel.observe import ObserverSettings, Status
 from fifthwheel.record import signal_names as names
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
+from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.paths import SI_UNITS
 from fifthwheel.vehicle.toml_format import FILE_KEYS
 from tests.test_architecture import ROOMS, SOURCE
@@ -205,12 +206,18 @@ def test_every_vehicle_of_the_catalogue_is_told() -> None:
     assert told - {"name", "---"} == set(vehicle.names())
 
 
+def test_every_vehicle_class_is_in_the_table() -> None:
+    table = {cells[0].strip("`"): cells[1] for cells in rows(section(page("vehicle.md"), "Vehicle classes"))}
+    described = {name: kind.description for name, kind in CLASSES.items()}
+    assert {name: text for name, text in table.items() if name not in ("class", "---")} == described
+
+
 def test_every_key_of_a_vehicle_file_is_in_the_example() -> None:
-    (example,) = [block for block in blocks(ROOT / "docs" / "vehicle.md", "toml") if "[[unit]]" in block]
+    example = next(block for block in blocks(ROOT / "docs" / "vehicle.md", "toml") if "[[unit]]" in block)
     kinds: list[type[BaseModel]] = [Vehicle, *PREFIXES]
     for kind in kinds:
         for field in kind.model_fields:
-            assert re.search(rf"\b{FILE_KEYS.get(field, field)}\b( =|\]\])|\.{field}\]", example), field
+            assert re.search(rf"\b{FILE_KEYS.get(field, field)}\b( =|\]\])|\.{field}\]|\n\[{field}\]", example), field
 
 
 @pytest.mark.parametrize("block", examples("python", "# runnable"))
@@ -244,7 +251,8 @@ def test_commands_exist_with_their_options(block: str) -> None:
         if name != "--version":
             command = COMMANDS[name]
             if subcommands := getattr(command, "commands", None):
-                command = subcommands[words.pop(0)]
+                named = bool(words) and words[0] in subcommands
+                command = subcommands[words.pop(0)] if named else subcommands["catalogue"]
             own = {flag for option in command.params for flag in (*option.opts, *option.secondary_opts)}
             for word in words:
                 assert not re.match("--?[a-z]", word) or word.partition("=")[0] in own, line

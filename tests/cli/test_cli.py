@@ -9,17 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from pyarrow import parquet
 from typer.testing import CliRunner
 
 import fifthwheel
 from fifthwheel import cli
+from fifthwheel.cli.new_vehicle import ask
 from fifthwheel.identify import article
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Status
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, catalogue, get
 from fifthwheel.workflow import SENSOR_PRIORS
+from fifthwheel.workflow.vehicle_questions import QUESTIONS
+from tests.vehicle.test_classes import TEXT
 
 TRUCK = "cheng_cebon_2011"
 FILES = ["identification.json", "report.html", "states.parquet", "vehicle.toml"]
@@ -149,6 +153,7 @@ def test_states_parquet(identified, folder):
 
 def test_vehicle_toml_is_the_identified_truck(identified):
     out, printed = identified
+    assert "# published, 4.3" in (out / "vehicle.toml").read_text()  # of the catalogue's file
     truck = Vehicle.load(out / "vehicle.toml")
     values, start = truck.parameters(), get(TRUCK).parameters()
     found = {p["name"]: p["value"] for p in (*printed["parameters"], *printed["uncertain"])}
@@ -327,6 +332,46 @@ def test_vehicle(run):
         assert run("vehicle", name, "--json").json()["parameters"] == get(name).parameters()
     entries = run("vehicle", "--json").json()["vehicles"]
     assert {entry["name"]: entry["source"] for entry in entries} == {n: get(n).source for n in catalogue.names()}
+
+
+def test_show_a_vehicle(run):
+    Path("truck.toml").write_text(TEXT)
+    shown = run("vehicle", "show", "truck.toml", "--plot", "truck.svg", "--speed", "60")
+    assert shown.code == 0, shown.err
+    assert "at 60 km/h" in shown.out
+    assert "semitrailer.roll_stiffness" in shown.out
+    assert Path("truck.svg").read_text().startswith("<?xml")
+    contents = run("vehicle", "show", "truck.toml", "--json").json()
+    assert {number["path"] for number in contents["assumed"]} == set(Vehicle.load("truck.toml").assumed)
+    assert contents["summary"]["axle_loads"] == Vehicle.load("truck.toml").axle_loads()
+    refused(run("vehicle", "show", "truck.toml", "--plot", "truck.svg"), r"truck\.svg: .*--force")
+
+
+NEW = ["--tractor", "tractor_4x2", "--trailer", "semitrailer_3", "--wheelbase", "3.7m", "--trailer-wheelbase", "7.7m"]
+
+
+def test_a_new_vehicle_by_options(run):
+    made = run("vehicle", "new", *NEW, "--laden", "6850 10500 22500", "--solo", "5200 2000", "--accuracy", "0.5%")
+    assert (made.code, made.out) == (0, "Written: truck.toml\n"), made.err
+    vehicle = Vehicle.load("truck.toml")
+    assert vehicle.unit("semitrailer").mass == pytest.approx(32650, rel=0.002)
+    assert vehicle.stated["tractor.mass"] == pytest.approx(28, rel=0.02)
+    assert "fifth_wheel.leading_position" not in vehicle.assumed
+    assert run("vehicle", "show", "truck.toml").code == 0
+    refused(run("vehicle", "new", *NEW, "--laden", "6850 10500 22500"), r"truck\.toml: .*--force")
+    refused(run("vehicle", "new", *NEW[2:], "-o", "b.toml"), r"tractor: expected a value, got none; give --tractor, or")
+    assert not Path("b.toml").exists()
+
+
+def test_questions_are_asked_until_they_are_answered(monkeypatch, capsys):
+    answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])  # "" refused, "" skipped
+    monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
+    keys = ("tractor", "trailer", "tractor_spread", "fifth_wheel", "wheelbase", "load_height")
+    asked = ask([next(q for q in QUESTIONS if q.key == key) for key in keys], {"load_mass": "0"})
+    chosen = {"tractor": "tractor_4x2", "trailer": "semitrailer_3", "wheelbase": "3.7 m"}
+    assert asked == {**chosen, "load_mass": "0"}  # a 4x2 has no spread, no load no height
+    errors = capsys.readouterr().err.splitlines()
+    assert [line.partition(":")[0] for line in errors] == ["tractor", "trailer", "wheelbase"]
 
 
 def vehicle_file_with(old: str, new: str) -> str:

@@ -1,12 +1,14 @@
 """`fifthwheel signals` and `fifthwheel weigh`: output, files and exit codes."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fifthwheel.logs import SignalMap, read_log, write_record
 from fifthwheel.simulate import simulate
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle, get
 from tests.cli.test_cli import TRUCK, refused, run  # noqa: F401 - a fixture
 
@@ -85,6 +87,24 @@ def test_weighing_corrects_the_masses(run, tmp_path):  # noqa: F811
     assert printed["units"]["semitrailer"]["mass"] == pytest.approx(30000, rel=2e-3)
     (tmp_path / "odd.csv").write_text("t,axle_load.dolly\n" + "".join(f"{k},1\n" for k in range(9)))
     refused(run("weigh", tmp_path / "odd.csv", "-v", TRUCK, "-o", "odd.toml"), "axle_load.dolly: ")
+    run("weigh", tmp_path / "parked.csv", "-v", TRUCK, "-o", "commented.toml")
+    text = Path("commented.toml").read_text()
+    assert "# published, (11)" in text
+    assert '# was "33.45 t": ' in text
+
+
+def test_weighing_by_a_slip(run):  # noqa: F811
+    loads = {path: f"{load / STANDARD_GRAVITY:.0f} kg" for path, load in get(TRUCK).axle_loads().items()}
+    lines = [f'{path} = "{load}"' for path, load in loads.items()]
+    Path("slip.toml").write_text("\n".join(['accuracy = "0.5 %"', "[laden]", *lines]))
+    outcome = run("weigh", "--slip", "slip.toml", "-v", TRUCK)
+    assert (outcome.code, outcome.err) == (0, "")
+    weighed = Vehicle.load("weighed.toml")
+    assert weighed.unit("semitrailer").mass == pytest.approx(33450, rel=1e-3)
+    assert weighed.stated["semitrailer.mass"] > 100
+    assert "# published, (11)" in Path("weighed.toml").read_text()
+    refused(run("weigh", "-v", TRUCK), "--slip: expected either a log or a slip, got none; give one")
+    refused(run("weigh", "log.csv", "--slip", "slip.toml", "-v", TRUCK), "--slip: expected either .*, got both")
 
 
 def test_axle_loads_that_contradict_the_vehicle_file_are_reported(run):  # noqa: F811

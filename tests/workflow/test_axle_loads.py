@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get
-from fifthwheel.workflow import axle_load_differences, weigh_vehicle
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import Vehicle, catalogue, get
+from fifthwheel.vehicle.slip import Slip
+from fifthwheel.workflow import axle_load_differences, weigh_by_slip, weigh_vehicle
+from tests.vehicle.test_classes import TEXT as CLASSES_TEXT
 
 TRUCK = get("cheng_cebon_2011")
 
@@ -44,3 +47,53 @@ def test_weighing_finds_the_masses_of_another_vehicle():
 def test_a_load_of_a_group_that_the_vehicle_does_not_have_is_refused():
     with pytest.raises(SignalError, match=r"axle_load\.dolly: .* has no axle group dolly; it has tractor\.front"):
         weigh_vehicle(loaded({**TRUCK.axle_loads(), "dolly": 5e4}), TRUCK)
+
+
+SLIP = {group: load / STANDARD_GRAVITY for group, load in TRUCK.axle_loads().items()}
+SOLO = {"tractor.front": 7200 * (3.7 - 1.03) / 3.7, "tractor.drive": 7200 * 1.03 / 3.7}
+
+
+def test_a_slip_gives_masses_and_their_uncertainty():
+    heavier = TRUCK.replace({"semitrailer.mass": 30000.0, "semitrailer.payload.mass": 16672.0, "semitrailer.cog": -5.3})
+    laden = {group: load / STANDARD_GRAVITY for group, load in heavier.axle_loads().items()}
+    text = catalogue.text("cheng_cebon_2011")
+    weighed = weigh_by_slip(Slip(laden=laden, solo=SOLO, accuracy=0.005), text, name="slip of May")
+    assert weighed.vehicle.parameters() == pytest.approx(heavier.parameters(), rel=1e-3)
+    assert weighed.vehicle.axle_loads() == pytest.approx(heavier.axle_loads(), rel=1e-3)
+    assert weighed.vehicle.stated.keys() == {
+        "tractor.mass", "tractor.cog", "semitrailer.mass", "semitrailer.cog", "semitrailer.payload.mass"
+    }  # fmt: skip
+    assert weighed.vehicle.stated["tractor.mass"] == 28
+    assert weighed.vehicle.source.endswith("; weighed by slip of May")
+    assert "published, (11)" in weighed.text
+    assert weighed.vehicle == Vehicle.loads(weighed.text)
+
+
+def test_a_slip_rescales_what_the_classes_give():
+    lighter = Vehicle.loads(CLASSES_TEXT.replace("33.45 t", "30 t"))
+    laden = {group: load / STANDARD_GRAVITY for group, load in lighter.axle_loads().items()}
+    weighed = weigh_by_slip(Slip(laden=laden), CLASSES_TEXT.replace('mass = "20 t +- 300 kg"', "")).vehicle
+    assert weighed.parameters()["semitrailer.yaw_inertia"] == pytest.approx(
+        lighter.parameters()["semitrailer.yaw_inertia"], rel=1e-3
+    )
+    assert "semitrailer.cog" not in weighed.assumed
+    assert "tractor.cog" in weighed.assumed  # no solo slip
+    assert weighed.parameters()["semitrailer.payload.mass"] == pytest.approx(30000 - 7500, rel=1e-3)
+
+
+def test_an_unladen_trailer_takes_the_change_in_its_body():
+    empty = get("auburn_6x4_unladen")
+    laden = {group: 1.01 * load / STANDARD_GRAVITY for group, load in empty.axle_loads().items()}
+    weighed = weigh_by_slip(Slip(laden=laden, accuracy=0.02), catalogue.text("auburn_6x4_unladen")).vehicle
+    change = weighed.unit("semitrailer").mass - empty.unit("semitrailer").mass
+    assert change > 0
+    assert weighed.unit("semitrailer").sprung.mass == pytest.approx(empty.unit("semitrailer").sprung.mass + change)
+
+
+def test_slips_that_do_not_fit_are_refused():
+    text = catalogue.text("cheng_cebon_2011")
+    with pytest.raises(VehicleError, match=r"payload\.mass: expected above 0 kg, got -\d+ kg from slip; check it"):
+        weigh_by_slip(Slip(laden={"tractor.front": 5700, "tractor.drive": 4500, "semitrailer": 7000}), text)
+    single = Vehicle(name="truck", units=TRUCK.units[:1]).to_toml()
+    with pytest.raises(VehicleError, match="expected a tractor with two axle groups and a trailer with one"):
+        weigh_by_slip(Slip(laden=SLIP), single)

@@ -9,18 +9,19 @@ import typer
 
 from fifthwheel import __version__
 from fifthwheel._atomic import clean_up
-from fifthwheel.cli import (  # noqa: F401 - importing a command registers it
-    check,
-    design,
-    export,
-    identify,
-    reproduce,
-    roll_test,
-    signals,
-    simulate,
-    states,
-    vehicle,
-    weigh,
+from fifthwheel.cli import (  # importing a command registers it
+    check,  # noqa: F401
+    design,  # noqa: F401
+    export,  # noqa: F401
+    identify,  # noqa: F401
+    new_vehicle,  # noqa: F401
+    reproduce,  # noqa: F401
+    roll_test,  # noqa: F401
+    signals,  # noqa: F401
+    simulate,  # noqa: F401
+    states,  # noqa: F401
+    vehicle,  # noqa: F401
+    weigh,  # noqa: F401
 )
 from fifthwheel.cli.app import app
 

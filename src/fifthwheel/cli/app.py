@@ -1,8 +1,10 @@
 """The application that the commands join, with examples in their help."""
 
 from collections.abc import Callable
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 app = typer.Typer(
     name="fifthwheel",
@@ -17,6 +19,18 @@ export_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode="markdown", help="Write an estimator in another language."
 )
 app.add_typer(export_app, name="export")
+
+
+class _VehicleGroup(TyperGroup):
+    """Commands on vehicles; another word is the name of a vehicle of the catalogue."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        named = args if args[0] in self.commands or args[0].startswith("-") else ["catalogue", *args]
+        return super().resolve_command(ctx, named)
+
+
+vehicle_app = typer.Typer(cls=_VehicleGroup, rich_markup_mode="markdown")
+app.add_typer(vehicle_app, name="vehicle")
 
 
 def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -93,7 +93,7 @@ def identify(
     from fifthwheel.identify import OneStage, TwoStage, article
     from fifthwheel.report import provenance_of_run, show_identification
     from fifthwheel.report.figures.static import checked_format
-    from fifthwheel.workflow import IDENTIFICATION_FILES, read_vehicle, run_identification, write_results
+    from fifthwheel.workflow import IDENTIFICATION_FILES, read_vehicle, run_identification, vehicle_text, write_results
 
     if figures:
         checked_format(figures)
@@ -122,7 +122,8 @@ def identify(
                 records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
             )
         provenance = provenance_of_run(inputs, vehicle, signals, suspension_from, command=sys.argv[1:])
-        files = terminal.in_folder(out, write_results(run, folder, provenance=provenance, figures=figures))
+        written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(vehicle))
+        files = terminal.in_folder(out, written)
     if as_json:
         terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
     else:

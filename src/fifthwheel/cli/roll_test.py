@@ -40,7 +40,7 @@ def roll_test(
     standard deviation of each reading after +-. The vehicle file describes the truck with the load.
     """
     from fifthwheel.report.terminal.signals import show_roll_test
-    from fifthwheel.vehicle import RollTest, save
+    from fifthwheel.vehicle import RollTest
     from fifthwheel.workflow import read_vehicle, roll_tested_vehicle, tested_numbers
 
     truck = read_vehicle(vehicle)
@@ -54,7 +54,7 @@ def roll_test(
     )
     with reserved(out, force=force):
         tested = roll_tested_vehicle(truck, test)
-        save(tested, out)
+        tested.save(out)
     files = {"vehicle": out}
     if as_json:
         terminal.print_json({"parameters": tested_numbers(truck, tested), "files": terminal.as_text(files)})

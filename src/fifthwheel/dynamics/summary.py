@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from fifthwheel._html import Markup, block, table
-from fifthwheel.dynamics.analysis import critical_speed, modes
+from fifthwheel.dynamics.analysis import Mode, critical_speed, matrices, modes
 from fifthwheel.dynamics.responses import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
 from fifthwheel.vehicle import Vehicle
@@ -30,6 +31,8 @@ class VehicleSummary:
     """Of the last unit (ISO 14791); None for a single unit, or where the vehicle is unstable."""
     modes: tuple[tuple[float, float], ...]
     """Frequency, Hz, and damping ratio of each oscillation."""
+    motions: tuple[str, ...]
+    """Main motion of each oscillation: "yaw", or "roll, semitrailer"."""
 
     def rows(self) -> list[tuple[str, str]]:
         """Name and value of each quantity, with its unit."""
@@ -40,8 +43,8 @@ class VehicleSummary:
         rows.append(("critical speed", stable))
         if self.rearward_amplification is not None:
             rows.append(("rearward amplification", fixed(self.rearward_amplification, 2)))
-        for frequency, damping in self.modes:
-            rows.append(("oscillation", f"{fixed(frequency, 2)} Hz, damping ratio {fixed(damping, 2)}"))
+        for (frequency, damping), motion in zip(self.modes, self.motions, strict=True):
+            rows.append((f"oscillation in {motion}", f"{fixed(frequency, 2)} Hz, damping ratio {fixed(damping, 2)}"))
         return rows
 
     def __str__(self) -> str:
@@ -55,7 +58,12 @@ class VehicleSummary:
 
     @property
     def _title(self) -> str:
-        return f"{self.name} at {fixed(3.6 * self.speed, 0)} km/h"
+        return f"{self.name} {self.at_speed}"
+
+    @property
+    def at_speed(self) -> str:
+        """The speed in words."""
+        return f"at {fixed(3.6 * self.speed, 0)} km/h"
 
 
 def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
@@ -73,10 +81,11 @@ def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
         >>> summary = fw.summarize(fw.vehicle("cheng_cebon_2011"))
         >>> print(summary)  # doctest: +ELLIPSIS
         cheng_cebon_2011 at 80 km/h
-        load, tractor.front     67.6 kN
+        load, tractor.front               67.6 kN
         ...
     """
     limit = critical_speed(vehicle)
+    oscillations = [mode for mode in modes(vehicle, speed) if mode.eigenvalue.imag > 1e-9]
     stable = limit is None or speed < limit
     return VehicleSummary(
         name=vehicle.name,
@@ -85,5 +94,20 @@ def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
         understeer_gradient=understeer_gradient(vehicle),
         critical_speed=limit,
         rearward_amplification=rearward_amplification(vehicle, speed)[0] if stable and len(vehicle.units) > 1 else None,
-        modes=tuple((mode.frequency, mode.damping) for mode in modes(vehicle, speed) if mode.eigenvalue.imag > 1e-9),
+        modes=tuple((mode.frequency, mode.damping) for mode in oscillations),
+        motions=_motions(vehicle, speed, oscillations),
+    )
+
+
+def _motions(vehicle: Vehicle, speed: float, oscillations: list[Mode]) -> tuple[str, ...]:
+    """Main motion of each oscillation: yaw for those next to the eigenvalues of the model without roll, else roll."""
+    system = matrices(vehicle, speed, roll=True)
+    values, yaw = np.linalg.eigvals(system.A), np.linalg.eigvals(matrices(vehicle, speed, roll=False).A)
+    near, _ = linear_sum_assignment(np.abs(np.subtract.outer(values, yaw)))
+    rest = np.delete(values, near)
+    rates = {i: name.partition(".")[2] for i, name in enumerate(system.states) if name.startswith("roll_rate.")}
+    units = [rates[max(rates, key=lambda i: abs(mode.shape[i]))] for mode in oscillations]
+    return tuple(
+        f"roll, {unit}" if np.isclose(rest, mode.eigenvalue).any() else "yaw"
+        for mode, unit in zip(oscillations, units, strict=True)
     )

@@ -123,6 +123,11 @@ def prepare_dataset(
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
+    if vehicle.assumed:
+        notes.append(
+            f"{len(vehicle.assumed)} numbers of the vehicle file are assumed from vehicle classes: "
+            f"{', '.join(vehicle.assumed)}. `fifthwheel vehicle show` gives their uncertainty, source and effect."
+        )
     records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)

@@ -1,13 +1,23 @@
 """Static vertical loads of the axle groups, from the equilibrium of each unit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.unit import Unit
 
 
-def static_axle_loads(units: Sequence[Unit], couplings: Sequence[tuple[float, float]]) -> dict[str, float]:
+class Body(NamedTuple):
+    """What the static loads of a unit depend on."""
+
+    name: str
+    mass: float  # kg
+    cog: float  # m
+    groups: Mapping[str, float]
+    """Position of each axle group, the mean of its axles, m, by its path."""
+
+
+def static_axle_loads(units: Sequence[Body], couplings: Sequence[tuple[float, float]]) -> dict[str, float]:
     """Vertical load of each axle group, N, by its path, front to rear, on level ground.
 
     The supports of a unit are its axle groups, at the mean position of their axles, and its front coupling. They carry
@@ -24,7 +34,7 @@ def static_axle_loads(units: Sequence[Unit], couplings: Sequence[tuple[float, fl
     coupling_load, coupling_position = 0.0, 0.0  # load of the unit behind on this unit, N, and its x, m
     for i in reversed(range(len(units))):
         unit = units[i]
-        supports = {unit.group_path(group): group.position for group in unit.axle_groups}
+        supports = dict(unit.groups)
         if i:
             supports = {"": couplings[i - 1][1], **supports}
         if len(supports) != 2:

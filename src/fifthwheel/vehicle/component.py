@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable, Mapping
 from reprlib import repr as shorten
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from fifthwheel.errors import VehicleError, suggestion
+from fifthwheel.vehicle.paths import SI_UNITS
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -14,7 +15,10 @@ NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
-class HashableDict(dict[str, float]):
+V = TypeVar("V")
+
+
+class HashableDict(dict[str, V]):
     """A dictionary in a frozen component, not to be altered."""
 
     def __hash__(self) -> int:  # type: ignore[override]
@@ -23,6 +27,8 @@ class HashableDict(dict[str, float]):
 
 NonNegatives = Annotated[Mapping[str, NonNegative], AfterValidator(HashableDict)]
 """Numbers >= 0 by name."""
+Texts = Annotated[Mapping[str, str], AfterValidator(HashableDict)]
+"""Texts by name."""
 
 
 class Component(BaseModel):
@@ -76,7 +82,8 @@ def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
             case "string_pattern_mismatch":
                 expected = "a name of lower-case letters, digits and _, a letter first"
             case "missing":
-                lines.append(f"{prefix}{path}: expected a value, got none; give it")
+                cure = "give it, or give the unit a class" if e["loc"][-1] in SI_UNITS else "give it"
+                lines.append(f"{prefix}{path}: expected a value, got none; {cure}")
                 continue
             case "extra_forbidden":
                 lines.append(f"{prefix}{path}: no such key; {suggestion(str(e['loc'][-1]), keys)}")

@@ -35,7 +35,13 @@ from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Payload, Spr
 
 Table = dict[str, Any]
 
-FILE_KEYS = {"units": "unit", "couplings": "coupling", "axle_groups": "axle_group", "stated": "exact"}
+FILE_KEYS = {
+    "units": "unit",
+    "couplings": "coupling",
+    "axle_groups": "axle_group",
+    "stated": "exact",
+    "vehicle_class": "class",
+}
 """Key in a file of each field that has another one. For several tables it is the singular, because TOML repeats the
 header for each table. A file states standard deviations beside the values, or that all of them are 0."""
 

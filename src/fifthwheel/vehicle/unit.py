@@ -112,6 +112,9 @@ class Unit(Component):
     """A tractor, a truck, a dolly or a trailer. Mass, CoG and yaw inertia are those of the laden unit."""
 
     name: Name
+    vehicle_class: str | None = Field(
+        default=None, description="One of `classes.CLASSES`: gives the numbers that a file does not have."
+    )
     mass: Positive = Field(le=5e5, description="Sprung, unsprung and payload, kg.")
     cog: Number = Field(description="x of the CoG of the unit, m.")
     yaw_inertia: Positive = Field(description="Of the unit about its CoG, kg m^2.")

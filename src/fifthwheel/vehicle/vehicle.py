@@ -11,8 +11,9 @@ from pydantic import Field, model_validator
 from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.vehicle import toml_format
-from fifthwheel.vehicle.axle_loads import static_axle_loads
-from fifthwheel.vehicle.component import Component, NonNegatives
+from fifthwheel.vehicle.axle_loads import Body, static_axle_loads
+from fifthwheel.vehicle.classes import complete
+from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.coupling import Coupling
 from fifthwheel.vehicle.paths import SI_UNITS, unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
@@ -52,6 +53,9 @@ class Vehicle(Component):
     stated: NonNegatives = Field(
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
     )
+    assumed: Texts = Field(
+        default={}, description="Source of each parameter that the class of its unit gives, by path; see `classes`."
+    )
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -68,9 +72,17 @@ class Vehicle(Component):
 
     @classmethod
     def loads(cls, text: str) -> Self:
-        """Read a vehicle from a TOML text; errors as in `load`."""
+        """Read a vehicle from a TOML text; errors as in `load`.
+
+        Numbers that are missing are those of the class of their unit, if it has one.
+        """
         fields, exact = toml_format.parse(text, cls)
-        vehicle = cls(**fields)
+        vehicle = cls(**complete(fields))
+        if exact and vehicle.assumed:
+            raise VehicleError(
+                f"exact: expected every number where exact = true, {next(iter(vehicle.assumed))} is missing; give it,"
+                " or remove exact = true"
+            )
         return vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0)) if exact else vehicle
 
     def save(self, path: str | Path) -> None:
@@ -86,7 +98,8 @@ class Vehicle(Component):
         """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""
         stated = {} if self.is_exact else self.stated
         texts = {path: toml_format.text(v, unit_of(path), stated.get(path)) for path, v in self.parameters().items()}
-        return toml_format.dump(self.fields_with(texts) | {"stated": self.is_exact or None})
+        extra = {"stated": self.is_exact or None, "assumed": dict(self.assumed) or None}
+        return toml_format.dump(self.fields_with(texts) | extra)
 
     def plot(self) -> "Plot":
         """A drawing to scale, from the side and from above: axles, couplings, payload and CoG.
@@ -131,8 +144,8 @@ class Vehicle(Component):
                     f"{unit.name}.cog: expected between {min(supports):g} and {max(supports):g} m, where the unit is"
                     f" supported, got {unit.cog:g} m; x is positive forward from the unit's own origin"
                 )
-        if self.stated:
-            self._location_of(self.stated)
+        if self.stated or self.assumed:
+            self._location_of({**self.stated, **self.assumed})
         return self
 
     def _supports(self, unit: Unit) -> list[float]:
@@ -159,10 +172,10 @@ class Vehicle(Component):
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
         fields = self.model_dump()
-        return {path: _owner(fields, location)[location[-1]] for path, location in self._locations().items()}
+        return {path: _owner(fields, location)[location[-1]] for path, location in self.locations().items()}
 
-    def _locations(self) -> dict[str, FieldLocation]:
-        """Location of every scalar by its path, in the order of the vehicle."""
+    def locations(self) -> dict[str, FieldLocation]:
+        """Keys of every scalar in the fields of the vehicle, by its path, in the order of the vehicle."""
         locations: dict[str, FieldLocation] = {}
 
         def add(prefix: str, kind: type[Component], location: FieldLocation) -> None:
@@ -185,7 +198,8 @@ class Vehicle(Component):
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay.
+        """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay, but
+        an assumed parameter with another value is no longer assumed and has no stated standard deviation.
 
         Args:
             values: by path, SI.
@@ -193,7 +207,11 @@ class Vehicle(Component):
         Raises:
             VehicleError: a path does not exist, or a value is not valid.
         """
-        return type(self)(**self.fields_with(values))
+        fields, before = self.fields_with(values), self._parameters
+        known = {path for path in self.assumed if values.get(path, before[path]) != before[path]}
+        for key in ("assumed", "stated"):
+            fields[key] = {path: entry for path, entry in fields[key].items() if path not in known}
+        return type(self)(**fields)
 
     def with_stated(self, sigmas: Mapping[str, float]) -> Self:
         """The same vehicle with other stated standard deviations of some parameters.
@@ -224,7 +242,7 @@ class Vehicle(Component):
 
     def _location_of(self, paths: Iterable[str]) -> dict[str, FieldLocation]:
         """Location of some scalars by path; a VehicleError where there is none."""
-        locations = self._locations()
+        locations = self.locations()
         for path in paths:
             if path not in locations:
                 raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, locations)}")
@@ -246,6 +264,8 @@ class Vehicle(Component):
                 unit["sprung"] |= {"mass": body.mass, "cog_height": body.cog_height, "roll_inertia": about_cog}
                 unit["payload"] = None
                 fields["stated"] = lumped_sigmas(fields["stated"], unit["name"], p)
+                replaced = (f"{unit['name']}.payload.", f"{unit['name']}.sprung.")
+                fields["assumed"] = {k: v for k, v in fields["assumed"].items() if not k.startswith(replaced)}
         return type(self)(**fields)
 
     def with_logged_steering(self, signals: Container[str], source: str) -> Self:
@@ -276,7 +296,11 @@ class Vehicle(Component):
         Raises:
             VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
         """
-        return static_axle_loads(self.units, [(c.leading_position, c.trailing_position) for c in self.couplings])
+        bodies = [
+            Body(unit.name, unit.mass, unit.cog, {unit.group_path(group): group.position for group in unit.axle_groups})
+            for unit in self.units
+        ]
+        return static_axle_loads(bodies, [(c.leading_position, c.trailing_position) for c in self.couplings])
 
     @property
     def wheelbase(self) -> float:

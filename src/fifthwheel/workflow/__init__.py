@@ -1,10 +1,16 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.time_bases import check_record
-from fifthwheel.workflow.axle_loads import AxleLoadDifference, WeighedVehicle, axle_load_differences, weigh_vehicle
+from fifthwheel.workflow.axle_loads import (
+    AxleLoadDifference,
+    WeighedVehicle,
+    axle_load_differences,
+    weigh_by_slip,
+    weigh_vehicle,
+)
 from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
-from fifthwheel.workflow.inputs import read_records, read_vehicle
+from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
 from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
@@ -33,6 +39,8 @@ __all__ = [
     "run_states",
     "survey_file",
     "tested_numbers",
+    "vehicle_text",
+    "weigh_by_slip",
     "weigh_vehicle",
     "write_results",
 ]

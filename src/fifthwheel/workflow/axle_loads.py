@@ -5,9 +5,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle, with_axle_loads
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle, changes, with_axle_loads
+from fifthwheel.vehicle.edited_file import edited, with_numbers
+from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
+
+TRACTOR, TRAILER = "tractor", "trailer"
+"""First words of the results of `slip.weigh`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,11 +37,13 @@ class AxleLoadDifference:
 
 @dataclass(frozen=True, kw_only=True)
 class WeighedVehicle:
-    """A vehicle with masses and CoG positions from the axle loads of a log."""
+    """A vehicle with masses and CoG positions from the axle loads of a log or a slip."""
 
     vehicle: Vehicle
     loads: Mapping[str, StaticLoad]
     """By the path of the axle group."""
+    text: str | None = None
+    """The vehicle file with the new numbers, and its comments; None without a file."""
 
     def as_dict(self) -> dict[str, Any]:
         """Loads, masses and CoG positions, for JSON."""
@@ -66,10 +74,81 @@ def axle_load_differences(
     )
 
 
-def weigh_vehicle(record: Record, vehicle: Vehicle, *, tolerance: float = 0.02) -> WeighedVehicle:
+def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicle:
+    """Masses and CoG positions from weighbridge slips, with their standard deviations.
+
+    Without an empty slip, the trailer without its load has the mass of the vehicle file. Inertias stay, unless the
+    classes of the units give them.
+
+    Args:
+        slip: the loads.
+        text: vehicle file of a tractor with two axle groups and a trailer with one.
+        name: of the slip, for the source of the vehicle.
+
+    Raises:
+        VehicleError: the vehicle has other axle groups, or the loads are not complete or contradict each other.
+    """
+    vehicle = Vehicle.loads(text)
+    if [len(unit.axle_groups) for unit in vehicle.units] != [2, 1]:
+        raise VehicleError(
+            f"{vehicle.name}: expected a tractor with two axle groups and a trailer with one; set the masses and CoG"
+            " positions of other vehicles by hand"
+        )
+    tractor, trailer = vehicle.units
+    wheel, first = vehicle.couplings[0], tractor.axle_groups[0].position
+    lengths = Lengths(
+        wheelbase=first - tractor.axle_groups[1].position,
+        coupling=first - wheel.leading_position,
+        trailer=wheel.trailing_position - trailer.axle_groups[0].position,
+    )
+    sigmas = {change.name: abs(change.slopes.get(change.name, 0.0)) for change in changes(vehicle)}
+    tare = trailer.mass - (trailer.payload.mass if trailer.payload else 0.0)
+    tares: dict[str, Number] = {
+        f"{TRACTOR}.mass": (tractor.mass, sigmas.get(f"{tractor.name}.mass")),
+        f"{TRACTOR}.cog": (first - tractor.cog, sigmas.get(f"{tractor.name}.cog")),
+        f"{TRAILER}.mass": (tare, DEFAULT_SIGMAS["mass"].sigma * tare),
+    }
+    front, drive, bogie = vehicle.axle_loads()
+    results = weigh(lengths, slip, (front, drive, bogie), tares)
+    values: dict[str, Number] = {}
+    for key, unit, origin in ((TRACTOR, tractor, first), (TRAILER, trailer, wheel.trailing_position)):
+        if key == TRAILER or slip.solo:
+            (mass, sigma_mass), (cog, sigma_cog) = results[f"{key}.mass"], results[f"{key}.cog"]
+            values |= {f"{unit.name}.mass": (mass, sigma_mass), f"{unit.name}.cog": (origin - cog, sigma_cog)}
+            if unit.payload is None:
+                values[f"{unit.name}.sprung.mass"] = (unit.sprung.mass + mass - unit.mass, None)
+    if trailer.payload:
+        payload = results["payload.mass"]
+        values[f"{trailer.name}.payload.mass"] = payload
+        body = trailer.sprung.mass + values[f"{trailer.name}.mass"][0] - payload[0] - tare
+        values[f"{trailer.name}.sprung.mass"] = (body, None)
+    for path, (value, _) in values.items():
+        if path.endswith("mass") and value <= 0:
+            raise VehicleError(f"{path}: expected above 0 kg, got {value:.0f} kg from {name}; check it, and {path}")
+    source = f"{vehicle.source}; weighed by {name}".removeprefix("; ")
+    weighed = vehicle.replace(
+        {path: round(value, 0 if path.endswith("mass") else 3) for path, (value, _) in values.items()}
+    )
+    weighed = weighed.with_stated({path: float(f"{sigma:.2g}") for path, (_, sigma) in values.items() if sigma})
+    before, after = vehicle.parameters(), weighed.parameters()
+    written = [
+        path
+        for path, (_, sigma) in values.items()
+        if sigma or (after[path] != before[path] and path not in vehicle.assumed)
+    ]
+    new_text = with_numbers(text, weighed.model_copy(update={"source": source}), written)
+    newtons = {path: STANDARD_GRAVITY * load for path, load in slip.laden.items()}
+    loads = {path: StaticLoad(value=load, scatter=slip.accuracy * load, samples=1) for path, load in newtons.items()}
+    return WeighedVehicle(vehicle=Vehicle.loads(new_text), loads=loads, text=new_text)
+
+
+def weigh_vehicle(
+    record: Record, vehicle: Vehicle, *, tolerance: float = 0.02, text: str | None = None
+) -> WeighedVehicle:
     """Masses and CoG positions from the axle loads of a log; yaw and roll inertias stay.
 
     Args:
+        text: the vehicle file, for the text of the result.
         tolerance: allowed difference of the front axle's load from the expected one, as a fraction of the tractor's
             load.
 
@@ -86,4 +165,5 @@ def weigh_vehicle(record: Record, vehicle: Vehicle, *, tolerance: float = 0.02) 
             )
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
     source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
-    return WeighedVehicle(vehicle=weighed.model_copy(update={"source": source}), loads=loads)
+    weighed = weighed.model_copy(update={"source": source})
+    return WeighedVehicle(vehicle=weighed, loads=loads, text=None if text is None else edited(text, weighed))

@@ -7,7 +7,7 @@ from pathlib import Path
 from fifthwheel.errors import VehicleError
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle, catalogue
+from fifthwheel.vehicle import Vehicle, catalogue, toml_format
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the work done and the total."""
@@ -21,11 +21,23 @@ def read_vehicle(name: str) -> Vehicle:
     """
     if name in catalogue.names():
         return catalogue.get(name)
+    _require_file(name)
+    return Vehicle.load(Path(name))
+
+
+def vehicle_text(name: str) -> str:
+    """The vehicle file of this name in the catalogue, or of this path; errors as in `read_vehicle`."""
+    if name in catalogue.names():
+        return catalogue.text(name)
+    _require_file(name)
+    return toml_format.read(Path(name))
+
+
+def _require_file(name: str) -> None:
     if not Path(name).is_file():
         raise VehicleError(
             f"{name}: no such file, and not in the catalogue, which has {', '.join(catalogue.names())}; check the path"
         )
-    return Vehicle.load(Path(name))
 
 
 def read_records(

@@ -6,6 +6,7 @@ from pathlib import Path
 from fifthwheel._atomic import atomic_write
 from fifthwheel.observe import write_states
 from fifthwheel.report import Provenance, StateConditions, write_report, write_states_report
+from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.states import StatesRun
 
@@ -20,6 +21,7 @@ def write_results(
     *,
     provenance: Provenance | None = None,
     figures: str | None = None,
+    vehicle_text: str | None = None,
 ) -> dict[str, Path]:
     """Write states.parquet and report.html; of an identification also identification.json and vehicle.toml.
 
@@ -28,6 +30,7 @@ def write_results(
         folder: an existing folder.
         provenance: command, input files and versions, for the report.
         figures: "svg", "png" or "pdf" to write every figure of the report into the folder figures.
+        vehicle_text: the vehicle file of the identification, whose comments vehicle.toml then has.
 
     Returns:
         The path of each file or folder by its name.
@@ -53,7 +56,9 @@ def write_results(
         with atomic_write(folder / "identification.json") as temporary:
             temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
         vehicle, covariance = run.identification.vehicle, run.identification.covariance
-        vehicle.save(folder / "vehicle.toml")
+        with atomic_write(folder / "vehicle.toml") as temporary:
+            text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
+            temporary.write_text(text, encoding="utf-8")
         drawn = write_report(
             report,
             run.identification,

@@ -99,6 +99,14 @@ def parameters(page: PageBuilder, identification: Identification) -> None:
                 "from their priors."
             )
             page.html(tables.estimates(identification.uncertain, history=False))
+    vehicle = identification.initial_vehicle
+    if vehicle.assumed:
+        with page.folded(f"Assumed numbers of the vehicle file ({len(vehicle.assumed)})"):
+            page.hint(
+                "The vehicle file does not have these numbers: they are those of the vehicle classes of its units. "
+                "Measure those with a large part in the variance, and write them into the vehicle file."
+            )
+            page.html(tables.assumed(vehicle))
 
 
 def information(page: PageBuilder, identification: Identification, outlook: "InformationAssessment | None") -> None:

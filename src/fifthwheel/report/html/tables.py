@@ -15,6 +15,7 @@ from fifthwheel.record import Record
 from fifthwheel.report.provenance import Provenance
 from fifthwheel.report.text.conclusion import Conclusion
 from fifthwheel.report.text.words import STATUSES, mark, spoken_role
+from fifthwheel.vehicle import Vehicle, unit_of
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,21 @@ def estimates(estimates: Sequence[Estimate], *, history: bool = True) -> str:
         ]
         rows.append(("" if e.verdict is Verdict.CONVERGED else "off", cells))
     return table([*ESTIMATES, Column("Settled after", "n", "settled after ")] if history else ESTIMATES, rows)
+
+
+ASSUMED = (Column("Parameter", "name"), Column("Value", "n main"), Column("Source", "full"))
+
+
+def assumed(vehicle: Vehicle) -> str:
+    """The numbers that a vehicle file leaves to vehicle classes, with their sources."""
+    values = vehicle.parameters()
+    return table(
+        ASSUMED,
+        [
+            ("", [code(path), with_sigma(values[path], vehicle.stated.get(path), unit_of(path)), escape(source)])
+            for path, source in vehicle.assumed.items()
+        ],
+    )
 
 
 SENSOR_ERRORS = (

@@ -1,0 +1,109 @@
+"""fifthwheel vehicle new"""
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fifthwheel._atomic import atomic_write, reserved
+from fifthwheel.cli import terminal
+from fifthwheel.cli.app import command, vehicle_app
+from fifthwheel.cli.options import ForceFileOption
+
+if TYPE_CHECKING:
+    from fifthwheel.workflow.vehicle_questions import Question
+
+
+@command(
+    "fifthwheel vehicle new",
+    "fifthwheel vehicle new --tractor tractor_4x2 --trailer semitrailer_3 --wheelbase 3.7m --trailer-wheelbase 7.7m "
+    "--laden '6850 10500 22500' --solo '5200 2000' --empty '5400 3900 5700' --load-height '1.3 m +- 0.1 m'",
+    "fifthwheel vehicle new --tractor tractor_6x4 --trailer semitrailer_2 --wheelbase 4.6m --fifth-wheel 5.2m "
+    "--trailer-wheelbase 12.2m --tractor-tare 9.1t --trailer-tare 6.2t --load-mass 17t --out depot_12.toml",
+    of=vehicle_app,
+)
+def new(
+    context: typer.Context,
+    tractor: Annotated[str | None, typer.Option(help="Class of the tractor, such as tractor_4x2.")] = None,
+    trailer: Annotated[str | None, typer.Option(help="Class of the semitrailer, such as semitrailer_3.")] = None,
+    wheelbase: Annotated[str | None, typer.Option(help="Front axle to the first axle behind it, such as 3.7m.")] = None,
+    tractor_spread: Annotated[
+        str | None, typer.Option(help="Between the rear axles of a three-axle tractor. Default: 1.35 m.")
+    ] = None,
+    fifth_wheel: Annotated[
+        str | None, typer.Option(help="Front axle to the kingpin. Default: from --laden and --solo.")
+    ] = None,
+    trailer_wheelbase: Annotated[str | None, typer.Option(help="Kingpin to the middle of the trailer's axles.")] = None,
+    trailer_spread: Annotated[
+        str | None, typer.Option(help="Between neighbouring axles of the trailer. Default: 1.31 m.")
+    ] = None,
+    laden: Annotated[
+        str | None, typer.Option(help="Weighbridge slip of the laden truck: front, drive and trailer axles, kg.")
+    ] = None,
+    solo: Annotated[str | None, typer.Option(help="Slip of the tractor alone: front and drive axles, kg.")] = None,
+    empty: Annotated[str | None, typer.Option(help="Slip of the truck without load, as --laden.")] = None,
+    slip: Annotated[Path | None, typer.Option(help="File with these loads, instead of the three options.")] = None,
+    accuracy: Annotated[
+        str | None, typer.Option(help="Standard deviation of each load of the slips. Default: 1%.")
+    ] = None,
+    tractor_tare: Annotated[str | None, typer.Option(help="Mass of the tractor in the brochure.")] = None,
+    trailer_tare: Annotated[str | None, typer.Option(help="Mass of the trailer without load.")] = None,
+    load_mass: Annotated[
+        str | None, typer.Option(help="Mass of the load; 0 for none. Default: from the slips.")
+    ] = None,
+    load_height: Annotated[str | None, typer.Option(help="Height of the load, from the floor to its top.")] = None,
+    load_width: Annotated[str | None, typer.Option(help="Width of the load.")] = None,
+    floor_height: Annotated[str | None, typer.Option(help="Height of the floor above the ground.")] = None,
+    load_shape: Annotated[str | None, typer.Option(help="uniform or point. Default: uniform.")] = None,
+    trailer_tyres: Annotated[str | None, typer.Option(help="single or twin.")] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Vehicle file to write.")] = Path("truck.toml"),
+    force: ForceFileOption = False,
+) -> None:
+    """Write the vehicle file of a tractor-semitrailer from a brochure, a tape measure and weighbridge slips.
+
+    Asks for what the options do not give, if one of --tractor, --trailer, --wheelbase and --trailer-wheelbase is
+    missing. Numbers have a unit, and may have a standard deviation: '7.7 m +- 2 cm'. Vehicle classes give what nobody
+    knows, with its uncertainty.
+    """
+    from fifthwheel.workflow.new_vehicle import new_vehicle
+    from fifthwheel.workflow.vehicle_questions import QUESTIONS, describe
+
+    answers = {q.key: context.params[q.key] for q in QUESTIONS if context.params[q.key] is not None}
+    with reserved(out, force=force):
+        if sys.stdin.isatty() and any(q.required and q.key not in answers for q in QUESTIONS):
+            answers = ask([q for q in QUESTIONS if not (slip and q.is_slip)], answers)
+        text = new_vehicle(describe(answers, slip=slip, accuracy=accuracy))
+        with atomic_write(out) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    terminal.print_files({"vehicle": out})
+
+
+def ask(questions: "Iterable[Question]", known: Mapping[str, str]) -> dict[str, str]:
+    """Ask on the terminal until each answer is valid; an empty answer stands for a number that is not known.
+
+    Args:
+        questions: those that are not known and apply are asked.
+        known: answers by their keys; the result has them too.
+    """
+    from fifthwheel.errors import VehicleError
+
+    typer.echo("Give each number with its unit, and how well you know it, such as 7.7 m +- 2 cm. Empty: not known.")
+    answers = dict(known)
+    for question in questions:
+        if question.key in answers or not question.applies(answers):
+            continue
+        choices = f" ({', '.join(question.choices)})" if question.choices else ""
+        while True:
+            answer = typer.prompt(question.text + choices, default="", show_default=False).strip()
+            if not answer and not question.required:
+                break
+            try:
+                question.parse(answer)
+            except VehicleError as error:
+                typer.secho(str(error), fg="red", err=True)
+                continue
+            answers[question.key] = answer
+            break
+    return answers

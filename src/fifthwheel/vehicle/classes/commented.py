@@ -1,0 +1,92 @@
+"""A vehicle as a TOML text with the source of each number; assumed numbers are comments, so that the classes give them.
+
+A line that is removed from its comment replaces the number of the class. The other assumed numbers continue to follow
+from what the file states.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from fifthwheel.formatting import DISPLAY_UNITS, DisplayUnit, digits, plain_ascii, value_and_sigma
+from fifthwheel.vehicle.paths import SI_UNITS, unit_of
+from fifthwheel.vehicle.unit import AxleGroup, Unit
+from fifthwheel.vehicle.vehicle import Vehicle
+
+_MINUS = str.maketrans({"\u2212": "-", "\u202f": "", "\u00a0": " "})
+COLUMN = 60
+"""Where comments begin."""
+
+
+def commented_toml(vehicle: Vehicle, sources: Mapping[str, str]) -> str:
+    """The text, from which `Vehicle.loads` reads the vehicle with rounded numbers.
+
+    Args:
+        vehicle: its assumed numbers are comments.
+        sources: of the other numbers by their paths; a number without a source is left out if it is the default.
+    """
+    lines = [
+        "# Each number has its source behind it; the number after +- is one standard deviation. A key behind a # has",
+        "# an assumed number, from the class of its unit and what the other lines state. To replace it, remove the #,",
+        "# and write a measured value.",
+        f'name = "{vehicle.name}"',
+        f'source = "{vehicle.source}"',
+    ]
+    numbers = _Numbers(vehicle, sources)
+    for unit in vehicle.units:
+        lines += ["", "[[unit]]", *_unit(unit, numbers)]
+    for coupling in vehicle.couplings:
+        lines += ["", "[[coupling]]", f'name = "{coupling.name}"', *numbers.lines(coupling.name, type(coupling))]
+    return "\n".join([*lines, ""])
+
+
+def _unit(unit: Unit, numbers: "_Numbers") -> Iterator[str]:
+    yield f'name = "{unit.name}"'
+    if unit.vehicle_class:
+        yield f'class = "{unit.vehicle_class}"'
+    yield from numbers.lines(unit.name, Unit)
+    yield from ("", "[unit.sprung]")
+    yield from numbers.lines(f"{unit.name}.sprung", type(unit.sprung))
+    if unit.payload:
+        yield from ("", "[unit.payload]")
+        yield from numbers.lines(f"{unit.name}.payload", type(unit.payload))
+        yield f'shape = "{unit.payload.shape}"'
+    for group in unit.axle_groups:
+        yield from ("", "[[unit.axle_group]]", f'name = "{group.name}"', "axles = [")
+        for axle in group.axles:
+            steerable = ", steerable = true" if axle.steerable else ""
+            path = f"{unit.name}.{axle.name}.position"
+            text = f'  {{ name = "{axle.name}", position = "{numbers.text(path)}"{steerable} }},'
+            yield numbers.with_comment(text, numbers.sources.get(path, ""))
+        yield "]"
+        yield from numbers.lines(unit.group_path(group), AxleGroup)
+
+
+class _Numbers:
+    """Numbers of a vehicle as lines of a file."""
+
+    def __init__(self, vehicle: Vehicle, sources: Mapping[str, str]) -> None:
+        self.vehicle, self.values, self.sources = vehicle, vehicle.parameters(), sources
+
+    def lines(self, prefix: str, kind: type) -> Iterator[str]:
+        """One line for each number of a component."""
+        for key in (key for key in kind.model_fields if key in SI_UNITS):  # type: ignore[attr-defined]
+            path = f"{prefix}.{key}"
+            if path in self.vehicle.assumed:
+                yield self.with_comment(f'# {key} = "{self.text(path)}"', self.vehicle.assumed[path])
+            elif path in self.sources:
+                yield self.with_comment(f'{key} = "{self.text(path)}"', self.sources[path])
+
+    def text(self, path: str) -> str:
+        """A number with its standard deviation, rounded to two digits of it, in a practical unit."""
+        si = unit_of(path)
+        unit = DISPLAY_UNITS.get(si, DisplayUnit(si, 1.0))
+        sigma = self.vehicle.stated.get(path)
+        value, spread = value_and_sigma(self.values[path] * unit.factor, (sigma or 0.0) * unit.factor)
+        if spread is None:
+            value = digits(self.values[path] * unit.factor, 6, exact=True)
+        stated = f" +- {spread} {unit.name}" if spread else " exact" if sigma == 0 else ""
+        return plain_ascii(f"{value} {unit.name}{stated}".translate(_MINUS))
+
+    @staticmethod
+    def with_comment(line: str, comment: str) -> str:
+        """A line with the source of its number."""
+        return f"{line:{COLUMN}s} # {comment}" if comment else line

@@ -1,0 +1,184 @@
+"""The vehicle classes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from fifthwheel.vehicle.classes.figures import (
+    DRIVE_AXLE,
+    STEER_AXLE,
+    TANDEM_AXLE,
+    TRAILER_AXLE,
+    AxleFigures,
+    Figure,
+)
+
+
+class BodyFigures(NamedTuple):
+    """Figures of the body of a unit."""
+
+    yaw_gyration: Figure  # radius of gyration of the unit in yaw, as a fraction of the wheelbase
+    roll_gyration: Figure  # radius of gyration of the unladen sprung body in roll, m
+    cog_height: Figure  # of the unladen sprung body, m
+    roll_axis_height: Figure  # m
+
+
+class CouplingFigures(NamedTuple):
+    """Figures of the coupling in front of a unit."""
+
+    height: Figure  # m
+    roll_stiffness: Figure  # N m/rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleClass:
+    """Figures of a kind of unit. The wheelbase is the distance of the front reference, which is the first axle of the
+    first unit and the front coupling of the others, and the mean position of the other axles."""
+
+    description: str
+    groups: Mapping[str, AxleFigures]
+    """Figures of an axle of each group, front to rear, by the usual name of the group."""
+    axle_counts: tuple[int, ...]
+    """Usual number of axles in each group."""
+    tare: Figure
+    """Mass without payload, kg."""
+    cog: Figure
+    """Distance of the CoG from the front reference, as a fraction of the wheelbase."""
+    body: BodyFigures
+    coupling: CouplingFigures | None = None
+    """The front coupling; None for a first unit."""
+    steerable: Literal["first", "last"] | None = None
+    """Which axle has a steer angle as an input."""
+
+
+FIFTH_WHEEL = CouplingFigures(
+    height=Figure(1.2, 0.1, "article 1.2 m; Kraz 1.35 m"),
+    roll_stiffness=Figure(3300e3, 1200e3, "article 3000 (chosen), GOPS 3550 kN m/rad; Kraz rigid in roll"),
+)
+DRAWBAR_EYE = CouplingFigures(
+    height=Figure(0.6, 0.15, "chosen"), roll_stiffness=Figure(0.0, 0.0, "a drawbar eye carries no roll moment")
+)
+TRACTOR = BodyFigures(
+    yaw_gyration=Figure(0.45, 0.05, "Auburn and Kraz 0.41, article 0.47 and 0.48 of the wheelbase; GOPS 0.63"),
+    roll_gyration=Figure(0.8, 0.15, "Kraz 0.59, GOPS 0.72, article 0.75, Auburn 1.03 m"),
+    cog_height=Figure(1.12, 0.12, "article 1.05, Auburn 1.18, Kraz 1.33 m"),
+    roll_axis_height=Figure(0.6, 0.1, "article and Auburn 0.6 m, both chosen"),
+)
+TRAILER = BodyFigures(
+    yaw_gyration=Figure(
+        0.46, 0.07, "Auburn 0.33 laden and 0.51 unladen, GOPS 0.43, article 0.44, Kraz 0.5 of the wheelbase"
+    ),
+    roll_gyration=Figure(1.2, 0.3, "article 1.0 m, Auburn 1.77 m; laden 1.06 m (GOPS) and 1.09 m (Kraz)"),
+    cog_height=Figure(1.3, 0.2, "article 1.2 m, Auburn 1.6 m (chosen)"),
+    roll_axis_height=Figure(0.79, 0.08, "article 0.77 and 0.81, Auburn 0.8 m (chosen)"),
+)
+RIGID = BodyFigures(
+    yaw_gyration=Figure(0.48, 0.08, f"as a tractor, with a longer body: {TRACTOR.yaw_gyration.source}"),
+    roll_gyration=Figure(0.9, 0.2, f"as a tractor, with a body: {TRACTOR.roll_gyration.source}"),
+    cog_height=Figure(1.2, 0.15, f"as a tractor, with a body: {TRACTOR.cog_height.source}"),
+    roll_axis_height=Figure(0.65, 0.12, f"as a tractor: {TRACTOR.roll_axis_height.source}"),
+)
+TRAILER_COG = Figure(0.67, 0.08, "Auburn 0.56 laden and 0.67 unladen, article 0.68, Kraz 0.79 of the wheelbase")
+THREE_AXLE_TRACTOR_COG = Figure(0.38, 0.06, "Auburn 0.37, Kraz 0.48 of the wheelbase")
+
+
+def _semitrailer(description: str, axles: int, tare: Figure, steerable: Literal["last"] | None = None) -> VehicleClass:
+    return VehicleClass(
+        description=description,
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(axles,),
+        tare=tare,
+        cog=TRAILER_COG,
+        body=TRAILER,
+        coupling=FIFTH_WHEEL,
+        steerable=steerable,
+    )
+
+
+TWO_AXLE_TARE = Figure(5500, 1000, "Auburn 4.5 t; heavier bodies chosen")
+THREE_AXLE_TARE = Figure(7500, 1500, "chosen: between 4.5 t on two axles (Auburn) and 13 t with tank frames (article)")
+
+CLASSES: Mapping[str, VehicleClass] = {
+    "tractor_4x2": VehicleClass(
+        description="two-axle tractor",
+        groups={"front": STEER_AXLE, "drive": DRIVE_AXLE},
+        axle_counts=(1, 1),
+        tare=Figure(7200, 600, "article 6.9 and 7.2, GOPS 5.8 t"),
+        cog=Figure(0.28, 0.04, "article 0.28, GOPS 0.28 of the wheelbase"),
+        body=TRACTOR,
+        steerable="first",
+    ),
+    "tractor_6x2": VehicleClass(
+        description="three-axle tractor, one driven axle",
+        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
+        axle_counts=(1, 2),
+        tare=Figure(8300, 800, "between 7.2 t of two axles (article) and 8.6 t of 6x4 (Auburn)"),
+        cog=THREE_AXLE_TRACTOR_COG,
+        body=TRACTOR,
+        steerable="first",
+    ),
+    "tractor_6x4": VehicleClass(
+        description="three-axle tractor, two driven axles",
+        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
+        axle_counts=(1, 2),
+        tare=Figure(9000, 1000, "Auburn 8.6 t; Kraz 13.2 t"),
+        cog=THREE_AXLE_TRACTOR_COG,
+        body=TRACTOR,
+        steerable="first",
+    ),
+    "semitrailer_2": _semitrailer("two-axle semitrailer", 2, TWO_AXLE_TARE),
+    "semitrailer_3": _semitrailer("three-axle semitrailer", 3, THREE_AXLE_TARE),
+    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, "last"),
+    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, "last"),
+    "b_double_lead": VehicleClass(
+        description="lead trailer of a B-double, with a fifth wheel behind its axles",
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(3,),
+        tare=Figure(7500, 1500, "as a three-axle semitrailer"),
+        cog=Figure(0.7, 0.1, "as a semitrailer, wider: the fifth wheel is part of the frame"),
+        body=TRAILER,
+        coupling=FIFTH_WHEEL,
+    ),
+    "truck_4x2": VehicleClass(
+        description="two-axle rigid truck",
+        groups={"front": STEER_AXLE, "drive": DRIVE_AXLE},
+        axle_counts=(1, 1),
+        tare=Figure(8500, 1500, "chosen: the tractor of the article, 7 t, with a body"),
+        cog=Figure(0.5, 0.12, "chosen: unladen 0.35, laden 0.65 of the wheelbase"),
+        body=RIGID,
+        steerable="first",
+    ),
+    "truck_6x2": VehicleClass(
+        description="three-axle rigid truck",
+        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
+        axle_counts=(1, 2),
+        tare=Figure(11000, 2000, "chosen: a three-axle tractor, 8.6 t (Auburn), with a body"),
+        cog=Figure(0.58, 0.12, "chosen: unladen 0.45, laden 0.7 of the wheelbase"),
+        body=RIGID,
+        steerable="first",
+    ),
+    "dolly": VehicleClass(
+        description="dolly: drawbar, axles and a fifth wheel",
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(2,),
+        tare=Figure(2800, 500, "chosen: frame and two axles of 0.7 t"),
+        cog=Figure(0.9, 0.08, "chosen: near the axles"),
+        body=BodyFigures(
+            yaw_gyration=Figure(0.35, 0.1, "chosen: 1.4 m for a drawbar of 4 m"),
+            roll_gyration=Figure(0.7, 0.2, "chosen"),
+            cog_height=Figure(0.9, 0.15, "chosen"),
+            roll_axis_height=TRAILER.roll_axis_height,
+        ),
+        coupling=DRAWBAR_EYE,
+    ),
+    "full_trailer": VehicleClass(
+        description="body of a full trailer, on the turntable of a dolly",
+        groups={"axles": TRAILER_AXLE},
+        axle_counts=(2,),
+        tare=Figure(4500, 1000, "chosen: a two-axle semitrailer (Auburn) without its landing legs"),
+        cog=Figure(0.5, 0.1, "chosen: the load lies between turntable and axles"),
+        body=TRAILER._replace(yaw_gyration=Figure(0.45, 0.08, f"as a semitrailer: {TRAILER.yaw_gyration.source}")),
+        coupling=FIFTH_WHEEL,
+    ),
+}
+"""By the name that a vehicle file gives as `class`."""

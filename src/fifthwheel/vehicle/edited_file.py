@@ -1,0 +1,69 @@
+"""A vehicle file with other numbers: its comments and its order stay."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from fifthwheel.vehicle import toml_format
+from fifthwheel.vehicle.paths import unit_of
+from fifthwheel.vehicle.vehicle import Vehicle
+
+
+def edited(text: str, vehicle: Vehicle) -> str:
+    """The text of a vehicle file with the numbers of another vehicle where they differ.
+
+    Args:
+        text: of a vehicle file.
+        vehicle: the vehicle of the text with other numbers, standard deviations or source. If the text has other units,
+            axle groups or payloads, the result is `vehicle.to_toml()`, without comments.
+    """
+    before = Vehicle.loads(text)
+    if before.parameters().keys() != vehicle.parameters().keys() or vehicle.is_exact != before.is_exact:
+        return vehicle.to_toml()
+    changed = [
+        path
+        for path, value in vehicle.parameters().items()
+        if (value, vehicle.stated.get(path)) != (before.parameters()[path], before.stated.get(path))
+    ]
+    result = with_numbers(text, vehicle, changed)
+    return result if Vehicle.loads(result) == vehicle else vehicle.to_toml()
+
+
+def with_numbers(text: str, vehicle: Vehicle, paths: Iterable[str]) -> str:
+    """The text of a vehicle file with the name, the source and some numbers of another vehicle of the same units.
+
+    Args:
+        text: of a vehicle file.
+        vehicle: gives the numbers.
+        paths: of the numbers. Numbers that the classes give follow from them.
+    """
+    import tomlkit  # slow to import
+
+    document = tomlkit.parse(text)
+    document["name"] = vehicle.name
+    if vehicle.source:
+        document["source"] = vehicle.source
+    values, locations, stated = vehicle.parameters(), vehicle.locations(), {} if vehicle.is_exact else vehicle.stated
+    for path in paths:
+        table: Any = document
+        *keys, last = locations[path]
+        name = str(last)
+        for key in keys:
+            if key == "axles" and "axles" not in table:  # a single axle: its position stands in the group
+                break
+            table = table[toml_format.FILE_KEYS.get(key, key) if isinstance(key, str) else key]
+        _replace(table, name, toml_format.text(values[path], unit_of(path), stated.get(path)))
+        if path in document.get("assumed", {}):
+            del document["assumed"][path]
+    return tomlkit.dumps(document)
+
+
+def _replace(table: Any, key: str, text: str) -> None:
+    """Give a key another text; the comment says what it was, because it is the source of the former number."""
+    import tomlkit
+
+    item = tomlkit.string(text)
+    if key in table:
+        former = table.item(key)
+        comment = former.trivia.comment.removeprefix("#").strip()
+        item.comment(f"was {former.as_string()}" + (f": {comment}" if comment else ""))
+    table[key] = item

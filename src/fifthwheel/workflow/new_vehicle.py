@@ -1,0 +1,220 @@
+"""A vehicle file from a brochure, a tape measure and the slips of a weighbridge."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from fifthwheel.errors import VehicleError, suggestion
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.classes import CLASSES, complete
+from fifthwheel.vehicle.classes.commented import commented_toml
+from fifthwheel.vehicle.classes.figures import TYRES
+from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
+
+TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
+MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"
+TARE_SIGMA = 0.03
+"""Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """What a user knows of a tractor-semitrailer. Numbers are value and standard deviation, SI; None: not known."""
+
+    name: str = "truck"
+    tractor: str
+    """Class of the tractor."""
+    trailer: str
+    """Class of the semitrailer."""
+    wheelbase: Number
+    """From the front axle to the first axle behind it, m. A standard deviation counts where this axle is the only one:
+    several axles share the error of a length, which `vehicle.changes` knows."""
+    tractor_spread: Number = (1.35, 0.03)
+    """Between the rear axles of a three-axle tractor, m."""
+    fifth_wheel: Number | None = None
+    """From the front axle to the kingpin, m; None: the slips determine it."""
+    trailer_wheelbase: Number
+    """From the kingpin to the middle of the trailer's axles, m."""
+    trailer_spread: Number = (1.31, 0.03)
+    """Between neighbouring axles of the trailer, m."""
+    slip: Slip = field(default_factory=Slip)
+    """Loads by the weighbridge; paths as in the vehicle file."""
+    tractor_tare: Number | None = None
+    """Mass of the tractor in the brochure, kg."""
+    trailer_tare: Number | None = None
+    """Mass of the trailer without load, kg."""
+    load_mass: Number | None = None
+    """Mass of the load, kg; 0: the trailer is unladen; None: it follows from the slips."""
+    load_height: Number | None = None
+    """From the floor to the top of the load, m."""
+    load_width: Number | None = None
+    floor_height: Number | None = None
+    load_shape: str = "uniform"
+    """Or "point"."""
+    trailer_tyres: str | None = None
+    """One of `TYRES`; None: not known."""
+
+
+def new_vehicle(description: Description) -> str:
+    """The text of a vehicle file, with the uncertainty and the source of each number.
+
+    Raises:
+        VehicleError: a class is not one of a tractor or semitrailer, the slip contradicts itself, or a number is not
+            valid.
+    """
+    _check(description)
+    builder = _Builder(description)
+    fields = builder.fields()
+    vehicle = Vehicle(**complete(fields))
+    return commented_toml(vehicle, builder.sources)
+
+
+class _Builder:
+    """Fields of a vehicle from a description, with standard deviations and sources."""
+
+    def __init__(self, description: Description) -> None:
+        self.known = description
+        self.stated: dict[str, float] = {}
+        self.sources: dict[str, str] = {}
+
+    def fields(self) -> dict[str, Any]:
+        """Fields of the vehicle, without the numbers that its classes give."""
+        known = self.known
+        tractor: dict[str, Any] = {"name": TRACTOR, "vehicle_class": known.tractor}
+        trailer: dict[str, Any] = {"name": TRAILER, "vehicle_class": known.trailer}
+        tractor["axle_groups"] = [
+            {"name": "front", "axles": [self._axle(TRACTOR, "front", (0.0, None), "the origin")]},
+            {"name": "drive", "axles": list(self._rear_axles())},
+        ]
+        trailer["axle_groups"] = [self._trailer_group()]
+        coupling: dict[str, Any] = {"name": COUPLING}
+        self._set(coupling, COUPLING, "trailing_position", (0.0, None), "the origin")
+        laden = known.load_mass is None or known.load_mass[0] > 0
+        if laden:
+            trailer["payload"] = self._payload()
+        self._masses(tractor, trailer, coupling)
+        fields: dict[str, Any] = {
+            "name": known.name,
+            "source": f"{known.tractor} and {known.trailer}: measured, weighed and assumed from classes",
+            "units": [tractor, trailer],
+            "couplings": [coupling],
+        }
+        return fields | {"stated": self.stated}
+
+    def _set(self, table: dict[str, Any], path: str, key: str, number: Number | None, source: str) -> None:
+        if number is None:
+            return
+        table[key] = number[0]
+        self.sources[f"{path}.{key}"] = source
+        if number[1] is not None:
+            self.stated[f"{path}.{key}"] = number[1]
+
+    def _axle(self, unit: str, name: str, number: Number, source: str) -> dict[str, Any]:
+        axle: dict[str, Any] = {"name": name}
+        self._set(axle, f"{unit}.{name}", "position", number, source)
+        return axle
+
+    def _rear_axles(self) -> Iterator[dict[str, Any]]:
+        (first, sigma), (spread, _) = self.known.wheelbase, self.known.tractor_spread
+        count = CLASSES[self.known.tractor].axle_counts[1]
+        names = ("drive",) if count == 1 else tuple(f"drive_{k + 1}" for k in range(count))
+        for k, name in enumerate(names):
+            yield self._axle(TRACTOR, name, (-first - k * spread, sigma if count == 1 else None), MEASURED)
+
+    def _trailer_group(self) -> dict[str, Any]:
+        count = CLASSES[self.known.trailer].axle_counts[0]
+        (middle, sigma), (spread, _) = self.known.trailer_wheelbase, self.known.trailer_spread
+        names = {1: ("axle",), 2: ("front", "rear"), 3: ("front", "middle", "rear")}[count]
+        positions = [-middle + spread * ((count - 1) / 2 - k) for k in range(count)]
+        own = sigma if count == 1 else None
+        axles = [self._axle(TRAILER, name, (x, own), MEASURED) for name, x in zip(names, positions, strict=True)]
+        group: dict[str, Any] = {"name": "axles", "axles": axles}
+        if self.known.trailer_tyres:
+            figure = TYRES[self.known.trailer_tyres]
+            number = (count * figure.value, count * figure.sigma)
+            self._set(
+                group, TRAILER, "tyre_roll_stiffness", number, f"{self.known.trailer_tyres} tyres: {figure.source}"
+            )
+        return group
+
+    def _payload(self) -> dict[str, Any]:
+        known, path = self.known, f"{TRAILER}.payload"
+        payload: dict[str, Any] = {"shape": known.load_shape}
+        self._set(payload, path, "mass", known.load_mass, GIVEN)
+        self._set(payload, path, "height", known.load_height, MEASURED)
+        self._set(payload, path, "width", known.load_width, MEASURED)
+        self._set(payload, path, "floor_height", known.floor_height, MEASURED)
+        return payload
+
+    def _masses(self, tractor: dict[str, Any], trailer: dict[str, Any], coupling: dict[str, Any]) -> None:
+        """Masses, CoG positions and the position of the fifth wheel: weighed, or by the brochure."""
+        known = self.known
+        payload = trailer.get("payload", {})
+        position = known.fifth_wheel
+        if position is not None:
+            self._set(coupling, COUPLING, "leading_position", (-position[0], position[1]), MEASURED)
+        if not known.slip.laden:
+            self._unweighed(tractor, trailer)
+            return
+        rear = [axle["position"] for axle in tractor["axle_groups"][1]["axles"]]
+        lengths = Lengths(
+            wheelbase=-sum(rear) / len(rear),
+            coupling=None if position is None else position[0],
+            trailer=known.trailer_wheelbase[0],
+        )
+        groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
+        results = weigh(lengths, known.slip, groups, self._tares(lengths))
+        for key, unit, name in (("tractor", tractor, TRACTOR), ("trailer", trailer, TRAILER)):
+            if key == "trailer" or known.slip.solo:
+                cog, sigma = results[f"{key}.cog"]
+                self._set(unit, name, "mass", results[f"{key}.mass"], WEIGHED)
+                self._set(unit, name, "cog", (-cog, sigma), WEIGHED)
+            else:
+                self._set(unit, name, "mass", known.tractor_tare, BROCHURE)
+        if "coupling" in results:
+            where, sigma = results["coupling"]
+            self._set(coupling, COUPLING, "leading_position", (-where, sigma), f"{WEIGHED}: moments of the tractor")
+        if "payload.mass" in results and payload and "mass" not in payload:
+            if results["payload.mass"][0] <= 0:
+                raise VehicleError(
+                    f"payload.mass: expected above 0 kg, got {results['payload.mass'][0]:.0f} kg from the slips; give a"
+                    " load of 0 if the trailer is unladen"
+                )
+            source = f"{WEIGHED}, laden less {'empty' if known.slip.empty else 'the unladen mass by the ' + BROCHURE}"
+            self._set(payload, f"{TRAILER}.payload", "mass", results["payload.mass"], source)
+
+    def _unweighed(self, tractor: dict[str, Any], trailer: dict[str, Any]) -> None:
+        """Masses by the brochure."""
+        known = self.known
+        if known.fifth_wheel is None:
+            raise VehicleError("fifth_wheel: expected its distance from the front axle, got none; measure it")
+        self._set(tractor, TRACTOR, "mass", known.tractor_tare, BROCHURE)
+        if "payload" in trailer and known.load_mass is None:
+            raise VehicleError("load_mass: expected a mass, got none; give it or the laden slip; 0 for no load")
+        if known.trailer_tare is not None:
+            load = known.load_mass if known.load_mass is not None else (0.0, None)
+            sigma = sum((s or 0.0) ** 2 for s in (known.trailer_tare[1], load[1])) ** 0.5
+            number = (known.trailer_tare[0] + load[0], sigma or None)
+            self._set(trailer, TRAILER, "mass", number, f"{BROCHURE} and load")
+
+    def _tares(self, lengths: Lengths) -> dict[str, Number]:
+        kind, known = CLASSES[self.known.tractor], self.known
+        return {
+            "tractor.mass": known.tractor_tare or (kind.tare.value, kind.tare.sigma),
+            "tractor.cog": (kind.cog.value * lengths.wheelbase, kind.cog.sigma * lengths.wheelbase),
+            **({"trailer.mass": known.trailer_tare} if known.trailer_tare else {}),
+        }
+
+
+def _check(description: Description) -> None:
+    for key, prefix in (("tractor", TRACTOR), ("trailer", TRAILER)):
+        names = [name for name in CLASSES if name.startswith(prefix)]
+        name = getattr(description, key)
+        if name not in names:
+            raise VehicleError(f"{key}: no such class {name!r}; {suggestion(name, names)}")
+    if description.trailer_tyres not in (None, *TYRES):
+        raise VehicleError(
+            f"trailer_tyres: expected {' or '.join(TYRES)}, got {description.trailer_tyres!r}; correct it"
+        )
+    if description.load_shape not in ("uniform", "point"):
+        raise VehicleError(f"load_shape: expected uniform or point, got {description.load_shape!r}; correct it")

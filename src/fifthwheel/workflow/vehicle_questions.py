@@ -1,0 +1,134 @@
+"""The questions whose answers describe a tractor-semitrailer, as data, and the description from the answers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fifthwheel.errors import FifthwheelError, VehicleError, suggestion
+from fifthwheel.units import quantity, uncertain_quantity
+from fifthwheel.vehicle.classes import CLASSES
+from fifthwheel.vehicle.classes.figures import TYRES
+from fifthwheel.vehicle.slip import ACCURACY, Slip, fraction
+from fifthwheel.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
+
+GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """A question; the answer is a choice, a quantity in a unit or, without both, the loads of a slip."""
+
+    key: str
+    """Field of `Description`, or of `Slip`."""
+    text: str
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    required: bool = False
+    sigma: float | None = None
+    """Standard deviation as a fraction where the answer states none."""
+    applies: Callable[[Mapping[str, str]], bool] = lambda answers: True
+    """Whether the earlier answers need this one."""
+
+    @property
+    def is_slip(self) -> bool:
+        """Whether the answer is the loads of a slip."""
+        return not self.unit and not self.choices
+
+    def parse(self, answer: str) -> Any:
+        """The value of an answer: a choice, value and standard deviation, or loads by their paths.
+
+        Raises:
+            VehicleError: not an answer to this question.
+        """
+        try:
+            if self.choices:
+                if answer not in self.choices:
+                    raise VehicleError(f"no such choice {answer!r}; {suggestion(answer, self.choices)}")
+                return answer
+            if self.is_slip:
+                return _loads(answer, GROUPS[:2] if self.key == "solo" else GROUPS)
+            value, sigma = uncertain_quantity(answer, self.unit)
+        except FifthwheelError as error:
+            raise VehicleError(f"{self.key}: {error}") from None
+        if value < 0 or (value == 0 and self.key != "load_mass"):
+            raise VehicleError(f"{self.key}: expected a number above 0, got {answer}; give its magnitude")
+        return value, self.sigma * value if sigma is None and self.sigma else sigma
+
+
+def _loads(answer: str, paths: tuple[str, ...]) -> dict[str, float]:
+    loads = answer.replace(",", " ").replace(";", " ").split()
+    if len(loads) != len(paths):
+        raise VehicleError(f"expected {len(paths)} loads, of {', '.join(paths)}, got {answer!r}; give them in kg")
+    return {path: quantity(load, "kg") for path, load in zip(paths, loads, strict=True)}
+
+
+def _is_laden(answers: Mapping[str, str]) -> bool:
+    return quantity(answers.get("load_mass", "1"), "kg") > 0
+
+
+QUESTIONS = (
+    Question(
+        key="tractor",
+        text="Class of the tractor",
+        choices=tuple(name for name in CLASSES if name.startswith(TRACTOR)),
+        required=True,
+    ),
+    Question(
+        key="trailer",
+        text="Class of the semitrailer",
+        choices=tuple(name for name in CLASSES if name.startswith(TRAILER)),
+        required=True,
+    ),
+    Question(key="wheelbase", text="Front axle to the first axle behind it", unit="m", required=True),
+    Question(
+        key="tractor_spread",
+        text="Between the rear axles of the tractor",
+        unit="m",
+        applies=lambda answers: CLASSES[answers["tractor"]].axle_counts[-1] > 1,
+    ),
+    Question(key="fifth_wheel", text="Front axle to the kingpin; a laden and a solo slip also give it", unit="m"),
+    Question(key="trailer_wheelbase", text="Kingpin to the middle of the trailer's axles", unit="m", required=True),
+    Question(key="trailer_spread", text="Between neighbouring axles of the trailer", unit="m"),
+    Question(key="laden", text="Slip of the laden truck: front, drive and trailer axles, kg, such as 6850 10500 22500"),
+    Question(key="solo", text="Slip of the tractor alone: front and drive axles, kg"),
+    Question(key="empty", text="Slip of the truck without load: front, drive and trailer axles, kg"),
+    Question(key="tractor_tare", text="Mass of the tractor in the brochure", unit="kg", sigma=TARE_SIGMA),
+    Question(key="trailer_tare", text="Mass of the trailer without load", unit="kg", sigma=TARE_SIGMA),
+    Question(key="load_mass", text="Mass of the load; 0 for none", unit="kg"),
+    Question(key="load_height", text="Height of the load, from the floor to its top", unit="m", applies=_is_laden),
+    Question(key="load_width", text="Width of the load", unit="m", applies=_is_laden),
+    Question(key="floor_height", text="Height of the floor above the ground", unit="m", applies=_is_laden),
+    Question(
+        key="load_shape",
+        text="Kind of load: a uniform block, or a point",
+        choices=("uniform", "point"),
+        applies=_is_laden,
+    ),
+    Question(key="trailer_tyres", text="Tyres of the trailer", choices=tuple(TYRES)),
+)
+
+
+def describe(answers: Mapping[str, str], *, slip: Path | None = None, accuracy: str | None = None) -> Description:
+    """The description by answers.
+
+    Args:
+        answers: text by the key of the question; those that are not known are absent.
+        slip: file with the loads, instead of the answers on loads.
+        accuracy: of the loads, such as "1 %".
+
+    Raises:
+        VehicleError: an answer is not valid, or a required one is missing.
+    """
+    values: dict[str, Any] = {}
+    for question in QUESTIONS:
+        if question.key in answers:
+            values[question.key] = question.parse(answers[question.key])
+        elif question.required:
+            option = question.key.replace("_", "-")
+            raise VehicleError(f"{question.key}: expected a value, got none; give --{option}, or answer on a terminal")
+    loads = {key: values.pop(key) for key in ("laden", "solo", "empty") if key in values}
+    if slip is not None and loads:
+        raise VehicleError(f"{next(iter(loads))}: given, and {slip} too; keep one of them")
+    weighed = Slip.load(slip) if slip is not None else Slip(**loads, accuracy=fraction(accuracy or ACCURACY))
+    return Description(**values, slip=weighed)

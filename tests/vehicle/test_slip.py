@@ -1,0 +1,114 @@
+"""Masses from weighbridge slips: against a vehicle whose loads are known, and sigma against repeated weighings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.errors import VehicleError
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import catalogue
+from fifthwheel.vehicle.slip import Lengths, Slip, weigh
+
+TRUCK = catalogue.get("cheng_cebon_2011")
+GROUPS = ("tractor.front", "tractor.drive", "semitrailer")
+LENGTHS = Lengths(wheelbase=3.7, coupling=3.1, trailer=8.0)
+LADEN = {path: load / STANDARD_GRAVITY for path, load in TRUCK.axle_loads().items()}
+SOLO = {"tractor.front": 7200 * (3.7 - 1.03) / 3.7, "tractor.drive": 7200 * 1.03 / 3.7}
+EMPTY = {
+    path: load / STANDARD_GRAVITY
+    for path, load in TRUCK.replace(
+        {"semitrailer.mass": 13328.0, "semitrailer.sprung.mass": 1000.0, "semitrailer.payload.mass": 10.0}
+    )
+    .axle_loads()
+    .items()
+}
+TRUE = {
+    "tractor.mass": 7200,
+    "tractor.cog": 1.03,
+    "trailer.mass": 33450,
+    "trailer.cog": 5.49,
+    "payload.mass": 20122,
+    "coupling": 3.1,
+}
+
+
+def test_exact_slips_give_the_true_masses() -> None:
+    slip = Slip(laden=LADEN, solo=SOLO, empty=EMPTY)
+    unknown = Lengths(wheelbase=3.7, coupling=None, trailer=8.0)
+    weighed = weigh(unknown, slip, GROUPS, {})
+    assert {key: value for key, (value, _) in weighed.items()} == pytest.approx(TRUE)
+    known = weigh(LENGTHS, slip, GROUPS, {})
+    del weighed["coupling"]
+    assert {key: value for key, (value, _) in known.items()} == pytest.approx({k: v for k, (v, _) in weighed.items()})
+
+
+@pytest.mark.parametrize("coupling", [None, 3.1])
+def test_sigma_is_the_spread_of_repeated_weighings(coupling: float | None) -> None:
+    lengths, random = Lengths(wheelbase=3.7, coupling=coupling, trailer=8.0), np.random.default_rng(1)
+    results = []
+    for _ in range(300):
+        noisy = [
+            {path: load * (1 + 0.01 * random.normal()) for path, load in loads.items()}
+            for loads in (LADEN, SOLO, EMPTY)
+        ]
+        slip = Slip(laden=noisy[0], solo=noisy[1], empty=noisy[2], accuracy=0.01)
+        results.append(weigh(lengths, slip, GROUPS, {}))
+    for key in results[0]:
+        sigma = results[0][key][1]
+        assert np.std([result[key][0] for result in results]) == pytest.approx(sigma, rel=0.15), key
+
+
+def test_a_brochure_replaces_slips() -> None:
+    slip = Slip(laden=LADEN)
+    tares = {"tractor.mass": (7200.0, 200.0), "tractor.cog": (1.03, 0.1), "trailer.mass": (13328.0, 300.0)}
+    weighed = weigh(LENGTHS, slip, GROUPS, tares)
+    assert {key: value for key, (value, _) in weighed.items()} == pytest.approx(
+        {k: v for k, v in TRUE.items() if k != "coupling"}
+    )
+    assert weighed["payload.mass"][1] == pytest.approx((weighed["trailer.mass"][1] ** 2 + 300**2) ** 0.5, rel=1e-6)
+    with pytest.raises(VehicleError, match=r"solo: expected the loads of the tractor alone, .*give"):
+        weigh(Lengths(wheelbase=3.7, coupling=None, trailer=8.0), slip, GROUPS, tares)
+
+
+def test_a_slip_file(tmp_path: Path) -> None:
+    path = tmp_path / "slip.toml"
+    path.write_text(
+        'accuracy = "0.5 %"\n[laden]\ntractor.front = "6.85 t"\ntractor.drive = 10500\nsemitrailer = "22500 kg"\n'
+    )
+    slip = Slip.load(path)
+    assert slip == Slip(laden={"tractor.front": 6850, "tractor.drive": 10500, "semitrailer": 22500}, accuracy=0.005)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[loaded]\na = 1", r"slip\.toml: loaded: no such key; .*laden"),
+        ('[laden]\ntractor.front = "6 m"', r"laden\.tractor\.front: .*give the load as a mass"),
+        ("[laden]\nsemitrailer = -1", r"laden\.semitrailer: expected a load above 0 kg, got -1; correct it"),
+        ("[laden", r"slip\.toml: .*"),
+        ('accuracy = "good"', r"accuracy: expected a fraction such as '1 %', got 'good'"),
+        ('accuracy = "80 %"', r"accuracy: expected a fraction from 0 to 0\.5"),
+    ],
+)
+def test_refused_slip_files(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "slip.toml").write_text(text)
+    with pytest.raises(VehicleError, match=message):
+        Slip.load(tmp_path / "slip.toml")
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"laden": LADEN | {"semitrailer.rear": 1.0}}, r"laden\.semitrailer\.rear: no such axle load; .*semitrailer"),
+        ({"laden": {"tractor.front": 6900.0}}, r"laden\.tractor\.drive: expected a load, got none; weigh every axle"),
+        ({"laden": SOLO | {"semitrailer": 5.0}}, r"laden: expected more on tractor\.front and tractor\.drive than"),
+        (
+            {"laden": LADEN | {"tractor.front": 8300.0, "tractor.drive": 9300.0}},
+            r"laden\.tractor\.front: differs by \+\d+ kg .* check the position of the fifth wheel",
+        ),
+    ],
+)
+def test_contradictions_are_refused(changed: dict[str, dict[str, float]], message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        weigh(LENGTHS, Slip(**{"laden": LADEN, "solo": SOLO, **changed}), GROUPS, {})  # type: ignore[arg-type]

@@ -1,0 +1,127 @@
+"""A vehicle file from a brochure and slips: complete, with sources, and right where the brochure is."""
+
+import re
+import tomllib
+
+import pytest
+
+from fifthwheel.errors import VehicleError
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.paths import SI_UNITS
+from fifthwheel.workflow.new_vehicle import Description, new_vehicle
+from fifthwheel.workflow.vehicle_questions import QUESTIONS, describe
+from tests.vehicle.test_slip import LADEN, SOLO, TRUCK
+
+ANSWERS = {
+    "tractor": "tractor_4x2",
+    "trailer": "semitrailer_3",
+    "wheelbase": "3.7 m +- 1 cm",
+    "trailer_wheelbase": "8 m",
+    "trailer_spread": "1.3 m",
+    "laden": " ".join(f"{load:.1f}" for load in LADEN.values()),
+    "solo": ", ".join(f"{load:.1f}kg" for load in SOLO.values()),
+    "trailer_tare": "13328 kg",
+    "load_height": "1.23 m +- 5 cm",
+}
+
+
+def written(**changed: str | None) -> str:
+    answers = {key: answer for key, answer in {**ANSWERS, **changed}.items() if answer is not None}
+    return new_vehicle(describe(answers))
+
+
+def test_the_article_truck_weighed() -> None:
+    vehicle, truth = Vehicle.loads(written()), TRUCK.parameters()
+    values = vehicle.parameters()
+    assert values.keys() == truth.keys()
+    for path, value in values.items():
+        if path not in vehicle.assumed and not path.endswith("yaw_product"):
+            assert value == pytest.approx(truth[path], rel=0.005, abs=0.005), path
+        else:
+            assert abs(value - truth[path]) <= 3.5 * vehicle.stated.get(path, 3000), (
+                path
+            )  # the trailer's frame is heavy
+    assert vehicle.axle_loads() == pytest.approx({k: v * STANDARD_GRAVITY for k, v in LADEN.items()}, rel=0.003)
+    assert vehicle.stated["semitrailer.payload.height"] == 0.05
+    assert vehicle.stated["semitrailer.payload.mass"] == pytest.approx((270**2 + (0.03 * 13328) ** 2) ** 0.5, rel=0.02)
+
+
+def test_every_number_has_a_source_behind_it() -> None:
+    numbers = [line for line in written().splitlines() if line.removeprefix("# ").partition(" = ")[0] in SI_UNITS]
+    assert len(numbers) > 30
+    for line in numbers:
+        assert line.count("#") >= 1 + (line[0] == "#"), line
+
+
+def test_assumed_numbers_are_comments_that_a_measurement_replaces() -> None:
+    text = written()
+    assert '\n# yaw_inertia = "' in text
+    measured = text.replace('\n# yaw_inertia = "', '\nyaw_inertia = "1e5 kg m^2"  # "', 1)
+    assert "tractor.yaw_inertia" not in Vehicle.loads(measured).assumed
+    every = re.sub(r'^# (\w+ = ")', r"\1", text, flags=re.MULTILINE)
+    complete, loaded = Vehicle.loads(every), Vehicle.loads(text)
+    assert not complete.assumed
+    assert complete.parameters() == pytest.approx(loaded.parameters(), rel=0.06)  # rounded to two digits of sigma
+    assert complete.stated == pytest.approx(loaded.stated, rel=0.06)
+
+
+def test_a_brochure_alone() -> None:
+    nothing = dict.fromkeys(("laden", "solo", "load_height"))
+    with pytest.raises(VehicleError, match=r"fifth_wheel: expected its distance from the front axle, got none"):
+        written(**nothing)
+    with pytest.raises(VehicleError, match=r"load_mass: expected a mass, got none; give it or the laden slip"):
+        written(**nothing, fifth_wheel="3.1 m")
+    laden = Vehicle.loads(written(**nothing, fifth_wheel="3.1 m", load_mass="20 t +- 300 kg", tractor_tare="7.2 t"))
+    assert laden.unit("semitrailer").mass == 33330  # rounded to two digits of sigma
+    assert laden.unit("tractor").mass == 7200
+    unladen = Vehicle.loads(written(**nothing, fifth_wheel="3.1 m", load_mass="0"))
+    assert unladen.unit("semitrailer").payload is None
+    assert unladen.unit("semitrailer").mass == 13330
+    assert "tractor.mass" in unladen.assumed
+
+
+def test_three_axle_tractors_and_twin_tyres() -> None:
+    text = written(
+        tractor="tractor_6x4",
+        trailer="semitrailer_2_steered",
+        wheelbase="3.025 m",
+        trailer_tyres="twin",
+        load_shape="point",
+    )
+    vehicle = Vehicle.loads(text)
+    assert [axle.position for axle in vehicle.units[0].axles] == [0, -3.025, -4.375]
+    assert vehicle.steer_signals() == ("steer.tractor.front", "steer.semitrailer.rear")
+    group = tomllib.loads(text)["unit"][1]["axle_group"][0]
+    assert group["tyre_roll_stiffness"] == "7000 kN m/rad +- 1100 kN m/rad"
+    assert vehicle.units[1].payload.shape == "point"  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"tractor": "lorry"}, r"tractor: no such choice 'lorry'; "),
+        ({"wheelbase": "3.7 kg"}, r"wheelbase: .*"),
+        ({"wheelbase": "-3.7 m"}, r"wheelbase: expected a number above 0, got -3\.7 m; give its magnitude"),
+        ({"wheelbase": None}, r"wheelbase: expected a value, got none; give --wheelbase, or answer on a terminal"),
+        ({"solo": "5200"}, r"solo: expected 2 loads, of tractor\.front, tractor\.drive, got '5200'; give them in kg"),
+        ({"trailer_tare": "34 t"}, r"payload\.mass: expected above 0 kg, got -\d+ kg from the slips"),
+    ],
+)
+def test_errors_name_the_answer_and_the_cure(changed: dict[str, str | None], message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        written(**changed)
+
+
+def test_a_slip_file_and_loads_are_not_both_given(tmp_path) -> None:
+    path = tmp_path / "slip.toml"
+    path.write_text("[laden]\n" + "\n".join(f"{key} = {load}" for key, load in LADEN.items()))
+    with pytest.raises(VehicleError, match=r"laden: given, and .*slip\.toml too; keep one"):
+        describe(ANSWERS, slip=path)
+    others = {key: answer for key, answer in ANSWERS.items() if key not in ("laden", "solo")}
+    assert describe(others, slip=path).slip.laden == LADEN
+
+
+def test_every_question_is_a_field() -> None:
+    fields = {*Description.__dataclass_fields__, "laden", "solo", "empty"}
+    assert {question.key for question in QUESTIONS} == fields - {"name", "slip"}
