@@ -34,7 +34,7 @@ ESTIMATED = [
     "semitrailer.yaw_inertia",
     "semitrailer.payload.height",
 ]
-COMMANDS = [command.callback.__name__ for command in cli.app.registered_commands]
+COMMANDS = [command.callback.__name__.replace("_", "-") for command in cli.app.registered_commands]
 
 
 class Outcome:
