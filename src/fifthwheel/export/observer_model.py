@@ -82,7 +82,7 @@ def source(observer: Observer) -> str:
             *(f"#define FW_{name} {c_code.literal(float(value))}" for name, value in numbers.items()),
             *(f"#define FW_{name} {value!r} /* s */" for name, value in times.items()),
             "",
-            *(_table(name, values) for name, values in tables.items()),
+            *(c_code.table(f"fw_{name}", values) for name, values in tables.items()),
             _texts("names", columns),
             _texts("units", [str(si_unit(name)) for name in columns]),
             "",
@@ -90,11 +90,6 @@ def source(observer: Observer) -> str:
             c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
         ]
     )
-
-
-def _table(name: str, values: Iterable[float]) -> str:
-    numbers = [c_code.literal(float(value)) for value in values]
-    return f"static const fw_real fw_{name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
 
 
 def _texts(name: str, texts: Iterable[str]) -> str:

@@ -5,7 +5,7 @@ The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and function
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 
@@ -26,6 +26,12 @@ def literal(value: float) -> str:
     if not math.isfinite(value):
         raise NotImplementedError(f"{value} has no literal in C")
     return f"FW_REAL({value!r})"
+
+
+def table(name: str, values: Iterable[float]) -> str:
+    """C99 of a constant array."""
+    numbers = [literal(float(value)) for value in values]
+    return f"static const fw_real {name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
 
 
 def function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
