@@ -2,6 +2,9 @@
 
 import importlib.util
 import re
+import shutil
+import subprocess
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -368,3 +371,57 @@ def test_the_library_has_every_function_of_the_standard(
     assert len(names) > 30
     with Unit(observers[fmi], tmp_path) as unit:
         assert [name for name in names if not hasattr(unit.library, name)] == []
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_functions_have_the_types_of_the_standard(fmi: int, trucks: Mapping[int, Path], tmp_path: Path) -> None:
+    """The compiler compares them with the headers of the standard."""
+    import fmpy
+
+    headers = Path(fmpy.__file__).parent / "c-code"
+    with zipfile.ZipFile(trucks[fmi]) as archive:
+        archive.extractall(tmp_path)
+    strict = ["gcc", "-std=c99", "-fsyntax-only", "-Wall", "-Werror", "-Wmissing-prototypes", f"-I{headers}"]
+    command = [*strict, "-include", f"fmi{fmi}Functions.h", f"fmi{fmi}.c"]
+    done = subprocess.run(command, cwd=tmp_path / "sources", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[:2000]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_an_importer_compiles_the_sources(
+    fmi: int, truck: Vehicle, trucks: Mapping[int, Path], inputs: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    from fmpy.build import build_platform_binary
+
+    place = tmp_path / "unit"
+    with zipfile.ZipFile(trucks[fmi]) as archive:
+        archive.extractall(place)
+    shutil.rmtree(place / "binaries")
+    (tmp_path / "build").mkdir()
+    build_platform_binary(place, build_dir=tmp_path / "build")
+    path = tmp_path / "compiled.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in place.rglob("*"):
+            archive.write(file, file.relative_to(place))
+    steps = np.full(50, 0.01)
+    with Unit(path, tmp_path / "own") as unit:
+        assert_close(run(unit, truck, steps, inputs), held_response(truck, steps, inputs))
+
+
+def test_the_libraries_need_no_c_library(trucks: Mapping[int, Path]) -> None:
+    """For Windows only kernel32.dll; for Linux no library at all: calloc and free are in every process."""
+    with zipfile.ZipFile(trucks[3]) as archive:
+        windows, linux = (
+            archive.read(f"binaries/x86_64-{name}/cheng_cebon_2011_truck.{suffix}")
+            for name, suffix in (("windows", "dll"), ("linux", "so"))
+        )
+    assert windows[:2] == b"MZ"
+    assert b"\0fmi3DoStep\0" in windows
+    assert {name.lower() for name in re.findall(rb"[\w-]+\.dll", windows, re.IGNORECASE)} <= {
+        b"kernel32.dll",
+        b"cheng_cebon_2011_truck.dll",
+    }
+    assert b"libc.so" not in linux
+    assert b"GLIBC" not in linux
