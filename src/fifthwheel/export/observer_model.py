@@ -31,12 +31,12 @@ def header(observer: Observer) -> str:
         identifiers = [identifier(prefix, name) for name in names]
         if len(set(identifiers)) < len(names):
             raise FifthwheelError(f"{', '.join(names)}: two names are equal in C; rename a unit in the vehicle file")
-        lines += [f"enum fw_{prefix.lower()} {{"]
+        lines += [f"#define FW_{prefix}_COUNT {len(names)}", f"enum fw_{prefix.lower()} {{"]
         lines += [
             f"    {key} = {i}, /* {n}, {si_unit(n)} */"
             for i, (key, n) in enumerate(zip(identifiers, names, strict=True))
         ]
-        lines += [f"    FW_{prefix}_COUNT = {len(names)}", "};", ""]
+        lines += ["};", ""]
     return "\n".join(
         [*lines, f"#define FW_CARRY_COUNT {observer.scan.n_carry} /* numbers in the state of the filter */"]
     )
