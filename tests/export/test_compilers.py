@@ -48,6 +48,13 @@ def test_without_undefined_behaviour(
             assert_equal(states, pushed(observer, record), 1e-4 if precision else 1e-12)
 
 
+def cppcheck_version() -> str | None:
+    """The version of the static checker; None if it is not installed."""
+    if shutil.which("cppcheck") is None:
+        return None
+    return subprocess.run(["cppcheck", "--version"], capture_output=True, text=True, check=True).stdout.split()[-1]
+
+
 def without_step(observer: Observer, folder: Path) -> None:
     """Export without the statements of the filter step, for which the static checker needs hours.
 
@@ -67,7 +74,7 @@ def test_the_static_checker_finds_nothing(observer: Observer, tmp_path: Path) ->
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
+@pytest.mark.skipif(cppcheck_version() != "2.10", reason="cppcheck 2.10 is not installed; others have other rules")
 def test_deviations_from_misra_are_those_of_the_documentation(observer: Observer, tmp_path: Path) -> None:
     without_step(observer, tmp_path)
     command = ["cppcheck", "--std=c99", "--enable=style", "--addon=misra", "--quiet", "--template={file}:{line} {id}"]
