@@ -144,11 +144,14 @@ def test_the_licence_is_ours(files: Callable[[str, int], Archive]) -> None:
 
 def test_outputs_and_tunable_parameters_can_be_chosen(truck: Vehicle, tmp_path: Path) -> None:
     path = tmp_path / "truck.fmu"
-    export_fmu(truck, path, outputs=["roll.semitrailer"], tunable=["roll_stiffness"], platforms=[])
+    export_fmu(truck, path, outputs=["roll.semitrailer", "roll.semitrailer"], tunable=["roll_stiffness"], platforms=[])
     found = variables(texts(path), 3)
     assert [name for name, a in found.items() if a["causality"] == "output"] == ["roll.semitrailer"]
     assert "fifth_wheel.roll_stiffness" in found
     assert "semitrailer.cornering_stiffness" not in found
+    export_fmu(truck, path, tunable=[], platforms=[])
+    assert "parameter" not in {a["causality"] for a in variables(texts(path), 3).values()}
+    assert "(void)parameters;" in texts(path)["sources/fw_truck.h"]  # no warning of an argument that is not used
 
 
 def test_what_cannot_be_exported_is_refused(truck: Vehicle, tmp_path: Path) -> None:
@@ -163,6 +166,8 @@ def test_what_cannot_be_exported_is_refused(truck: Vehicle, tmp_path: Path) -> N
         export_fmu(truck, path, tunable=["stiffness_of_tyres"])
     with pytest.raises(FifthwheelError, match=r"tractor\.cog: expected above 0 to be tunable, got -1\.03"):
         export_fmu(truck, path, tunable=["tractor.cog"])
+    with pytest.raises(SignalError, match=r"bank\.road: an input of the truck"):
+        export_fmu(truck, path, outputs=["bank.road"])
     with pytest.raises(SignalError, match=r"pitch\.tractor: no such quantity"):
         export_fmu(truck, path, outputs=["pitch.tractor"])
     assert not path.exists()

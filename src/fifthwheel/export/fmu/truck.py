@@ -10,7 +10,7 @@ from fifthwheel.dynamics.chain import BANK, equations
 from fifthwheel.dynamics.sensors import NEEDS_COUPLING, QUANTITIES
 from fifthwheel.dynamics.state_space import MAX_SPEED
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.parameters import BOUND_FACTOR, HEIGHT_BOUNDS, estimated_parameters, expand_names
@@ -54,14 +54,16 @@ def truck_model(
             estimates.
 
     Raises:
-        SignalError: the model does not have an output.
+        SignalError: the model does not have an output, or it is an input.
         VehicleError: a parameter does not exist, or no axle is steerable.
         FifthwheelError: a tunable parameter is not above 0.
     """
     require_vehicle(vehicle)
     vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
     free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable)
-    names = default_outputs(vehicle) if outputs is None else tuple(outputs)
+    names = tuple(dict.fromkeys(default_outputs(vehicle) if outputs is None else outputs))
+    if BANK in names:
+        raise SignalError(f"{BANK}: an input of the truck; leave it out of the outputs")
     model = dynamics.model(vehicle, names, roll=True, free=free, bank=True)
     inputs = [
         Variable(

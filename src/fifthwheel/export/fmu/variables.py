@@ -55,10 +55,6 @@ class Model:
         text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.name)
         return text if text[:1].isalpha() else f"model_{text}"
 
-    def first(self, role: Role) -> int:
-        """Value reference of the first variable with a role."""
-        return next(i for i, variable in enumerate(self.variables) if variable.role is role)
-
 
 TIME = Variable(name="time", role=Role.TIME, unit="s", description="time")
 
