@@ -7,14 +7,17 @@ import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from typer.testing import CliRunner
 
 from fifthwheel import vehicle
+from fifthwheel._atomic import clean_up
 from fifthwheel.cli import app
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.export import export_fmu
+from fifthwheel.export.fmu import binaries
 from fifthwheel.observe import Observer
 from fifthwheel.vehicle import Vehicle
 
@@ -177,6 +180,23 @@ def test_a_missing_compiler_is_named(truck: Vehicle, tmp_path: Path, monkeypatch
     monkeypatch.setitem(sys.modules, "ziglang", None)
     with pytest.raises(FifthwheelError, match=r"ziglang is needed but not installed; pip install 'fifthwheel\[fmu\]'"):
         export_fmu(truck, tmp_path / "truck.fmu")
+
+
+def test_a_signal_leaves_no_folder_of_the_compiler(
+    truck: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = []
+
+    def interrupted(folder: Path, *arguments: object) -> bytes:
+        assert (folder / "freestanding" / "math.h").is_file()
+        clean_up()  # as the command does when a signal ends it at once
+        folders.append(folder)
+        return b""
+
+    monkeypatch.setitem(sys.modules, "ziglang", ModuleType("ziglang"))
+    monkeypatch.setattr(binaries, "_library", interrupted)
+    export_fmu(truck, tmp_path / "truck.fmu", platforms=["x86_64-linux"])
+    assert [folder.exists() for folder in folders] == [False]
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

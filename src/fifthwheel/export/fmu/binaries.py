@@ -6,6 +6,7 @@ be compiled first, which takes minutes.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -14,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from fifthwheel._atomic.cleanup import cleaned_up
 from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
 
@@ -58,7 +60,10 @@ def libraries(sources: Mapping[str, str], identifier: str, platforms: Iterable[s
         FifthwheelError: ziglang is not installed, or the compiler fails.
     """
     require("ziglang", "fmu")
-    with TemporaryDirectory(prefix="fifthwheel-") as name:
+    with (
+        TemporaryDirectory(prefix="fifthwheel-", ignore_cleanup_errors=True) as name,
+        cleaned_up(lambda: shutil.rmtree(name, ignore_errors=True)),
+    ):
         folder = Path(name)
         for file, text in sources.items():
             (folder / file).write_text(text, encoding="utf-8")
