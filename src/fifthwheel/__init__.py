@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
     from fifthwheel.export import export_c as export_c
+    from fifthwheel.export import export_fmu as export_fmu
     from fifthwheel.identify import Identification as Identification
     from fifthwheel.identify import OneStage as OneStage
     from fifthwheel.identify import TwoStage as TwoStage
@@ -95,6 +96,7 @@ _MODULES = {
     "design_experiment": "identify.design",
     "exact_guess": "studies",
     "export_c": "export",
+    "export_fmu": "export",
     "identify": "",
     "linear_system": "dynamics",
     "plot": "",

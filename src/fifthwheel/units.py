@@ -59,6 +59,7 @@ _BASE: dict[str, tuple[float, dict[str, int]]] = {
     "bit": (1.0, {"bit": 1}),
     "-": (1.0, {}),
 }
+_SI_BASE = {"mass": "kg", "length": "m", "time": "s", "current": "A", "temperature": "K", "angle": "rad"}
 _PREFIXES = {"M": 1e6, "k": 1e3, "da": 10.0, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
 _PREFIXED = ("s", "m", "rad", "Hz", "g", "N", "Pa", "bar", "W", "J", "V", "A")
 _SYMBOLS = {
@@ -174,6 +175,21 @@ def uncertain_quantity(value: float | str, si: str, *, strict: bool = False) -> 
             f"after '+-': expected a finite standard deviation, 0 or more, got {_shown(value)}; give its magnitude"
         )
     return size, sigma
+
+
+def base_units(unit: str) -> dict[str, int]:
+    """Powers of the SI base units and of rad in a unit of size 1.
+
+    Raises:
+        UnitError: the text is not a unit, or not the product of such powers.
+
+    >>> base_units("N m/rad")
+    {'kg': 1, 'm': 2, 'rad': -1, 's': -2}
+    """
+    size, dimension = _parsed(unit)
+    if size != 1 or any(name not in _SI_BASE for name, _ in dimension):
+        raise UnitError(f"expected a coherent unit in kg, m, s, A, K and rad, got {_shown(unit)}")
+    return dict(sorted((_SI_BASE[name], power) for name, power in dimension))
 
 
 def is_unit(text: str) -> bool:

@@ -1,5 +1,6 @@
 """The exported observer with other compilers, sanitizers, a static checker, and on emulated control units."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -47,17 +48,42 @@ def test_without_undefined_behaviour(
             assert_equal(states, pushed(observer, record), 1e-4 if precision else 1e-12)
 
 
-def test_the_static_checker_finds_nothing(observer: Observer, tmp_path: Path) -> None:
-    """Without the statements of the filter step, for which it needs hours: they have no loops, branches or indices."""
+def cppcheck_version() -> str | None:
+    """The version of the static checker; None if it is not installed."""
     if shutil.which("cppcheck") is None:
-        pytest.skip("cppcheck is not installed")
-    export_c(observer, tmp_path)
-    head, name, body = (tmp_path / "fw_model.h").read_text().partition("static void fw_step")
+        return None
+    return subprocess.run(["cppcheck", "--version"], capture_output=True, text=True, check=True).stdout.split()[-1]
+
+
+def without_step(observer: Observer, folder: Path) -> None:
+    """Export without the statements of the filter step, for which the static checker needs hours.
+
+    They have no loops, branches or indices, and come from the same generator as the matrices, which stay.
+    """
+    export_c(observer, folder)
+    head, name, body = (folder / "fw_model.h").read_text().partition("static void fw_step")
     step = body[: body.index("{")] + "{ (void)carry; (void)sample; next[0] = carry[0]; out[0] = sample[0]; }\n#endif\n"
-    (tmp_path / "fw_model.h").write_text(head + name + step)
+    (folder / "fw_model.h").write_text(head + name + step)
+
+
+@pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
+def test_the_static_checker_finds_nothing(observer: Observer, tmp_path: Path) -> None:
+    without_step(observer, tmp_path)
     command = ["cppcheck", "--std=c99", "--enable=warning,portability,performance", "--error-exitcode=1", "--quiet"]
     done = subprocess.run([*command, "fw_observer.c"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(cppcheck_version() != "2.10", reason="cppcheck 2.10 is not installed; others have other rules")
+def test_deviations_from_misra_are_those_of_the_documentation(observer: Observer, tmp_path: Path) -> None:
+    without_step(observer, tmp_path)
+    command = ["cppcheck", "--std=c99", "--enable=style", "--addon=misra", "--quiet", "--template={file}:{line} {id}"]
+    done = subprocess.run([*command, "fw_observer.c"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    found = set(re.findall(r"misra-c2012-([0-9.]+)", done.stderr))
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "control-unit.md").read_text()
+    documented = set(re.findall(r"^\| ([0-9]+\.[0-9]+) \|", page, re.MULTILINE))
+    assert found, done.stderr  # the addon runs
+    assert found == documented, done.stderr
 
 
 def test_the_build_file(observer: Observer, lane: Record, tmp_path: Path) -> None:

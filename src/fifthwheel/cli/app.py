@@ -16,7 +16,9 @@ app = typer.Typer(
 )
 
 export_app = typer.Typer(
-    no_args_is_help=True, rich_markup_mode="markdown", help="Write an estimator in another language."
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Write an estimator or the model for other programs.",
 )
 app.add_typer(export_app, name="export")
 

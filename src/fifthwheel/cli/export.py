@@ -1,13 +1,32 @@
 """fifthwheel export"""
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel._atomic import result_folder
+from fifthwheel._atomic import reserved, result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command, export_app
+
+if TYPE_CHECKING:
+    from fifthwheel.observe import Observer
+
+IdentificationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--identification", "-i", help="An identification.json: sensor errors and noise that all its logs share."
+    ),
+]
+MinSpeedOption = Annotated[
+    float, typer.Option(min=0.5, help="The model is not valid below this speed, m/s; no states are given there.")
+]
+BankOption = Annotated[bool, typer.Option("--bank", help="Also estimate the bank of the road.")]
+MEASURED = (
+    "Default: those of the identification, or speed, the steer angles that the vehicle file says, yaw rate and roll "
+    "rate of every unit."
+)
 
 
 @command(
@@ -18,24 +37,13 @@ from fifthwheel.cli.app import command, export_app
 )
 def c(
     vehicle: options.VehicleOption,
-    identification: Annotated[
-        Path | None,
-        typer.Option(
-            "--identification", "-i", help="An identification.json: sensor errors and noise that all its logs share."
-        ),
-    ] = None,
+    identification: IdentificationOption = None,
     signal: Annotated[
         list[str] | None,
-        typer.Option(
-            "--signal",
-            help="A signal that the control unit has; may be repeated. Default: those of the identification, or speed, "
-            "the steer angles that the vehicle file says, yaw rate and roll rate of every unit.",
-        ),
+        typer.Option("--signal", help=f"A signal that the control unit has; may be repeated. {MEASURED}"),
     ] = None,
-    min_speed: Annotated[
-        float, typer.Option(min=0.5, help="The model is not valid below this speed, m/s; no states are given there.")
-    ] = 5.0,
-    bank: Annotated[bool, typer.Option("--bank", help="Also estimate the bank of the road.")] = False,
+    min_speed: MinSpeedOption = 5.0,
+    bank: BankOption = False,
     out: options.OutOption = Path("fifthwheel-c"),
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
@@ -46,12 +54,8 @@ def c(
     -DFW_FLOAT, in single precision. It treats missing samples, gaps and wrong measurements like `fifthwheel states`.
     """
     from fifthwheel.export import FILES, export_c
-    from fifthwheel.identify import Identification
-    from fifthwheel.workflow import exported_observer, read_vehicle
 
-    truck = read_vehicle(vehicle)
-    stored = Identification.load(identification) if identification else None
-    observer = exported_observer(truck, signal, stored, min_speed=min_speed, estimate_bank=bank)
+    observer = _observer(vehicle, identification, signal, min_speed, bank=bank)
     read = [Path(vehicle), *([identification] if identification else [])]
     with result_folder(out, "export c", FILES, inputs=read, force=force) as folder:
         files = {path.name: path for path in export_c(observer, folder)}
@@ -61,3 +65,88 @@ def c(
         terminal.print_json(described | {"files": terminal.as_text(files)})
     else:
         terminal.print_files(files)
+
+
+class Subject(StrEnum):
+    """What a functional mock-up unit computes."""
+
+    observer = "observer"
+    truck = "truck"
+
+
+@command(
+    "fifthwheel export fmu --vehicle result/vehicle.toml --what truck",
+    "fifthwheel export fmu -v result/vehicle.toml -i result/identification.json --what observer --out observer.fmu",
+    "fifthwheel export fmu -v truck.toml --what truck --fmi 2 --signal yaw_rate.tractor --tunable cornering_stiffness",
+    of=export_app,
+)
+def fmu(
+    vehicle: options.VehicleOption,
+    what: Annotated[
+        Subject, typer.Option(help="The state observer, or the linear model of the truck.")
+    ] = Subject.observer,
+    fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard: 2 (2.0) or 3 (3.0).")] = 3,
+    identification: IdentificationOption = None,
+    signal: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--signal",
+            help=f"A signal that the observer measures, or an output of the truck; may be repeated. {MEASURED} "
+            "The truck gives every quantity that a sensor could measure.",
+        ),
+    ] = None,
+    tunable: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A parameter of the truck that the importer can change, by its path or its last part; may be "
+            "repeated. Default: those that fifthwheel identify estimates."
+        ),
+    ] = None,
+    min_speed: MinSpeedOption = 5.0,
+    bank: BankOption = False,
+    sources_only: Annotated[
+        bool, typer.Option("--sources-only", help="No libraries; the importer compiles the sources.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write. Default: fifthwheel-observer.fmu or -truck.fmu.")
+    ] = None,
+    force: options.ForceFileOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Write the state observer, or the linear model of the truck, as an FMU for Simulink, Modelica and other tools.
+
+    The FMU is for co-simulation. It has its sources, and libraries for 64-bit Linux and Windows, compiled by ziglang
+    (pip install 'fifthwheel[fmu]').
+    """
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.export import PLATFORMS, export_fmu
+    from fifthwheel.workflow import read_vehicle
+
+    path = out or Path(f"fifthwheel-{what}.fmu")
+    platforms = () if sources_only else tuple(PLATFORMS)
+    observer_only = {"--identification": identification, "--bank": bank}
+    refused = {"--tunable": tunable} if what is Subject.observer else observer_only
+    if names := [option for option, value in refused.items() if value]:
+        other = Subject.truck if what is Subject.observer else Subject.observer
+        raise FifthwheelError(f"{', '.join(names)}: only for --what {other}; remove it, or export the {other}")
+    with reserved(path, force=force):
+        if what is Subject.observer:
+            observer = _observer(vehicle, identification, signal, min_speed, bank=bank)
+            export_fmu(observer, path, fmi=fmi, platforms=platforms)
+        else:
+            export_fmu(read_vehicle(vehicle), path, fmi=fmi, outputs=signal, tunable=tunable, platforms=platforms)
+    if as_json:
+        terminal.print_json({"file": str(path), "fmi": fmi, "platforms": platforms})
+    else:
+        typer.echo(f"{path}: FMI {fmi}.0 co-simulation, {', '.join(platforms) or 'sources only'}")
+
+
+def _observer(
+    vehicle: str, identification: Path | None, signals: list[str] | None, min_speed: float, *, bank: bool
+) -> "Observer":
+    """The observer that the options describe."""
+    from fifthwheel.identify import Identification
+    from fifthwheel.workflow import exported_observer, read_vehicle
+
+    stored = Identification.load(identification) if identification else None
+    return exported_observer(read_vehicle(vehicle), signals, stored, min_speed=min_speed, estimate_bank=bank)

@@ -1,9 +1,11 @@
-"""Estimators in other languages: C99 for a control unit.
+"""Estimators in other languages: C99 for a control unit; functional mock-up units for simulation tools.
 
 observer_model  the generated C of one observer: its step, matrices, names and constants
 project         the folder with library, build file and test program
+fmu             functional mock-up units of an observer and of the linear truck
 """
 
+from fifthwheel.export.fmu import PLATFORMS, export_fmu
 from fifthwheel.export.project import FILES, export_c
 
-__all__ = ["FILES", "export_c"]
+__all__ = ["FILES", "PLATFORMS", "export_c", "export_fmu"]

@@ -31,12 +31,12 @@ def header(observer: Observer) -> str:
         identifiers = [identifier(prefix, name) for name in names]
         if len(set(identifiers)) < len(names):
             raise FifthwheelError(f"{', '.join(names)}: two names are equal in C; rename a unit in the vehicle file")
-        lines += [f"enum fw_{prefix.lower()} {{"]
+        lines += [f"#define FW_{prefix}_COUNT {len(names)}", f"enum fw_{prefix.lower()} {{"]
         lines += [
             f"    {key} = {i}, /* {n}, {si_unit(n)} */"
             for i, (key, n) in enumerate(zip(identifiers, names, strict=True))
         ]
-        lines += [f"    FW_{prefix}_COUNT = {len(names)}", "};", ""]
+        lines += ["};", ""]
     return "\n".join(
         [*lines, f"#define FW_CARRY_COUNT {observer.scan.n_carry} /* numbers in the state of the filter */"]
     )
@@ -84,7 +84,7 @@ def source(observer: Observer) -> str:
             *(f"#define FW_{name} {c_code.literal(float(value))}" for name, value in numbers.items()),
             *(f"#define FW_{name} {value!r} /* s */" for name, value in times.items()),
             "",
-            *(_table(name, values) for name, values in tables.items()),
+            *(c_code.table(f"fw_{name}", values) for name, values in tables.items()),
             _texts("names", columns),
             _texts("units", [str(si_unit(name)) for name in columns]),
             "",
@@ -92,11 +92,6 @@ def source(observer: Observer) -> str:
             c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
         ]
     )
-
-
-def _table(name: str, values: Iterable[float]) -> str:
-    numbers = [c_code.literal(float(value)) for value in values]
-    return f"static const fw_real fw_{name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
 
 
 def _texts(name: str, texts: Iterable[str]) -> str:

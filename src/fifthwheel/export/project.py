@@ -35,6 +35,19 @@ def export_c(observer: Observer, folder: str | Path) -> list[Path]:
         ['README.md', 'CMakeLists.txt', 'fw_observer.h', 'fw_observer.c', 'fw_model.h', 'replay.c']
     """
     folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts(observer).items():
+        with atomic_write(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [folder / name for name in FILES]
+
+
+def texts(observer: Observer) -> dict[str, str]:
+    """The content of each of `FILES`.
+
+    Raises:
+        FifthwheelError: two signals have the same name in C.
+    """
     numbers = 2 + 3 * len(observer.inputs) + observer.scan.n_carry
     names = {
         "TITLE": "".join(c for c in observer.vehicle.name if c.isalnum() or c in " -_.,()"),
@@ -44,16 +57,13 @@ def export_c(observer: Observer, folder: str | Path) -> list[Path]:
         "ENUMERATIONS": observer_model.header(observer),
         "MODEL": observer_model.source(observer),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    sources = resources.files("fifthwheel.export") / "c"
+    sources, result = resources.files("fifthwheel.export") / "c", {}
     for name in FILES:
         given = sources / name
         if given.is_file():
-            text = given.read_text(encoding="utf-8")
+            result[name] = given.read_text(encoding="utf-8")
         else:
-            text = (sources / f"{name}.in").read_text(encoding="utf-8")
+            result[name] = (sources / f"{name}.in").read_text(encoding="utf-8")
             for key, value in names.items():
-                text = text.replace(f"@{key}@", value)
-        with atomic_write(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return [folder / name for name in FILES]
+                result[name] = result[name].replace(f"@{key}@", value)
+    return result

@@ -5,7 +5,7 @@ The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and function
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 
@@ -28,6 +28,12 @@ def literal(value: float) -> str:
     return f"FW_REAL({value!r})"
 
 
+def table(name: str, values: Iterable[float]) -> str:
+    """C99 of a constant array."""
+    numbers = [literal(float(value)) for value in values]
+    return f"static const fw_real {name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
+
+
 def function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
     """C99 of `static void name(const fw_real *argument, ..., fw_real *result, ...)`.
 
@@ -42,6 +48,11 @@ def function(step: ca.Function, name: str, arguments: Sequence[str], results: Se
         NotImplementedError: an operation of the step cannot be translated.
     """
     lines: list[str] = []
+    read = set[int]()
+
+    def load(place: int, element: int) -> str:
+        read.add(place)
+        return assign(f"{arguments[place]}[{element}]")
 
     def assign(text: str) -> str:
         lines.append(f"    const fw_real v{len(lines)} = {text};")
@@ -80,7 +91,8 @@ def function(step: ca.Function, name: str, arguments: Sequence[str], results: Se
                 return a
         raise NotImplementedError(f"{name}: CasADi operation {op} cannot be written in C; write the step without it")
 
-    stores = translate(step, literal, lambda place, element: assign(f"{arguments[place]}[{element}]"), operation)
+    stores = translate(step, literal, load, operation)
     lines += [f"    {results[place]}[{element}] = {value};" for place, element, value in stores]
+    lines += [f"    (void){name};" for place, name in enumerate(arguments) if place not in read]
     parameters = [*(f"const fw_real *{a}" for a in arguments), *(f"fw_real *{r}" for r in results)]
     return "\n".join([f"static void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"

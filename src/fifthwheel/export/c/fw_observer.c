@@ -7,6 +7,7 @@
 #include "fw_model.h"
 
 #include <math.h>
+#include <stdbool.h>
 
 #define FW_OUTPUTS ((2 * FW_STATE_COUNT) + (3 * FW_MEASURED_COUNT) + 2)
 #define FW_ACCEPTED ((2 * FW_STATE_COUNT) + (2 * FW_MEASURED_COUNT))
@@ -147,21 +148,21 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
     fw_real effect[FW_N]; /* of the bank of the road on the accelerations */
     fw_real x[FW_N * (1 + FW_U)]; /* steady states of the inputs, and of each unknown by its sigma */
     fw_real shift[FW_FILTER_STATES * FW_U]; /* of the first state by one sigma of each unknown */
-    fw_real p[FW_L * FW_L] = {FW_REAL(0.0)};
+    fw_real p[FW_L * FW_L] = {0};
     fw_real *carry = observer->carry;
     int place = FW_FILTER_STATES;
-    const int stable = inputs[0] < FW_CRITICAL_SPEED;
+    const bool stable = inputs[0] < FW_CRITICAL_SPEED;
     fw_matrices(&inputs[0], a, b, effect);
     for (int i = 0; i < FW_N; i++) {
         fw_real *row = &x[i * (1 + FW_U)];
         for (int j = 0; j <= FW_U; j++) {
             row[j] = FW_REAL(0.0);
         }
-        if (stable != 0) {
+        if (stable) {
             row[0] = -effect[i] * FW_BANK_MEAN;
             row[1] = -effect[i] * fw_unknown_sigma[0];
         }
-        for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
+        for (int j = 0; stable && (j < FW_STEER_COUNT); j++) {
             const fw_real gain = b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j];
             row[0] -= gain * (inputs[1 + j] - fw_steer_offset[j]);
             row[2 + j] = gain * fw_unknown_sigma[1 + j];
@@ -170,7 +171,7 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
             work[(i * FW_N) + j] = a[(i * FW_N) + j];
         }
     }
-    if (stable != 0) {
+    if (stable) {
         (void)fw_solve(FW_N, work, 1 + FW_U, x);
         fw_random_steer(a, b, p);
     }
@@ -230,20 +231,20 @@ static fw_real fw_longest_step(fw_real speed)
 }
 
 /* Takes the plausible inputs of a sample; whether every input is then at most FW_HOLD seconds old. */
-static int fw_hold_inputs(fw_observer *observer, const fw_sample *sample)
+static bool fw_hold_inputs(fw_observer *observer, const fw_sample *sample)
 {
-    int fresh = 1;
+    bool fresh = true;
     for (int i = 0; i < FW_INPUT_COUNT; i++) {
         const fw_real value = sample->input[i];
         const double age = sample->time - observer->seen[i];
         const fw_real within = (age > (double)FW_SHORTEST) ? (fw_real)age : FW_SHORTEST;
-        const int possible = FW_ABS(value) <= fw_input_magnitude[i];
-        const int follows = FW_ABS(value - observer->held[i]) <= (fw_input_rate[i] * within);
-        if ((possible != 0) && ((follows != 0) || !(age <= FW_HOLD))) {
+        const bool possible = FW_ABS(value) <= fw_input_magnitude[i];
+        const bool follows = FW_ABS(value - observer->held[i]) <= (fw_input_rate[i] * within);
+        if (possible && (follows || !(age <= FW_HOLD))) {
             observer->held[i] = value;
             observer->seen[i] = sample->time;
         } else if (!(age <= FW_HOLD)) {
-            fresh = 0;
+            fresh = false;
         } else {
             /* the last value is held */
         }
@@ -259,17 +260,21 @@ static fw_real fw_subdivide(fw_observer *observer, double before, double time, c
     const fw_real second = fw_longest_step(inputs[0]);
     const double count = ceil(gap / (double)((first < second) ? first : second));
     double last = before;
+    double length;
+    int steps;
     if (!(count < FW_MAX_STEPS)) {
         return FW_REAL(-1.0);
     }
+    steps = (int)count;
     for (int i = 0; i < FW_INPUT_COUNT; i++) {
         row[1 + i] = observer->last[i];
     }
-    for (int step = 1; (double)step < count; step++) {
+    for (int step = 1; step < steps; step++) {
         fw_real out[FW_OUTPUTS];
         const double fraction = (double)step / count;
         const double now = before + (gap * fraction);
-        row[0] = (fw_real)(now - last);
+        length = now - last;
+        row[0] = (fw_real)length;
         for (int i = 0; i < FW_INPUT_COUNT; i++) {
             row[1 + FW_INPUT_COUNT + i] = observer->last[i] + ((inputs[i] - observer->last[i]) * (fw_real)fraction);
         }
@@ -282,7 +287,8 @@ static fw_real fw_subdivide(fw_observer *observer, double before, double time, c
         }
         last = now;
     }
-    return (fw_real)(time - last);
+    length = time - last;
+    return (fw_real)length;
 }
 
 void fw_observer_init(fw_observer *observer)
@@ -301,8 +307,8 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     fw_real row[FW_SAMPLE];
     fw_real out[FW_OUTPUTS];
     fw_real inputs[FW_INPUT_COUNT];
-    int fresh;
-    int accepted = 0;
+    bool fresh;
+    bool accepted = false;
     if (!(time > previous) || !(time < INFINITY)) {
         return FW_ERROR_TIME;
     }
@@ -312,7 +318,14 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
         inputs[i] = observer->held[i];
     }
     states->time = time;
-    states->status = (fresh == 0) ? FW_INPUT_MISSING : ((inputs[0] < FW_MIN_SPEED) ? FW_TOO_SLOW : FW_OK);
+    states->status = FW_OK;
+    if (!fresh) {
+        states->status = FW_INPUT_MISSING;
+    } else if (inputs[0] < FW_MIN_SPEED) {
+        states->status = FW_TOO_SLOW;
+    } else {
+        /* the states can be estimated */
+    }
     if (states->status != FW_OK) {
         observer->running = 0;
         states->nis = (fw_real)NAN;
@@ -342,9 +355,9 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     }
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
         const fw_real value = sample->measured[i];
-        const int present = FW_ABS(value) <= fw_measured_magnitude[i];
-        row[1 + (2 * FW_INPUT_COUNT) + i] = (present != 0) ? value : FW_REAL(0.0);
-        row[1 + (2 * FW_INPUT_COUNT) + FW_MEASURED_COUNT + i] = (present != 0) ? FW_REAL(1.0) : FW_REAL(0.0);
+        const bool present = FW_ABS(value) <= fw_measured_magnitude[i];
+        row[1 + (2 * FW_INPUT_COUNT) + i] = present ? value : FW_REAL(0.0);
+        row[1 + (2 * FW_INPUT_COUNT) + FW_MEASURED_COUNT + i] = present ? FW_REAL(1.0) : FW_REAL(0.0);
     }
     fw_step(observer->carry, row, observer->carry, out);
     if (out[FW_RESTART] != FW_REAL(0.0)) { /* the measurements contradict the state */
@@ -359,9 +372,9 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
         observer->last[i] = inputs[i];
     }
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        accepted = ((accepted != 0) || (out[FW_ACCEPTED + i] != FW_REAL(0.0))) ? 1 : 0;
+        accepted = accepted || (out[FW_ACCEPTED + i] != FW_REAL(0.0));
     }
-    if (accepted != 0) {
+    if (accepted) {
         observer->accepted = time;
     } else if ((time - observer->accepted) > FW_COAST) {
         states->status = FW_COASTING;

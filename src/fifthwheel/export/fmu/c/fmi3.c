@@ -1,0 +1,348 @@
+/* The functions of FMI 3.0 for co-simulation. */
+
+#include "fmi3.h"
+
+#include "fmu.h"
+#include "fmu_export.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#if defined(FMI3_FUNCTION_PREFIX) && !defined(FMI3_OVERRIDE_FUNCTION_PREFIX)
+#define FMI3(type, name) FMU_EXPORT type FMU_JOIN(FMI3_FUNCTION_PREFIX, name)
+#else
+#define FMI3(type, name) FMU_EXPORT type name
+#endif
+
+typedef struct {
+    fmu_instance fmu;
+    fmi3InstanceEnvironment environment;
+    fmi3LogMessageCallback log;
+} component;
+
+static fmi3Status report(const component *c, const char *message)
+{
+    if (message == NULL) {
+        return fmi3OK;
+    }
+    if (c->log != NULL) {
+        c->log(c->environment, fmi3Error, "logStatusError", message);
+    }
+    return fmi3Error;
+}
+
+static fmi3Status refuse(fmi3Instance instance)
+{
+    return report(instance, "this function is not part of this FMU; see modelDescription.xml for what it supports");
+}
+
+FMI3(const char *, fmi3GetVersion)(void)
+{
+    return "3.0";
+}
+
+FMI3(fmi3Status, fmi3SetDebugLogging)(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
+                                      const fmi3String categories[])
+{
+    (void)instance; /* errors are always reported, and there is nothing else to report */
+    (void)loggingOn;
+    (void)nCategories;
+    (void)categories;
+    return fmi3OK;
+}
+
+FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(
+    fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
+    fmi3Boolean loggingOn, fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
+    const fmi3ValueReference requiredIntermediateVariables[], size_t nRequiredIntermediateVariables,
+    fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
+    fmi3IntermediateUpdateCallback intermediateUpdate)
+{
+    component *c;
+    const component caller = {.environment = instanceEnvironment, .log = logMessage};
+    (void)instanceName;
+    (void)resourcePath;
+    (void)visible;
+    (void)loggingOn;
+    (void)eventModeUsed;
+    (void)earlyReturnAllowed;
+    (void)requiredIntermediateVariables;
+    (void)intermediateUpdate;
+    if (fmu_accepts(instantiationToken) == 0) {
+        (void)report(&caller, "instantiationToken: not that of this binary; import the whole FMU again");
+        return NULL;
+    }
+    if (nRequiredIntermediateVariables > 0U) {
+        (void)report(&caller, "requiredIntermediateVariables: expected none; this FMU has no intermediate update");
+        return NULL;
+    }
+    c = calloc(1, sizeof(component));
+    if (c == NULL) {
+        (void)report(&caller, "memory: none left for another instance");
+        return NULL;
+    }
+    c->environment = instanceEnvironment;
+    c->log = logMessage;
+    fmu_reset(&c->fmu);
+    return c;
+}
+
+FMI3(void, fmi3FreeInstance)(fmi3Instance instance)
+{
+    free(instance);
+}
+
+FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean toleranceDefined,
+                                              fmi3Float64 tolerance, fmi3Float64 startTime,
+                                              fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
+{
+    component *c = instance;
+    (void)toleranceDefined;
+    (void)tolerance;
+    (void)stopTimeDefined;
+    (void)stopTime;
+    c->fmu.state.value[0] = startTime;
+    return report(c, fmu_initialize(&c->fmu));
+}
+
+FMI3(fmi3Status, fmi3ExitInitializationMode)(fmi3Instance instance)
+{
+    component *c = instance;
+    return report(c, fmu_finish_initialization(&c->fmu));
+}
+
+FMI3(fmi3Status, fmi3Terminate)(fmi3Instance instance)
+{
+    component *c = instance;
+    c->fmu.mode = FMU_TERMINATED;
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3Reset)(fmi3Instance instance)
+{
+    component *c = instance;
+    fmu_reset(&c->fmu);
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3GetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                 size_t nValueReferences, fmi3Float64 values[], size_t nValues)
+{
+    component *c = instance;
+    const char *message = (nValues == nValueReferences) ? NULL : "values: expected one for each value reference";
+    for (size_t i = 0; (message == NULL) && (i < nValues); i++) {
+        message = fmu_get(&c->fmu, valueReferences[i], 0, &values[i]);
+    }
+    return report(c, message);
+}
+
+FMI3(fmi3Status, fmi3GetInt32)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                               size_t nValueReferences, fmi3Int32 values[], size_t nValues)
+{
+    component *c = instance;
+    const char *message = (nValues == nValueReferences) ? NULL : "values: expected one for each value reference";
+    for (size_t i = 0; (message == NULL) && (i < nValues); i++) {
+        double value = 0.0;
+        message = fmu_get(&c->fmu, valueReferences[i], 1, &value);
+        values[i] = (fmi3Int32)value;
+    }
+    return report(c, message);
+}
+
+FMI3(fmi3Status, fmi3SetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                 size_t nValueReferences, const fmi3Float64 values[], size_t nValues)
+{
+    component *c = instance;
+    const char *message = (nValues == nValueReferences) ? NULL : "values: expected one for each value reference";
+    for (size_t i = 0; (message == NULL) && (i < nValues); i++) {
+        message = fmu_set(&c->fmu, valueReferences[i], values[i]);
+    }
+    return report(c, message);
+}
+
+FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
+                             fmi3Float64 communicationStepSize, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                             fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation,
+                             fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
+{
+    component *c = instance;
+    const char *message = fmu_do_step(&c->fmu, currentCommunicationPoint, communicationStepSize);
+    (void)noSetFMUStatePriorToCurrentPoint;
+    *eventHandlingNeeded = false;
+    *terminateSimulation = false;
+    *earlyReturn = false;
+    *lastSuccessfulTime = c->fmu.state.value[0];
+    return report(c, message);
+}
+
+FMI3(fmi3Status, fmi3GetFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
+{
+    component *c = instance;
+    if (*FMUState == NULL) {
+        *FMUState = calloc(1, sizeof(fmu_instance));
+    }
+    if (*FMUState == NULL) {
+        return report(c, "memory: none left for a state");
+    }
+    (void)memcpy(*FMUState, &c->fmu, sizeof(fmu_instance));
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState FMUState)
+{
+    component *c = instance;
+    if (FMUState == NULL) {
+        return report(c, "FMUState: expected one of this FMU, got none");
+    }
+    (void)memcpy(&c->fmu, FMUState, sizeof(fmu_instance));
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
+{
+    (void)instance;
+    if (FMUState != NULL) {
+        free(*FMUState);
+        *FMUState = NULL;
+    }
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
+{
+    (void)instance;
+    (void)FMUState;
+    *size = sizeof(fmu_instance);
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3SerializeFMUState)(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[],
+                                        size_t size)
+{
+    if ((FMUState == NULL) || (size < sizeof(fmu_instance))) {
+        return report(instance, "serializedState: too small; ask for the size first");
+    }
+    (void)memcpy(serializedState, FMUState, sizeof(fmu_instance));
+    return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
+                                          fmi3FMUState *FMUState)
+{
+    if (size != sizeof(fmu_instance)) {
+        return report(instance, "serializedState: of another size; expected one of this FMU and platform");
+    }
+    if (*FMUState == NULL) {
+        *FMUState = calloc(1, sizeof(fmu_instance));
+    }
+    if (*FMUState == NULL) {
+        return report(instance, "memory: none left for a state");
+    }
+    (void)memcpy(*FMUState, serializedState, sizeof(fmu_instance));
+    return fmi3OK;
+}
+
+/* What the standard requires in every library, and this FMU does not have. */
+
+#define UNUSED(name, ...) \
+    FMI3(fmi3Status, name)(fmi3Instance instance, __VA_ARGS__) \
+    { \
+        return refuse(instance); \
+    }
+#define NO_MODE(name) \
+    FMI3(fmi3Status, name)(fmi3Instance instance) \
+    { \
+        return refuse(instance); \
+    }
+#define NO_GET(name, type) UNUSED(name, const fmi3ValueReference r[], size_t n, type values[], size_t m)
+#define NO_SET(name, type) UNUSED(name, const fmi3ValueReference r[], size_t n, const type values[], size_t m)
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+
+FMI3(fmi3Instance, fmi3InstantiateModelExchange)(fmi3String instanceName, fmi3String instantiationToken,
+                                                 fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                                 fmi3InstanceEnvironment instanceEnvironment,
+                                                 fmi3LogMessageCallback logMessage)
+{
+    const component caller = {.environment = instanceEnvironment, .log = logMessage};
+    (void)report(&caller, "model exchange: not supported; import the FMU for co-simulation");
+    return NULL;
+}
+
+FMI3(fmi3Instance, fmi3InstantiateScheduledExecution)(
+    fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
+    fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
+    fmi3ClockUpdateCallback clockUpdate, fmi3LockPreemptionCallback lockPreemption,
+    fmi3UnlockPreemptionCallback unlockPreemption)
+{
+    const component caller = {.environment = instanceEnvironment, .log = logMessage};
+    (void)report(&caller, "scheduled execution: not supported; import the FMU for co-simulation");
+    return NULL;
+}
+
+NO_GET(fmi3GetFloat32, fmi3Float32)
+NO_GET(fmi3GetInt8, fmi3Int8)
+NO_GET(fmi3GetUInt8, fmi3UInt8)
+NO_GET(fmi3GetInt16, fmi3Int16)
+NO_GET(fmi3GetUInt16, fmi3UInt16)
+NO_GET(fmi3GetUInt32, fmi3UInt32)
+NO_GET(fmi3GetInt64, fmi3Int64)
+NO_GET(fmi3GetUInt64, fmi3UInt64)
+NO_GET(fmi3GetBoolean, fmi3Boolean)
+NO_GET(fmi3GetString, fmi3String)
+UNUSED(fmi3GetBinary, const fmi3ValueReference r[], size_t n, size_t sizes[], fmi3Binary values[], size_t m)
+UNUSED(fmi3GetClock, const fmi3ValueReference r[], size_t n, fmi3Clock values[])
+NO_SET(fmi3SetFloat32, fmi3Float32)
+NO_SET(fmi3SetInt8, fmi3Int8)
+NO_SET(fmi3SetUInt8, fmi3UInt8)
+NO_SET(fmi3SetInt16, fmi3Int16)
+NO_SET(fmi3SetUInt16, fmi3UInt16)
+NO_SET(fmi3SetInt32, fmi3Int32)
+NO_SET(fmi3SetUInt32, fmi3UInt32)
+NO_SET(fmi3SetInt64, fmi3Int64)
+NO_SET(fmi3SetUInt64, fmi3UInt64)
+NO_SET(fmi3SetBoolean, fmi3Boolean)
+NO_SET(fmi3SetString, fmi3String)
+UNUSED(fmi3SetBinary, const fmi3ValueReference r[], size_t n, const size_t sizes[], const fmi3Binary values[], size_t m)
+UNUSED(fmi3SetClock, const fmi3ValueReference r[], size_t n, const fmi3Clock values[])
+UNUSED(fmi3GetNumberOfVariableDependencies, fmi3ValueReference r, size_t *count)
+UNUSED(fmi3GetVariableDependencies, fmi3ValueReference dependent, size_t elements[], fmi3ValueReference independents[],
+       size_t others[], fmi3DependencyKind kinds[], size_t count)
+UNUSED(fmi3GetDirectionalDerivative, const fmi3ValueReference unknowns[], size_t n, const fmi3ValueReference knowns[],
+       size_t k, const fmi3Float64 seed[], size_t s, fmi3Float64 sensitivity[], size_t m)
+UNUSED(fmi3GetAdjointDerivative, const fmi3ValueReference unknowns[], size_t n, const fmi3ValueReference knowns[],
+       size_t k, const fmi3Float64 seed[], size_t s, fmi3Float64 sensitivity[], size_t m)
+UNUSED(fmi3GetOutputDerivatives, const fmi3ValueReference r[], size_t n, const fmi3Int32 orders[], fmi3Float64 values[],
+       size_t m)
+UNUSED(fmi3GetIntervalDecimal, const fmi3ValueReference r[], size_t n, fmi3Float64 intervals[],
+       fmi3IntervalQualifier qualifiers[])
+UNUSED(fmi3GetIntervalFraction, const fmi3ValueReference r[], size_t n, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
+       fmi3IntervalQualifier qualifiers[])
+UNUSED(fmi3GetShiftDecimal, const fmi3ValueReference r[], size_t n, fmi3Float64 shifts[])
+UNUSED(fmi3GetShiftFraction, const fmi3ValueReference r[], size_t n, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+UNUSED(fmi3SetIntervalDecimal, const fmi3ValueReference r[], size_t n, const fmi3Float64 intervals[])
+UNUSED(fmi3SetIntervalFraction, const fmi3ValueReference r[], size_t n, const fmi3UInt64 counters[],
+       const fmi3UInt64 resolutions[])
+UNUSED(fmi3SetShiftDecimal, const fmi3ValueReference r[], size_t n, const fmi3Float64 shifts[])
+UNUSED(fmi3SetShiftFraction, const fmi3ValueReference r[], size_t n, const fmi3UInt64 counters[],
+       const fmi3UInt64 resolutions[])
+NO_MODE(fmi3EvaluateDiscreteStates)
+UNUSED(fmi3UpdateDiscreteStates, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals, fmi3Boolean *states,
+       fmi3Boolean *defined, fmi3Float64 *next)
+NO_MODE(fmi3EnterEventMode)
+NO_MODE(fmi3EnterStepMode)
+NO_MODE(fmi3EnterConfigurationMode)
+NO_MODE(fmi3ExitConfigurationMode)
+NO_MODE(fmi3EnterContinuousTimeMode)
+UNUSED(fmi3CompletedIntegratorStep, fmi3Boolean noSet, fmi3Boolean *enterEventMode, fmi3Boolean *terminate)
+UNUSED(fmi3SetTime, fmi3Float64 time)
+UNUSED(fmi3SetContinuousStates, const fmi3Float64 states[], size_t n)
+UNUSED(fmi3GetContinuousStateDerivatives, fmi3Float64 derivatives[], size_t n)
+UNUSED(fmi3GetEventIndicators, fmi3Float64 indicators[], size_t n)
+UNUSED(fmi3GetContinuousStates, fmi3Float64 states[], size_t n)
+UNUSED(fmi3GetNominalsOfContinuousStates, fmi3Float64 nominals[], size_t n)
+UNUSED(fmi3GetNumberOfEventIndicators, size_t *count)
+UNUSED(fmi3GetNumberOfContinuousStates, size_t *count)
+UNUSED(fmi3ActivateModelPartition, fmi3ValueReference clock, fmi3Float64 time)

@@ -1,0 +1,88 @@
+"""The observer of a vehicle as the model of an FMU."""
+
+from fifthwheel.export import project
+from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
+from fifthwheel.observe import Observer, Status
+from fifthwheel.record.signal_names import si_unit
+
+MEASURED = "measured."
+"""Prefix of the inputs that are also estimated, such as yaw rates."""
+SAMPLE_TIME = 0.01
+"""s; default of the parameter."""
+SAMPLE_TIMES = (0.0, 10.0)
+"""Limits of the parameter, s."""
+
+
+def observer_model(observer: Observer) -> Model:
+    """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status.
+
+    Raises:
+        FifthwheelError: two signals have the same name in C.
+    """
+    measured = [(name, name) for name in observer.inputs] + [(f"{MEASURED}{name}", name) for name in observer.outputs]
+    inputs = [
+        Variable(name=shown, role=Role.INPUT, unit=si_unit(name), description=f"measured {described(name)}")
+        for shown, name in measured
+    ]
+    sample_time = Variable(
+        name="sample_time",
+        role=Role.FIXED,
+        unit="s",
+        start=SAMPLE_TIME,
+        limits=SAMPLE_TIMES,
+        description="least time from one sample to the next; 0: each step is a sample",
+    )
+    outputs = []
+    for name in observer.reported:
+        words = described(name)
+        outputs += [
+            Variable(name=name, role=Role.OUTPUT, unit=si_unit(name), description=f"estimated {words}"),
+            Variable(
+                name=f"{name}.sigma",
+                role=Role.OUTPUT,
+                unit=si_unit(name),
+                description=f"standard deviation of the estimated {words}",
+            ),
+        ]
+    nis = Variable(
+        name="nis", role=Role.OUTPUT, unit="1", description="mean normalised innovation squared; 1 is expected"
+    )
+    words = ", ".join(f"{status.value} {status.name.lower().replace('_', ' ')}" for status in Status)
+    status = Variable(name="status", role=Role.INTEGER_OUTPUT, unit=None, description=f"status: {words}")
+    variables = (TIME, *inputs, sample_time, *outputs, nis, status)
+    place = {variable.name: i for i, variable in enumerate(variables)}
+    numbers = {
+        "FMU_FIRST_INPUT": 1,
+        "FMU_SAMPLE_TIME": place["sample_time"],
+        "FMU_FIRST_OUTPUT": place[outputs[0].name],
+        "FMU_NIS": place["nis"],
+        "FMU_STATUS": place["status"],
+    }
+    library = project.texts(observer)
+    return Model(
+        name=f"{observer.vehicle.name} observer",
+        description=f"State observer of {observer.vehicle.name}",
+        variables=variables,
+        interpolates=False,
+        step=SAMPLE_TIME,
+        header="\n".join(
+            [
+                '#include "fw_observer.h"',
+                "",
+                *(f"#define {name} {value}" for name, value in numbers.items()),
+                "",
+                "typedef struct {",
+                "    fw_observer observer;",
+                "    double sampled; /* s, time of the last sample */",
+                "} fmu_model;",
+            ]
+        ),
+        sources={name: library[name] for name in ("fw_observer.h", "fw_observer.c", "fw_model.h")},
+        notes=(
+            "A step takes the inputs at its start as one sample, if sample_time has passed since the last one, and "
+            "gives the states of that sample. Set sample_time to the sampling period of the sensors; steps may have "
+            "any length.",
+            "An input that is not a number, or that no heavy vehicle reaches, such as 1e9, is missing in this sample.",
+            "Before the first sample, and if status is 2 or 3, the states are not numbers (NaN).",
+        ),
+    )

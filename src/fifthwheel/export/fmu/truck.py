@@ -1,0 +1,189 @@
+"""The linear model of a truck as the model of an FMU."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.chain import BANK, equations
+from fifthwheel.dynamics.sensors import NEEDS_COUPLING, QUANTITIES
+from fifthwheel.dynamics.state_space import MAX_SPEED
+from fifthwheel.dynamics.steps import SPEEDS, step_limit
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.parameters import BOUND_FACTOR, HEIGHT_BOUNDS, estimated_parameters, expand_names
+from fifthwheel.names import ParameterPath
+from fifthwheel.native import c_code
+from fifthwheel.observe.inputs import magnitude
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.vehicle import require_vehicle
+
+SPEED_LIMITS = (0.1, MAX_SPEED)
+"""Of the input, m/s."""
+START_SPEED = 20.0
+"""m/s."""
+BANK_LIMIT = 0.5
+"""Of the magnitude of the input, rad."""
+STEP = 0.01
+"""Recommended communication step, s."""
+
+
+def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
+    """Every quantity of every unit that a sensor could measure."""
+    units = [unit.name for unit in vehicle.units]
+    return tuple(
+        f"{quantity}.{unit}"
+        for quantity in QUANTITIES
+        for unit in (units[1:] if quantity in NEEDS_COUPLING else units)
+        if quantity != "lateral_velocity"  # speed times sideslip
+    )
+
+
+def truck_model(
+    vehicle: Vehicle, *, outputs: Sequence[str] | None = None, tunable: Sequence[str] | None = None
+) -> Model:
+    """Inputs are the speed, the steer angles and the bank of the road.
+
+    Args:
+        vehicle: with its numbers.
+        outputs: names of signals; by default those of `default_outputs`.
+        tunable: parameters that the importer can change, by path or by the end of it; by default those that one stage
+            estimates.
+
+    Raises:
+        SignalError: the model does not have an output, or it is an input.
+        VehicleError: a parameter does not exist, or no axle is steerable.
+        FifthwheelError: a tunable parameter is not above 0.
+    """
+    require_vehicle(vehicle)
+    vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
+    free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable)
+    names = tuple(dict.fromkeys(default_outputs(vehicle) if outputs is None else outputs))
+    if BANK in names:
+        raise SignalError(f"{BANK}: an input of the truck; leave it out of the outputs")
+    model = dynamics.model(vehicle, names, roll=True, free=free, bank=True)
+    inputs = [
+        Variable(
+            name="speed",
+            role=Role.INPUT,
+            unit="m/s",
+            description="forward speed",
+            start=START_SPEED,
+            limits=SPEED_LIMITS,
+        ),
+        *(
+            Variable(
+                name=name,
+                role=Role.INPUT,
+                unit="rad",
+                description=f"road-wheel angle of {name.removeprefix('steer.')}",
+                limits=(-magnitude(name), magnitude(name)),
+            )
+            for name in vehicle.steer_signals()
+        ),
+        Variable(
+            name=BANK,
+            role=Role.INPUT,
+            unit="rad",
+            description="bank of the road, positive with the left edge higher",
+            limits=(-BANK_LIMIT, BANK_LIMIT),
+        ),
+    ]
+    parameters = [_parameter(path, vehicle.parameters()[path]) for path in free]
+    reported = [
+        Variable(name=name, role=Role.OUTPUT, unit=si_unit(name), description=described(name)) for name in names
+    ]
+    places = {
+        "FMU_FIRST_INPUT": 1,
+        "FMU_FIRST_PARAMETER": 1 + len(inputs),
+        "FMU_FIRST_OUTPUT": 1 + len(inputs) + len(parameters),
+    }
+    sizes = {"FW_STATES": len(model.states) - 1, "FW_INPUTS": len(inputs), "FW_PARAMETERS": len(parameters)}
+    return Model(
+        name=f"{vehicle.name} truck",
+        description=f"Linear yaw-roll model of {vehicle.name}",
+        variables=(TIME, *inputs, *parameters, *reported),
+        interpolates=True,
+        step=STEP,
+        header="\n".join(
+            [
+                *(f"#define {name} {value}" for name, value in {**places, **sizes}.items()),
+                "",
+                "typedef struct {",
+                "    double x[FW_STATES];",
+                "} fmu_model;",
+            ]
+        ),
+        sources={"fw_truck.h": _equations(model, vehicle)},
+        notes=(
+            "All states are 0 at the start: the truck drives straight ahead.",
+            "Inputs are constant during a step, or, with FMI 2.0, change linearly by their derivatives. The model "
+            "divides a step into as many steps as it needs.",
+            "An input that is not a number or beyond its limits is an error.",
+        ),
+    )
+
+
+def _parameter(path: str, value: float) -> Variable:
+    if not value > 0:
+        raise FifthwheelError(f"{path}: expected above 0 to be tunable, got {value:g}; leave it out of the parameters")
+    is_height = ParameterPath.of(path).is_payload_height
+    limits = HEIGHT_BOUNDS if is_height else (value / BOUND_FACTOR, value * BOUND_FACTOR)
+    words = " ".join(path.replace("_", " ").split("."))
+    return Variable(name=path, role=Role.TUNABLE, unit=unit_of(path), description=words, start=value, limits=limits)
+
+
+def _equations(model: ChainModel, vehicle: Vehicle) -> str:
+    """C of the step of the model, its outputs, its matrix A, and its longest steps."""
+    limits = {"fw_step_speed": SPEEDS, "fw_step_limit": step_limit(vehicle, model.roll).longest}
+    functions = (
+        (_step(model, vehicle), ("x", "row", "parameters"), "next"),
+        (_outputs(model, vehicle), ("x", "inputs", "parameters"), "outputs"),
+        (_matrix(model, vehicle), ("speed", "parameters"), "a"),
+    )
+    return "\n".join(
+        [
+            "/* The equations of this truck, generated; included by fmu_truck.c only. */",
+            "",
+            f"#define FW_SPEED_COUNT {len(SPEEDS)}",
+            *(c_code.table(name, values) for name, values in limits.items()),
+            "",
+            *(c_code.function(f, f"fw_{f.name()}", arguments, (result,)) for f, arguments, result in functions),
+        ]
+    )
+
+
+def _constants(model: ChainModel, vehicle: Vehicle) -> ca.DM:
+    return ca.DM(model.known_values(dynamics.all_parameters(vehicle, model.outputs)))
+
+
+def _step(model: ChainModel, vehicle: Vehicle) -> ca.Function:
+    """(x, [dt, inputs before, inputs after], parameters) -> x+. The bank is constant at its mean, like the speed."""
+    n, k = len(model.states) - 1, len(model.inputs) + 1
+    x, row, p = ca.SX.sym("x", n), ca.SX.sym("row", 1 + 2 * k), ca.SX.sym("p", len(model.free))
+    before, after = row[1 : 1 + k], row[1 + k :]
+    state = ca.vertcat(x, (before[-1] + after[-1]) / 2)
+    d = ca.vertcat(before[:-1], after[:-1])
+    later = model.transition(state, row[0], d, p, _constants(model, vehicle))
+    return ca.Function("step", [x, row, p], [ca.densify(later[:n])], {"cse": True})
+
+
+def _outputs(model: ChainModel, vehicle: Vehicle) -> ca.Function:
+    """(x, inputs, parameters) -> outputs."""
+    n, k = len(model.states) - 1, len(model.inputs) + 1
+    x, inputs, p = ca.SX.sym("x", n), ca.SX.sym("inputs", k), ca.SX.sym("p", len(model.free))
+    d = ca.vertcat(inputs[:-1], inputs[:-1])
+    y = model.observation(ca.vertcat(x, inputs[-1]), d, p, _constants(model, vehicle))
+    return ca.Function("outputs", [x, inputs, p], [ca.densify(y)], {"cse": True})
+
+
+def _matrix(model: ChainModel, vehicle: Vehicle) -> ca.Function:
+    """(speed, parameters) -> A of x' = A x + B d, by rows."""
+    speed, p = ca.SX.sym("speed"), ca.SX.sym("p", len(model.free))
+    values = {name: ca.SX(value) for name, value in vehicle.parameters().items()}
+    values |= dict(zip(model.free, ca.vertsplit(p), strict=True)) if model.free else {}
+    A, _ = equations(values, vehicle, roll=model.roll).state_space(speed)
+    return ca.Function("matrix", [speed, p], [ca.vec(ca.densify(A).T)], {"cse": True})

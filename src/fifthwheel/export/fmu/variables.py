@@ -1,0 +1,85 @@
+"""Variables of an FMU: their roles, units and limits, and their table in C."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fifthwheel.names import SignalName
+
+
+class Role(StrEnum):
+    """Role of a variable; the value is its name in C."""
+
+    TIME = "FMU_TIME"
+    INPUT = "FMU_INPUT"
+    FIXED = "FMU_FIXED"
+    TUNABLE = "FMU_TUNABLE"
+    OUTPUT = "FMU_OUTPUT"
+    INTEGER_OUTPUT = "FMU_INTEGER_OUTPUT"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """A variable; its value reference is its place among the variables of the FMU."""
+
+    name: str
+    role: Role
+    unit: str | None  # SI; None for an integer
+    description: str
+    start: float = 0.0  # of inputs and parameters
+    limits: tuple[float, float] | None = None  # of inputs and parameters; None if every value is accepted
+
+    @property
+    def has_start(self) -> bool:
+        """Whether the importer can set it."""
+        return self.role in (Role.INPUT, Role.FIXED, Role.TUNABLE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """What an FMU contains: its variables and the C of its model."""
+
+    name: str  # of the vehicle and of what the FMU computes
+    description: str
+    variables: tuple[Variable, ...]
+    interpolates: bool  # whether it uses the derivatives of its inputs
+    step: float  # recommended communication step, s
+    header: str  # C: macros and the type fmu_model
+    sources: dict[str, str]  # C files by name, besides those of every FMU
+    notes: tuple[str, ...]  # for its documentation
+
+    @property
+    def identifier(self) -> str:
+        """Name of its shared library, an identifier of C."""
+        text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.name)
+        return text if text[:1].isalpha() else f"model_{text}"
+
+
+TIME = Variable(name="time", role=Role.TIME, unit="s", description="time")
+
+
+def described(name: str) -> str:
+    """Description of a signal: "yaw_rate.tractor" -> "yaw rate of tractor"."""
+    signal = SignalName.of(name)
+    quantity = signal.quantity.replace("_", " ")
+    return f"{quantity} of {signal.place}" if signal.place else f"{quantity} of the vehicle"
+
+
+def table(variables: Sequence[Variable]) -> str:
+    """C of the table of the variables."""
+    rows = [f"    {{{_row(variable)}}}, /* {variable.name} */" for variable in variables]
+    return "\n".join(['#include "fmu.h"', "", "const fmu_variable fmu_variables[FMU_COUNT] = {", *rows, "};", ""])
+
+
+def _row(variable: Variable) -> str:
+    least, most = variable.limits or (0.0, 0.0)
+    expected = "NULL" if variable.limits is None else f'"{expectation(variable)}"'
+    return f"{variable.role}, {variable.start!r}, {least!r}, {most!r}, {expected}"
+
+
+def expectation(variable: Variable) -> str:
+    """Message for a value beyond the limits."""
+    least, most = variable.limits or (-math.inf, math.inf)
+    cure = "connect it, in SI units" if variable.role is Role.INPUT else "set it in SI units"
+    return f"{variable.name}: expected {least:.6g} to {most:.6g} {variable.unit}; {cure}"
