@@ -28,7 +28,9 @@ def literal(value: float) -> str:
     return f"FW_REAL({value!r})"
 
 
-def function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
+def function(
+    step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str], *, static: bool = True
+) -> str:
     """C99 of `static void name(const fw_real *argument, ..., fw_real *result, ...)`.
 
     All arguments are read before the first result is written, so a result may be the memory of an argument.
@@ -37,6 +39,7 @@ def function(step: ca.Function, name: str, arguments: Sequence[str], results: Se
         step: with dense column vectors as arguments and results.
         name: of the function.
         arguments, results: names of the pointers.
+        static: whether only its own file can call it.
 
     Raises:
         NotImplementedError: an operation of the step cannot be translated.
@@ -83,4 +86,4 @@ def function(step: ca.Function, name: str, arguments: Sequence[str], results: Se
     stores = translate(step, literal, lambda place, element: assign(f"{arguments[place]}[{element}]"), operation)
     lines += [f"    {results[place]}[{element}] = {value};" for place, element, value in stores]
     parameters = [*(f"const fw_real *{a}" for a in arguments), *(f"fw_real *{r}" for r in results)]
-    return "\n".join([f"static void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"
+    return "\n".join([f"{'static ' if static else ''}void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"

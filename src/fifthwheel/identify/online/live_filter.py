@@ -73,6 +73,10 @@ class LiveFilter:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
+    def discrepancy_variances(self) -> Array:
+        """Of each discrepancy among the states, SI squared."""
+        return _discrepancy_variances(self.problem, self.learner)
+
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
 
@@ -170,11 +174,11 @@ class StateView:
         self.names = [(name, f"{name}.sigma") for name in signals]
         """Names of each reported state and of its sigma."""
         bank = problem.model.chain.bank
-        report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
-        self._step = joint.state_view(problem.model, report, scaling.logarithmic, len(problem.estimated))
+        self.report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
+        self._step = joint.state_view(problem.model, self.report, scaling.logarithmic, len(problem.estimated))
         values = dynamics.all_parameters(vehicle, signals, extended=True)
-        c = report.constant(values, problem.unknowns, math.inf)
-        constant = np.concatenate([c, scaling.centre, scaling.scale])
+        self.c = self.report.constant(values, problem.unknowns, math.inf)
+        constant = np.concatenate([self.c, scaling.centre, scaling.scale])
         self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
         self._output = np.zeros((self._step.n_output, joint.LANES))
         self._first_lane = self._output[:, 0]
