@@ -4,6 +4,6 @@ observer_model  the generated C of one observer: its step, matrices, names and c
 project         the folder with library, build file and test program
 """
 
-from fifthwheel.export.project import FILES, export_c
+from fifthwheel.export.project import FILES, LEARNER_FILES, export_c
 
-__all__ = ["FILES", "export_c"]
+__all__ = ["FILES", "LEARNER_FILES", "export_c"]

@@ -1,18 +1,16 @@
 """The symbolic functions of a learner in C; what is the same for every vehicle is written in C."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import equations, state_names
-from fifthwheel.dynamics.model import steer_parameters
+from fifthwheel.dynamics.chain import state_names
 from fifthwheel.filters.joint_equations import Carried, Channel, correct, linearise, reported_values
 from fifthwheel.filters.model import pack, sizes, split, unpack
 from fifthwheel.identify.online.live_filter import LiveFilter
-from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.start import SteadyEquations, steady_equations
 
 LARGEST_GATE = 1e15
 """Limit of a squared gate, so that it fits into single precision."""
@@ -57,7 +55,7 @@ def linearisation(live: LiveFilter) -> Slopes:
     n_x, n_d, *_ = sizes(model)
     x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", n_z), ca.SX.sym("step", 1 + n_d)
     point = x, z, step[0], step[1:], given.c, given.centre, given.scale
-    later, F, slopes, predicted, H, direct = linearise(model, logarithmic, *map(ca.SX, point))
+    later, F, slopes, predicted, H, direct = linearise(model, logarithmic, *[ca.SX(v) for v in point])
     pattern = (slopes[0].sparsity() + slopes[1].sparsity()).T.T
     first, last = (ca.project(slope, pattern).nz[:] for slope in slopes)
     results = [later, _by_rows(F), first, last, predicted, _by_rows(H), _by_rows(direct)]
@@ -98,53 +96,30 @@ def report(live: LiveFilter) -> ca.Function:
     problem, view, given = live.problem, live.view, constants(live)
     n_x, n_d, *_ = sizes(view.report)
     x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(problem.estimated)), ca.SX.sym("d", n_d)
-    numbers = map(ca.SX, (ca.DM(view.c), given.centre, given.scale))
+    numbers = [ca.SX(v) for v in (ca.DM(view.c), given.centre, given.scale)]
     values, slopes = reported_values(view.report, problem.scaling.logarithmic, x, z, d, *numbers)
     return ca.Function("report", [x, z, d], [ca.densify(values), _by_rows(slopes)], {"cse": True})
 
 
-def start_matrices(problem: OnlineProblem) -> ca.Function:
-    """(inputs, values of the unknowns) -> (A by rows, first column of B, accelerations of the inputs, of the bank)."""
-    inputs, p, value = _start_symbols(problem)
-    n = len(state_names(problem.vehicle, roll=True))
-    A, B = equations(value, problem.vehicle, roll=True, bank=True).state_space(inputs[0])
-    results = _by_rows(A[:n, :n]), B[:n, 0], B[:n, :] @ _steer(problem, inputs, value), A[:n, n]
+def start_matrices(live: LiveFilter) -> ca.Function:
+    """(inputs, values of the unknowns) -> (A by rows, first column of B, effects of inputs and bank on x')."""
+    inputs, p, _, steady = _steady(live)
+    results = _by_rows(steady.A), steady.B[:, 0], steady.B @ steady.steer, steady.bank
     return ca.Function("start_matrices", [inputs, p], list(map(ca.densify, results)), {"cse": True})
 
 
-def start_slopes(problem: OnlineProblem) -> ca.Function:
-    """(inputs, values of the unknowns, x) -> (F by rows, derivatives of F x + G d with respect to them by rows).
-
-    E x' = F x + G d; in a steady state dx/dp = - F^-1 d(F x + G d)/dp.
-    """
-    inputs, p, value = _start_symbols(problem)
-    n = len(state_names(problem.vehicle, roll=True))
-    terms, x = equations(value, problem.vehicle, roll=True, bank=True), ca.SX.sym("x", n)
-    speed = inputs[0]
-    F = (terms.A0 + terms.A1 / speed + terms.A2 * speed)[:n, :n]
-    G = (terms.B0 + terms.B2 * speed)[:n, :]
-    slopes = ca.jacobian(F @ x + G @ _steer(problem, inputs, value), p)
-    return ca.Function("start_slopes", [inputs, p, x], [_by_rows(F), _by_rows(slopes)], {"cse": True})
+def start_slopes(live: LiveFilter) -> ca.Function:
+    """(inputs, values of the unknowns, x) -> (F by rows, derivatives of F x + G d with respect to them by rows)."""
+    inputs, p, x, steady = _steady(live)
+    return ca.Function("start_slopes", [inputs, p, x], [_by_rows(steady.F), _by_rows(steady.slopes)], {"cse": True})
 
 
-def _start_symbols(problem: OnlineProblem) -> tuple[ca.SX, ca.SX, dict[str, ca.SX]]:
-    """Inputs and unknowns as symbols, and all values of the vehicle and its steer sensors that follow from them."""
+def _steady(live: LiveFilter) -> tuple[ca.SX, ca.SX, ca.SX, SteadyEquations]:
+    """Symbols of inputs, values of the unknowns and state, and the equations of the steady state."""
+    problem = live.problem
     inputs, p = ca.SX.sym("inputs", len(problem.inputs)), ca.SX.sym("p", len(problem.unknowns))
-    given = problem.vehicle.parameters() | steer_parameters(problem.vehicle)
-    value = {name: ca.SX(number) for name, number in given.items()}
-    own = [(i, u) for i, u in enumerate(problem.unknowns) if not u.moves]
-    value |= {u.name: p[i] for i, u in own if u.name in given}
-    for i, u in enumerate(problem.unknowns):
-        for name, slope in u.moves.items():
-            if name in given:
-                value[name] += slope * p[i]
-    return inputs, p, value
-
-
-def _steer(problem: OnlineProblem, inputs: ca.SX, value: Mapping[str, ca.SX]) -> ca.SX:
-    """Angles of the steered wheels (k,), rad."""
-    steers = enumerate(problem.vehicle.steer_signals(), 1)
-    return ca.vertcat(*[value[f"{name}.gain"] * (inputs[i] - value[f"{name}.offset"]) for i, name in steers])
+    x = ca.SX.sym("x", len(state_names(problem.vehicle, roll=True)))
+    return inputs, p, x, steady_equations(problem.model, inputs, x, p, ca.SX(constants(live).c))
 
 
 def _by_rows(matrix: ca.SX) -> ca.SX:

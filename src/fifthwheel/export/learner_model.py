@@ -166,10 +166,8 @@ def _source(learner: Learner, linearisation: functions.Slopes) -> str:
         ),
         _function(functions.channel_update(live), "correct", ("carry", "channel"), ("next", "out")),
         _function(functions.report(live), "report", ("state", "z", "inputs"), ("value", "slope")),
-        _function(
-            functions.start_matrices(live.problem), "start_matrices", ("inputs", "p"), ("a", "b", "steer", "bank")
-        ),
-        _function(functions.start_slopes(live.problem), "start_slopes", ("inputs", "p", "state"), ("f", "slope")),
+        _function(functions.start_matrices(live), "start_matrices", ("inputs", "p"), ("a", "b", "steer", "bank")),
+        _function(functions.start_slopes(live), "start_slopes", ("inputs", "p", "state"), ("f", "slope")),
     ]
     return "\n".join(parts)
 

@@ -45,6 +45,7 @@ def function(
         NotImplementedError: an operation of the step cannot be translated.
     """
     lines: list[str] = []
+    read: set[int] = set()
 
     def assign(text: str) -> str:
         lines.append(f"    const fw_real v{len(lines)} = {text};")
@@ -83,7 +84,15 @@ def function(
                 return a
         raise NotImplementedError(f"{name}: CasADi operation {op} cannot be written in C; write the step without it")
 
-    stores = translate(step, literal, lambda place, element: assign(f"{arguments[place]}[{element}]"), operation)
+    def load(place: int, element: int) -> str:
+        read.add(place)
+        return assign(f"{arguments[place]}[{element}]")
+
+    stores = translate(step, literal, load, operation)
     lines += [f"    {results[place]}[{element}] = {value};" for place, element, value in stores]
+    unused = [f"    (void){a};" for place, a in enumerate(arguments) if place not in read]
     parameters = [*(f"const fw_real *{a}" for a in arguments), *(f"fw_real *{r}" for r in results)]
-    return "\n".join([f"{'static ' if static else ''}void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"
+    return (
+        "\n".join([f"{'static ' if static else ''}void {name}({', '.join(parameters)})", "{", *unused, *lines, "}"])
+        + "\n"
+    )

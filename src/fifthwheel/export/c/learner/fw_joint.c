@@ -170,7 +170,7 @@ static int fw_is_valid(const fw_real *carry)
 void fw_joint_step(fw_real *carry, const fw_real *row, const fw_real *base, fw_update *update)
 {
     static const fw_update nothing = {.accepted = 0};
-    fw_linear model;
+    fw_linear model = {.before = {FW_REAL(0.0)}};
     fw_real previous[FW_EVIDENCE_COUNT];
     fw_real point[FW_Z_COUNT];
     *update = nothing;
