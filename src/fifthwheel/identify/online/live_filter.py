@@ -129,7 +129,7 @@ class LiveFilter:
         self.filter.end_segment()
         estimate = self.filter.estimate()
         first = dict(zip(self.problem.inputs, inputs, strict=True))
-        x, P, V = _initial_state(self.problem, self.learner, estimate.z, first)
+        x, P, V = start_state(self.problem, self.learner, estimate.z, first)
         before, after = self._steering.update(0.0, inputs, inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
@@ -222,7 +222,7 @@ def _discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> 
     return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
 
 
-def _initial_state(
+def start_state(
     problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
 ) -> tuple[Array, Array, Array]:
     """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
