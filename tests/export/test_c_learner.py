@@ -178,18 +178,18 @@ def test_saved_estimates_continue(passing: tuple[Learner, Path], lane: Record, t
     assert "damaged" in done.stderr
 
 
-def test_wrong_estimates_are_refused_without_effect(
+def test_wrong_estimates_are_refused_without_effect_and_a_reset_keeps_estimates(
     passing: tuple[Learner, Path], lane: Record, tmp_path: Path
 ) -> None:
     learner, program = passing
     shutil.copy(Path(__file__).parent / "storage.c", tmp_path)
     storage = compiled(learner, tmp_path, main="storage.c")
     done = subprocess.run([storage], input=csv_text(learner, lane), capture_output=True, text=True, check=True)
-    *rows, refused = done.stdout.splitlines()
+    *rows, found = done.stdout.splitlines()
     states, _ = replayed(program, learner, lane)
     sigma = 3 + (states.shape[1] - 3) // 2
     np.testing.assert_array_equal(np.array([row.split(",") for row in rows], dtype=float), states[:, [3, sigma]])
-    assert refused == "1,1,1,1"
+    assert found == "1,1,1,1,1"
 
 
 def test_the_folder_has_all_files_and_names_the_estimates(passing: tuple[Learner, Path], tmp_path: Path) -> None:

@@ -1,7 +1,10 @@
 """Estimators in other languages: C99 for a control unit.
 
-observer_model  the generated C of one observer: its step, matrices, names and constants
-project         the folder with library, build file and test program
+observer_model     the generated C of one observer: its step, matrices, names and constants
+learner_functions  the symbolic functions of one learner
+learner_model      the generated C of one learner: these functions, names and constants
+c_text             signals, numbers and tables as C
+project            the folder with library, build file and test program
 """
 
 from fifthwheel.export.project import FILES, LEARNER_FILES, export_c
