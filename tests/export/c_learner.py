@@ -20,17 +20,26 @@ Estimates = dict[str, tuple[float, float, str]]
 """Value, sigma and verdict by name."""
 
 
-def compiled(
-    learner: Learner, folder: Path, *flags: str, compiler: str | None = COMPILER, main: str = "replay.c"
-) -> Path:
-    """A program with an exported learner."""
+def compiled(learner: Learner, folder: Path, *flags: str, compiler: str | None = COMPILER) -> Path:
+    """The replay program of an exported learner; the folder keeps its object files."""
     export_c(learner, folder)
+    run(folder, *STRICT, *flags, "-c", *LEARNER_SOURCES, compiler=compiler)
+    return linked(folder, "replay.c", *flags, compiler=compiler)
+
+
+def linked(folder: Path, main: str, *flags: str, compiler: str | None = COMPILER) -> Path:
+    """A program of a main file and the object files of a folder."""
+    program, objects = Path(main).stem, [name.replace(".c", ".o") for name in LEARNER_SOURCES]
+    run(folder, *STRICT, *flags, main, *objects, "-lm", "-o", program, compiler=compiler)
+    return folder / program
+
+
+def run(folder: Path, *arguments: str, compiler: str | None) -> None:
+    """The compiler, which must have nothing to say."""
     assert compiler
-    command = [compiler, *STRICT, *flags, *LEARNER_SOURCES, main, "-lm", "-o", "replay"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run([compiler, *arguments], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[:2000]
     assert not done.stderr
-    return folder / "replay"
 
 
 def columns(learner: Learner) -> tuple[str, ...]:

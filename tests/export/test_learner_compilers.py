@@ -15,7 +15,7 @@ from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from tests.export.c_learner import compiled, csv_text, largest_deviation, largest_difference, pushed, replayed
+from tests.export.c_learner import compiled, csv_text, largest_deviation, largest_difference, linked, pushed, replayed
 from tests.export.cortex_m import CORES, MISSING, emulated
 from tests.export.test_c_observer import FAULTS, with_fault
 
@@ -57,7 +57,8 @@ def test_without_undefined_behaviour(
 def test_refusals_without_undefined_behaviour(learner: Learner, lane: Record, tmp_path: Path) -> None:
     shutil.copy(Path(__file__).parent / "storage.c", tmp_path)
     sanitizers = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    storage = compiled(learner, tmp_path, *sanitizers, main="storage.c")
+    compiled(learner, tmp_path, *sanitizers)
+    storage = linked(tmp_path, "storage.c", *sanitizers)
     subprocess.run([storage], input=csv_text(learner, lane), capture_output=True, text=True, check=True)
 
 
