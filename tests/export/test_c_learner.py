@@ -1,6 +1,7 @@
 """The exported learner in C against `Learner.push`, sample by sample, with faults of the signals."""
 
 import copy
+import math
 import shutil
 import subprocess
 from dataclasses import replace
@@ -198,3 +199,11 @@ def test_the_folder_has_all_files_and_names_the_estimates(passing: tuple[Learner
     header = (tmp_path / "fw_learner.h").read_text()
     assert "FW_ESTIMATE_TRACTOR_FRONT_CORNERING_STIFFNESS = 0, /* tractor.front.cornering_stiffness, N/rad */" in header
     assert not any("@" in (tmp_path / name).read_text() for name in LEARNER_FILES)
+
+
+def test_infinite_limits_are_large_numbers(guess: Vehicle, lane: Record, tmp_path: Path) -> None:
+    limits = LearnerSettings(max_gap=math.inf, max_steer_rate=math.inf)
+    export_c(Learner(guess, lane.signals, FIVE, learner=limits), tmp_path)
+    text = (tmp_path / "fw_learner_model.h").read_text()
+    assert "#define FW_MAX_GAP 1e+30 /* s */" in text
+    assert "#define FW_MAX_STEER_RATE FW_REAL(1e+30)" in text

@@ -27,8 +27,10 @@ from fifthwheel.native import c_code
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle.paths import unit_of
 
-NO_CHANNEL = -1
-ABSENT_CHANNEL = -2
+NO_CHANNEL, ABSENT_CHANNEL = -1, -2
+"""In place of the index of a channel: none is needed; it is not measured."""
+LARGEST = 1e30
+"""In place of an infinite setting: a number that fits into single precision."""
 
 
 def reported(learner: Learner) -> list[Unknown]:
@@ -145,8 +147,8 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     return "\n".join(
         [
             *(f"#define FW_{name} {size}" for name, size in sizes.items()),
-            *(f"#define FW_{name} {c_code.literal(float(value))}" for name, value in numbers.items()),
-            *(f"#define FW_{name} {float(value)!r} /* s */" for name, value in times.items()),
+            *(f"#define FW_{name} {c_code.literal(min(float(v), LARGEST))}" for name, v in numbers.items()),
+            *(f"#define FW_{name} {min(float(v), LARGEST)!r} /* s */" for name, v in times.items()),
         ]
     )
 

@@ -1,4 +1,5 @@
-/* Linear equations, and the covariance of the state under random steering. Included after the numbers of the vehicle. */
+/* Linear equations, and the covariance of the state under random steering. Included after the numbers of the
+   vehicle. */
 
 #ifndef FW_ALGEBRA_H
 #define FW_ALGEBRA_H

@@ -1,7 +1,8 @@
 /* Reads a log as CSV: "time" and the signals of fw_names in columns.
 
-   The first line names the columns, in any order. A unit in brackets must be the one of fw_units; without it the numbers count as SI.
-   Other columns are ignored. Without a line of names the columns are those of fw_names, in this order. "nan" or nothing: missing. */
+   The first line names the columns, in any order. A unit in brackets must be the one of fw_units; without it the numbers
+   count as SI. Other columns are ignored. Without a line of names the columns are those of fw_names, in this order.
+   "nan" or nothing: missing. */
 
 #ifndef FW_REPLAY_LOG_H
 #define FW_REPLAY_LOG_H

@@ -48,7 +48,7 @@ static int fw_has_diverged(const fw_real *carry)
     return (sum <= (FW_MAX_STATE * FW_MAX_STATE)) ? 0 : 1;
 }
 
-/* x += dx/dz (z - base), or back with sign -1. */
+/* Moves the state with the estimates, to first order: x += dx/dz (to - from). */
 static void fw_move_state(fw_real *carry, const fw_real *from, const fw_real *to)
 {
     for (int i = 0; i < FW_X_COUNT; i++) {

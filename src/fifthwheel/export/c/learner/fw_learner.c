@@ -1,4 +1,5 @@
-/* One sample of the learner: held inputs, excitation, steps of the filter, innovations and statuses. See fw_learner.h. */
+/* One sample of the learner: held inputs, excitation, steps of the filter, innovations and statuses. See
+   fw_learner.h. */
 
 #include "fw_private.h"
 #include "fw_step_length.h"
@@ -209,7 +210,8 @@ static int fw_take_measurements(const fw_sample *sample, fw_real *row)
 }
 
 /* Processes a sample with valid inputs. */
-static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample, double previous, fw_real *row, fw_status *status)
+static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample, double previous, fw_real *row,
+                                   fw_status *status)
 {
     const double time = sample->time;
     double gap = time - previous;

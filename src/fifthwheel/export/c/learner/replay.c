@@ -1,5 +1,5 @@
-/* Replays a log through the learner: CSV from standard input (replay_log.h), states to standard output, estimates to the
-   file that the first argument names, by default estimates.csv.
+/* Replays a log through the learner: CSV from standard input (replay_log.h), states to standard output, estimates to
+   the file that the first argument names, by default estimates.csv.
 
    An answer is time, status, whether it learned, then values and sigmas of the states. With a second argument, a file,
    the learner starts with the estimates that it contains, if it exists, and writes its own to it at the end. */
@@ -17,7 +17,8 @@ static int restore_from(fw_learner *learner, const char *path)
     FILE *file = fopen(path, "rb");
     int valid = 1;
     if (file != NULL) {
-        valid = (fread(&saved, sizeof saved, 1, file) == 1 && fw_learner_restore(learner, &saved) == FW_SUCCESS) ? 1 : 0;
+        valid = (fread(&saved, sizeof saved, 1, file) == 1) ? 1 : 0;
+        valid = (valid != 0 && fw_learner_restore(learner, &saved) == FW_SUCCESS) ? 1 : 0;
         (void)fclose(file);
     }
     return valid;
