@@ -21,6 +21,7 @@ from fifthwheel.observe import Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
+from tests.dynamics.test_lagrangian import b_double
 from tests.export.c_learner import (
     COMPILER,
     compiled,
@@ -123,6 +124,17 @@ def test_sensor_errors_and_verdicts(guess: Vehicle, truck: Vehicle, tmp_path: Pa
     signals["roll_rate.semitrailer"][:] = np.nan
     _, verdicts = assert_equal(learner, program, Record(time=record.time, signals=signals, name="without"))
     assert verdicts == {"converged", "not_excited", "not_identifiable"}
+
+
+@pytest.mark.slow
+def test_three_units_with_two_steered_axles(tmp_path: Path) -> None:
+    train = b_double()
+    record = simulate(train, count=1, seed=1)
+    steer = -0.1 * record.signals["steer.tractor.front"]
+    record = Record(time=record.time, signals={**record.signals, "steer.last.steered": steer}, name="train")
+    learner = Learner(train, record.signals, FIVE)
+    assert len(learner.live.problem.inputs) == 3
+    assert_equal(learner, compiled(learner, tmp_path), record)
 
 
 @pytest.mark.slow
