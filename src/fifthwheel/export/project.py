@@ -15,6 +15,7 @@ FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_mo
 """The files of an exported observer."""
 LEARNER_SOURCES = (
     "fw_learner.c",
+    "fw_inputs.c",
     "fw_learner_model.c",
     "fw_joint.c",
     "fw_start.c",

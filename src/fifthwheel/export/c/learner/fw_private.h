@@ -21,6 +21,12 @@ typedef struct {
     int diverged;
 } fw_update;
 
+/* fw_inputs.c */
+fw_status fw_hold_inputs(fw_learner *learner, const fw_sample *sample);
+int fw_has_settled(const fw_learner *learner, double time);
+void fw_restart_excitation(fw_learner *learner);
+int fw_is_excited(fw_learner *learner, fw_real dt, const fw_real *inputs);
+
 /* fw_joint.c */
 int fw_diagonal(int size, int i);
 void fw_to_values(const fw_real *z, fw_real *p);
