@@ -1,4 +1,4 @@
-"""The exported observer on emulated control units: flash, memory, stack and instructions of each sample.
+"""The exported observer and learner on emulated control units: flash, memory, stack and instructions of each sample.
 
     python benchmarks/cortex_m.py
 
@@ -16,12 +16,18 @@ import fifthwheel as fw
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.export.cortex_m import CORES, emulated
+from tests.export.cortex_m import CORES, Emulation, emulated
 
 
 def main() -> None:
     truck = fw.vehicle("cheng_cebon_2011")
-    record = fw.simulate(truck, count=1, seed=3).cut(0.0, 2.0)
+    record = fw.simulate(truck, count=1, seed=3).cut(0.0, 4.0)
+    print_observers(truck, record.cut(0.0, 2.0))
+    print_learners(truck, record)
+
+
+def print_observers(truck: fw.Vehicle, record: fw.Record) -> None:
+    """A row for each observer, core and option of the compiler."""
     rigid = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
     yaw = [name for name in record.signals if not name.startswith("roll_rate")]
     observers = {
@@ -34,11 +40,33 @@ def main() -> None:
     for name, observer in observers.items():
         for core in CORES:
             for option in ("-Os", "-O2"):
-                with tempfile.TemporaryDirectory() as folder:
-                    found = emulated(observer, record, core, Path(folder), option)
+                found = run(observer, record, core, option)
                 median, first = int(np.median(found.instructions[1:])), int(found.instructions[0])
                 sizes = f"{found.flash / 1e3:.0f} | {found.memory} | {found.stack} | {median} | {first}"
                 print(f"| {name} | {len(observer.model.states)} | {core} | {option} | {sizes} |", flush=True)
+
+
+def print_learners(truck: fw.Vehicle, record: fw.Record) -> None:
+    """A row for each learner. With -O2 the compiler needs minutes."""
+    learners = {
+        "five parameters": fw.Learner(truck, record.signals, fw.OneStage(priors={}, consider={}, nuisances=False)),
+        "default": fw.Learner(truck, record.signals),
+    }
+    sizes = "flash, KB | learner, KB | stack, KB | instructions a sample | with a second step | of the first"
+    print(f"| learner | estimated | considered | {sizes} |\n" + "|---" * 9 + "|")
+    for name, learner in learners.items():
+        found, layout = run(learner, record, "cortex-m7", "-Os"), learner.live.filter.layout
+        usual, most = np.percentile(found.instructions[1:], [50, 100])
+        sizes = (
+            f"{found.flash / 1e3:.0f} | {found.memory / 1e3:.0f} | {found.stack / 1e3:.1f} | {usual:.0f} | {most:.0f}"
+        )
+        print(f"| {name} | {layout.n_z} | {layout.n_c} | {sizes} | {found.instructions[0]:.0f} |", flush=True)
+
+
+def run(estimator: fw.Observer | fw.Learner, record: fw.Record, core: str, option: str) -> Emulation:
+    """An estimator on a core."""
+    with tempfile.TemporaryDirectory() as folder:
+        return emulated(estimator, record, core, Path(folder), option)
 
 
 if __name__ == "__main__":

@@ -33,35 +33,77 @@ MEASURED = (
     "fifthwheel export c --vehicle result/vehicle.toml --identification result/identification.json",
     "fifthwheel export c -v truck.toml --signal speed --signal steer.tractor.front --signal yaw_rate.tractor",
     "fifthwheel export c -v truck.toml --bank --out observer",
+    "fifthwheel export c -v truck.toml --learner --passes 0 --out learner",
     of=export_app,
 )
 def c(
     vehicle: options.VehicleOption,
-    identification: IdentificationOption = None,
+    identification: Annotated[
+        Path | None,
+        typer.Option(
+            "--identification",
+            "-i",
+            help="An identification.json: sensor errors and noise that all its logs share; of a learner, the settings.",
+        ),
+    ] = None,
     signal: Annotated[
         list[str] | None,
         typer.Option("--signal", help=f"A signal that the control unit has; may be repeated. {MEASURED}"),
     ] = None,
     min_speed: MinSpeedOption = 5.0,
     bank: BankOption = False,
+    learner: Annotated[
+        bool, typer.Option("--learner", help="Write the learner, which also estimates the parameters of the vehicle.")
+    ] = False,
+    passes: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of a learner: passes over a segment with excitation; 0 saves memory."),
+    ] = None,
+    segment: Annotated[
+        int | None, typer.Option(min=1, help="Of a learner: samples of such a segment; they stay in memory.")
+    ] = None,
     out: options.OutOption = Path("fifthwheel-c"),
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Write the state observer of a vehicle as a library in C99, with a build file and a test program.
+    """Write the state observer of a vehicle, or its learner, as a library in C99 with a build file and a test program.
 
-    The library needs no heap and, of the C library, only sqrt, fabs and ceil; it computes in double or, with
-    -DFW_FLOAT, in single precision. It treats missing samples, gaps and wrong measurements like `fifthwheel states`.
+    The library needs no heap and, of the C library, only sqrt, fabs, exp and ceil; it computes in double or, with
+    -DFW_FLOAT, in single precision. It treats missing samples, gaps and wrong measurements like `fifthwheel states`;
+    a learner does what `Learner` does in Python.
     """
-    from fifthwheel.export import FILES, export_c
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.export import FILES, LEARNER_FILES, export_c
+    from fifthwheel.identify import Identification
+    from fifthwheel.identify.online import Learner
+    from fifthwheel.observe import Observer
+    from fifthwheel.workflow import exported_learner, read_vehicle
 
-    observer = _observer(vehicle, identification, signal, min_speed, bank=bank)
+    estimator: Observer | Learner
+    if learner:
+        if bank:
+            raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
+        stored = Identification.load(identification) if identification else None
+        estimator = exported_learner(
+            read_vehicle(vehicle), signal, stored, min_speed=min_speed, passes=passes, segment=segment
+        )
+        problem = estimator.live.problem
+        described = {
+            "inputs": problem.inputs,
+            "measured": problem.outputs,
+            "estimated": tuple(u.name for u in problem.estimated),
+        }
+    else:
+        if passes is not None or segment is not None:
+            raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
+        estimator = _observer(vehicle, identification, signal, min_speed, bank=bank)
+        described = {"inputs": estimator.inputs, "measured": estimator.outputs, "states": estimator.reported}
     read = [Path(vehicle), *([identification] if identification else [])]
-    with result_folder(out, "export c", FILES, inputs=read, force=force) as folder:
-        files = {path.name: path for path in export_c(observer, folder)}
+    names = LEARNER_FILES if learner else FILES
+    with result_folder(out, "export c", names, inputs=read, force=force) as folder:
+        files = {path.name: path for path in export_c(estimator, folder)}
         files = terminal.in_folder(out, files)
     if as_json:
-        described = {"inputs": observer.inputs, "measured": observer.outputs, "states": observer.reported}
         terminal.print_json(described | {"files": terminal.as_text(files)})
     else:
         terminal.print_files(files)

@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.export.c_text import enumerations, table, texts
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
 from fifthwheel.names import SignalName
 from fifthwheel.native import c_code
@@ -18,25 +18,10 @@ from fifthwheel.observe.observer_model import SUSPECT_STEER_SIGMA
 from fifthwheel.record.signal_names import si_unit
 
 
-def identifier(prefix: str, signal: str) -> str:
-    """Name of a signal as an enumerator of C: FW_INPUT_STEER_TRACTOR_FRONT for steer.tractor.front."""
-    return f"FW_{prefix}_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in signal).upper()
-
-
 def header(observer: Observer) -> str:
     """Enumerations of the signals and sizes, for the public header."""
     groups = {"INPUT": observer.inputs, "MEASURED": observer.outputs, "STATE": observer.reported}
-    lines: list[str] = []
-    for prefix, names in groups.items():
-        identifiers = [identifier(prefix, name) for name in names]
-        if len(set(identifiers)) < len(names):
-            raise FifthwheelError(f"{', '.join(names)}: two names are equal in C; rename a unit in the vehicle file")
-        lines += [f"#define FW_{prefix}_COUNT {len(names)}", f"enum fw_{prefix.lower()} {{"]
-        lines += [
-            f"    {key} = {i}, /* {n}, {si_unit(n)} */"
-            for i, (key, n) in enumerate(zip(identifiers, names, strict=True))
-        ]
-        lines += ["};", ""]
+    lines = enumerations({prefix: {n: str(si_unit(n)) for n in names} for prefix, names in groups.items()})
     return "\n".join(
         [*lines, f"#define FW_CARRY_COUNT {observer.scan.n_carry} /* numbers in the state of the filter */"]
     )
@@ -84,19 +69,14 @@ def source(observer: Observer) -> str:
             *(f"#define FW_{name} {c_code.literal(float(value))}" for name, value in numbers.items()),
             *(f"#define FW_{name} {value!r} /* s */" for name, value in times.items()),
             "",
-            *(c_code.table(f"fw_{name}", values) for name, values in tables.items()),
-            _texts("names", columns),
-            _texts("units", [str(si_unit(name)) for name in columns]),
+            *(table(name, values) for name, values in tables.items()),
+            texts("names", columns),
+            texts("units", [str(si_unit(name)) for name in columns]),
             "",
             c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
             c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
         ]
     )
-
-
-def _texts(name: str, texts: Iterable[str]) -> str:
-    quoted = [f'"{text}"' for text in texts]
-    return f"const char *const fw_{name}[{len(quoted)}] = {{{', '.join(quoted)}}};"
 
 
 def _matrices(observer: Observer) -> ca.Function:

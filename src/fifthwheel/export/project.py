@@ -1,23 +1,47 @@
 """The folder of a C library."""
 
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
 from fifthwheel import __version__
 from fifthwheel._atomic import atomic_write
-from fifthwheel.export import observer_model
+from fifthwheel.export import learner_model, observer_model
+from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer
 
-FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_model.h", "replay.c")
+SHARED = ("fw_math.h", "fw_algebra.h", "fw_step_length.h", "replay_log.h")
+FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_model.h", *SHARED, "replay.c")
 """The files of an exported observer."""
+LEARNER_SOURCES = (
+    "fw_learner.c",
+    "fw_inputs.c",
+    "fw_learner_model.c",
+    "fw_joint.c",
+    "fw_start.c",
+    "fw_segment.c",
+    "fw_estimates.c",
+    "fw_storage.c",
+)
+LEARNER_FILES = (
+    "README.md",
+    "CMakeLists.txt",
+    "fw_learner.h",
+    *LEARNER_SOURCES,
+    "fw_learner_model.h",
+    "fw_private.h",
+    *SHARED,
+    "replay.c",
+)
+"""The files of an exported learner."""
 
 
-def export_c(observer: Observer, folder: str | Path) -> list[Path]:
-    """Write an observer as a library in C99, with its build file and a test program.
+def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:
+    """Write an observer or a learner as a library in C99, with its build file and a test program.
 
     Args:
-        observer: with vehicle, signals and settings; its present state is not exported.
-        folder: for `FILES`; made if it does not exist.
+        estimator: with vehicle, signals and settings; its present state and estimates are not exported.
+        folder: for `FILES` or `LEARNER_FILES`; made if it does not exist.
 
     Returns:
         The files.
@@ -31,39 +55,52 @@ def export_c(observer: Observer, folder: str | Path) -> list[Path]:
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> observer = fw.Observer(truck, ["speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"])
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     [path.name for path in fw.export_c(observer, folder)]
-        ['README.md', 'CMakeLists.txt', 'fw_observer.h', 'fw_observer.c', 'fw_model.h', 'replay.c']
+        ...     [path.name for path in fw.export_c(observer, folder)][:5]
+        ['README.md', 'CMakeLists.txt', 'fw_observer.h', 'fw_observer.c', 'fw_model.h']
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in texts(observer).items():
+    texts = learner_texts(estimator) if isinstance(estimator, Learner) else observer_texts(estimator)
+    for name, text in texts.items():
         with atomic_write(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    return [folder / name for name in FILES]
+    return [folder / name for name in texts]
 
 
-def texts(observer: Observer) -> dict[str, str]:
+def observer_texts(observer: Observer) -> dict[str, str]:
     """The content of each of `FILES`.
 
     Raises:
         FifthwheelError: two signals have the same name in C.
     """
     numbers = 2 + 3 * len(observer.inputs) + observer.scan.n_carry
-    names = {
-        "TITLE": "".join(c for c in observer.vehicle.name if c.isalnum() or c in " -_.,()"),
-        "VERSION": __version__,
-        "COLUMNS": ", ".join((*observer.inputs, *observer.outputs)),
+    marks = _common(observer.vehicle.name, (*observer.inputs, *observer.outputs)) | {
         "BYTES": str(8 * numbers + 8),
         "ENUMERATIONS": observer_model.header(observer),
         "MODEL": observer_model.source(observer),
     }
-    sources, result = resources.files("fifthwheel.export") / "c", {}
-    for name in FILES:
-        given = sources / name
-        if given.is_file():
-            result[name] = given.read_text(encoding="utf-8")
-        else:
-            result[name] = (sources / f"{name}.in").read_text(encoding="utf-8")
-            for key, value in names.items():
-                result[name] = result[name].replace(f"@{key}@", value)
-    return result
+    return {name: _text("", name, marks) for name in FILES}
+
+
+def learner_texts(learner: Learner) -> dict[str, str]:
+    """The content of each of `LEARNER_FILES`."""
+    problem = learner.live.problem
+    marks = _common(problem.vehicle.name, (*problem.inputs, *problem.outputs)) | learner_model.texts_of(learner)
+    return {name: _text("" if name in SHARED else "learner", name, marks) for name in LEARNER_FILES}
+
+
+def _common(vehicle: str, columns: Sequence[str]) -> dict[str, str]:
+    title = "".join(c for c in vehicle if c.isalnum() or c in " -_.,()")
+    return {"TITLE": title, "VERSION": __version__, "COLUMNS": ", ".join(columns)}
+
+
+def _text(folder: str, name: str, marks: Mapping[str, str]) -> str:
+    """Content of a file, made from that of a folder of this package; `marks` are replaced."""
+    place = resources.files("fifthwheel.export") / "c" / folder
+    given = place / name
+    if given.is_file():
+        return given.read_text(encoding="utf-8")
+    text = (place / f"{name}.in").read_text(encoding="utf-8")
+    for key, value in marks.items():
+        text = text.replace(f"@{key}@", value)
+    return text

@@ -52,14 +52,14 @@ def steady_initial_state(
             for name in vehicle.steer_signals()
         ]
     )
-    return _equilibrium(m, m.B[:-1] @ steer + m.A[:-1, -1] * bank), m
+    return equilibrium(m, m.B[:-1] @ steer + m.A[:-1, -1] * bank), m
 
 
-def _equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
-    """x (n,) with A x + excitation = 0, without the bank; zero for an unstable vehicle."""
+def equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
+    """x (n,) or (n, k) with A x + excitation = 0, without the bank; zero for an unstable vehicle."""
     A = m.A[:-1, :-1]
     stable = np.linalg.eigvals(A).real.max() < 0
-    return np.asarray(-np.linalg.solve(A, excitation) if stable else np.zeros(len(A)), dtype=np.float64)
+    return np.asarray(-np.linalg.solve(A, excitation) if stable else np.zeros_like(excitation), dtype=np.float64)
 
 
 def bank_effect(m: dynamics.Matrices) -> Array:
@@ -68,7 +68,7 @@ def bank_effect(m: dynamics.Matrices) -> Array:
     Args:
         m: with the bank as a state.
     """
-    return np.append(_equilibrium(m, m.A[:-1, -1]), 1.0)
+    return np.append(equilibrium(m, m.A[:-1, -1]), 1.0)
 
 
 def steer_effects(m: dynamics.Matrices) -> Array:
@@ -77,7 +77,7 @@ def steer_effects(m: dynamics.Matrices) -> Array:
     Args:
         m: with the bank as a state.
     """
-    return np.array([np.append(_equilibrium(m, column), 0.0) for column in m.B[:-1].T]).reshape(-1, len(m.A))
+    return np.array([np.append(equilibrium(m, column), 0.0) for column in m.B[:-1].T]).reshape(-1, len(m.A))
 
 
 def initial_state(

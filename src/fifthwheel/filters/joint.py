@@ -15,17 +15,16 @@ This filter adds:
 """
 
 import functools
-from collections.abc import Callable
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.dual import PRECISION, Scaling, symbolic_to_p
-from fifthwheel.filters.kalman import Noise, observe, predict
+from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.joint_equations import Carried, Channel, correct, linearise, reported_values
+from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack, packed_size, sizes, split, unpack
-from fifthwheel.filters.update import gate, joseph
 from fifthwheel.native import Scan, compiled
 
 LANES = 2
@@ -97,93 +96,26 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     weight = weight * (1 - diverged)
 
     base_z = z + use_given * (given_z - z)
-    point = ca.vertcat(base_z, ca.SX.zeros(n_p - n_z))
-    symbol = ca.SX.sym("z", n_p)
-    p_of_z = symbolic_to_p(logarithmic, symbol, centre, scale)
-    p = ca.substitute(p_of_z, symbol, point)
-
-    def wrt_z(function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
-        """Derivatives of the outputs of a function of (*arguments, p, c) with respect to z at a fixed state."""
-        outputs = function.call([*arguments, p_of_z, c])
-        return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [point])
-
     # the state that belongs to base_z; the end of the step returns to that of z
     x_base = x + V[:, :n_z] @ (base_z - z)
-    before, P, F = predict(model, x_base, P, dt, d, p, c, unpack(q, n_x))
-    V = _sensitivity(model, wrt_z, F, V, x_base, before, dt, d)
+    before, F, slopes, predicted, H, direct = linearise(model, logarithmic, x_base, base_z, dt, d, c, centre, scale)
+    P = ca.mtimes([F, P, F.T]) + unpack(q, n_x) * dt
+    V = F @ (V + dt / 2 * slopes[0]) + dt / 2 * slopes[1] if len(slopes) == 2 else F @ V + slopes[0]
     Pz = Pz + ca.diag(walk * dt * ca.fmax(1 - ca.diag(Pz), 0))
-    predicted, H = observe(model, before, d, p, c)
-    (direct,) = wrt_z(model.observation, before, d)
-    x, used, normalised = before, [], []
+    carried = Carried(before, P, V, z, Pz, B, gradient, information)
+    used, normalised = [], []
     for i in range(n_y):
-        row = H[i, :]
-        both = row @ V + direct[i, :]
-        psi = both[:n_z]
-        rho = both[n_z:] + psi @ B
-        innovation_at_base = y[i] - predicted[i] - row @ (x - before)  # with z = base_z
-        innovation = innovation_at_base - psi @ (z - base_z)
-        cross, cross_z = P @ row.T, Pz @ psi.T
-        of_state, of_parameters, of_considered = row @ cross + r[i], psi @ cross_z, ca.sumsqr(rho)
-        total = of_state + of_parameters + of_considered
-        accepted = gate(innovation, total, weight[i], limit)
-        noise_z = ca.fmax(of_state, PRECISION * of_parameters)
-        gain_z = accepted * learn * cross_z / (of_parameters + noise_z)
-        # without learning, the gain of the state is optimal for P + V Pz V'
-        uncertain = 1 - learn
-        gain = accepted * (cross + uncertain * (V[:, :n_z] @ cross_z)) / (of_state + uncertain * of_parameters)
-        z = ca.fmin(ca.fmax(z + gain_z * innovation, lower), upper)
-        V = V - gain @ both
-        x = x + gain * innovation_at_base
-        P = joseph(P, cross, gain, row, r[i])
-        Pz = _corrected_covariance(Pz, cross_z, gain_z, of_parameters + noise_z)
-        B = B - gain_z @ rho
-        evidence = accepted * learn * rho.T / (of_state + of_parameters)
-        gradient = gradient - evidence * innovation
-        information = information + evidence * rho.T
+        channel = Channel(y[i], weight[i], r[i], predicted[i], H[i, :], direct[i, :])
+        carried, accepted, innovation = correct(carried, channel, before, base_z, learn, limit, (lower, upper))
         used.append(accepted)
-        normalised.append(weight[i] * innovation / ca.sqrt(total))
+        normalised.append(innovation)
+    x, P, V, z, Pz, B, gradient, information = carried
     x = x + V[:, :n_z] @ (z - base_z)
     estimate = ca.vertcat(z, pack(Pz), ca.vec(B), gradient, information)
     valid = ca.logic_and(ca.sumsqr(estimate) <= MAX_ESTIMATE**2, ca.mmin(ca.diag(Pz)) > 0)  # false if not a number
-    carried = ca.vertcat(x, pack(P), ca.vec(V), ca.if_else(valid, estimate, previous))
+    result = ca.vertcat(x, pack(P), ca.vec(V), ca.if_else(valid, estimate, previous))
     output = ca.densify(ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid))))
-    return ca.Function("joint", [carry, sample, constant], [ca.densify(carried), output], {"cse": True})
-
-
-def _sensitivity(
-    model: Model,
-    wrt_z: Callable[..., list[ca.SX]],
-    F: ca.SX,
-    V: ca.SX,
-    x: ca.SX,
-    later: ca.SX,
-    dt: ca.SX,
-    d: ca.SX,
-) -> ca.SX:
-    """dx/dz (n_x, n_p) at the end of a step.
-
-    If the model has `rates`, the derivative of x' with respect to z is integrated by the trapezoidal rule, which needs
-    fewer operations than the derivative of the transition.
-    """
-    rates: ca.Function | None = getattr(model, "rates", None)
-    if rates is None:
-        return F @ V + wrt_z(model.transition, x, dt, d)[0]
-    first, last = wrt_z(rates, x, later, dt, d)
-    return F @ (V + dt / 2 * first) + dt / 2 * last
-
-
-def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance: ca.SX) -> ca.SX:
-    """(I - K h) P (I - K h)' + K r K' for any gain K, from cross = P h' and the variance of the innovation.
-
-    The products are expanded and only the lower triangle is computed: a third of the operations of Joseph's form.
-    """
-    n = covariance.shape[0]
-    difference = cross - variance * gain
-    corrected = ca.SX(n, n)
-    for j in range(n):
-        for i in range(j, n):
-            corrected[i, j] = corrected[j, i] = covariance[i, j] - gain[i] * cross[j] - difference[i] * gain[j]
-    return corrected
+    return ca.Function("joint", [carry, sample, constant], [ca.densify(result), output], {"cse": True})
 
 
 def constants(c: Array, noise: Noise, scaling: Scaling, walk: Array) -> Array:
@@ -224,11 +156,7 @@ def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: 
     x, P, V, z, Pz, B, _, _ = split(carry, lengths)
     c, centre, scale = split(constant, [n_c, n_p, n_p])
     P, Pz, V, B = unpack(P, n_x), unpack(Pz, n_z), ca.reshape(V, n_x, n_p), ca.reshape(B, n_z, n_p - n_z)
-    x_and_z = ca.SX.sym("x_and_z", n_states + n_p)
-    p = symbolic_to_p(logarithmic, x_and_z[n_states:], centre, scale)
-    reported = report.observation(x_and_z[:n_states], d, p, c)
-    at = ca.vertcat(x[:n_states], z, ca.SX.zeros(n_p - n_z))
-    reported, slopes = ca.substitute([reported, ca.jacobian(reported, x_and_z)], [x_and_z], [at])
+    reported, slopes = reported_values(report, logarithmic, x[:n_states], z, d, c, centre, scale)
     variances = []
     for i in range(reported.shape[0]):
         row = slopes[i, :n_states]

@@ -125,8 +125,8 @@ class RelinearisedFilter:
         self.carry = carry = np.zeros((layout.size, joint.LANES))
         self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
         self.output = output = np.zeros((self.scan.n_output, joint.LANES))
-        self._constant = joint.constants(c, noise, scaling, walk)
-        self._addresses = tuple(a.ctypes.data for a in (carry, sample, self._constant, output))
+        self.constant = joint.constants(c, noise, scaling, walk)
+        self._addresses = tuple(a.ctypes.data for a in (carry, sample, self.constant, output))
         self.row: Any = (ctypes.c_double * sample.size).from_buffer(sample.data)
         self.out: Any = (ctypes.c_double * output.size).from_buffer(output.data)
         k = 1 + n_d + 2 * n_y + 1  # length of [dt, d, y, weight, learn]
@@ -280,7 +280,7 @@ class RelinearisedFilter:
         rows[:, : samples.shape[1]] = samples[:, :, None]
         rows[:, samples.shape[1] :] = base[:, None]
         output = np.empty((len(samples), *self.output.shape))
-        arrays = (carry, rows, self._constant, output)
+        arrays = (carry, rows, self.constant, output)
         self.scan.vector(len(rows), 1, *[a.ctypes.data for a in arrays])
         return bool(output[:, -1, 1].any())
 

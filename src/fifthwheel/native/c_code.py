@@ -5,7 +5,7 @@ The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and function
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 
@@ -28,13 +28,9 @@ def literal(value: float) -> str:
     return f"FW_REAL({value!r})"
 
 
-def table(name: str, values: Iterable[float]) -> str:
-    """C99 of a constant array."""
-    numbers = [literal(float(value)) for value in values]
-    return f"static const fw_real {name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
-
-
-def function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
+def function(
+    step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str], *, static: bool = True
+) -> str:
     """C99 of `static void name(const fw_real *argument, ..., fw_real *result, ...)`.
 
     All arguments are read before the first result is written, so a result may be the memory of an argument.
@@ -43,6 +39,7 @@ def function(step: ca.Function, name: str, arguments: Sequence[str], results: Se
         step: with dense column vectors as arguments and results.
         name: of the function.
         arguments, results: names of the pointers.
+        static: whether only its own file can call it.
 
     Raises:
         NotImplementedError: an operation of the step cannot be translated.
@@ -95,4 +92,4 @@ def function(step: ca.Function, name: str, arguments: Sequence[str], results: Se
     lines += [f"    {results[place]}[{element}] = {value};" for place, element, value in stores]
     lines += [f"    (void){name};" for place, name in enumerate(arguments) if place not in read]
     parameters = [*(f"const fw_real *{a}" for a in arguments), *(f"fw_real *{r}" for r in results)]
-    return "\n".join([f"static void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"
+    return "\n".join([f"{'static ' if static else ''}void {name}({', '.join(parameters)})", "{", *lines, "}"]) + "\n"

@@ -11,6 +11,7 @@ from fifthwheel.workflow.axle_loads import (
 from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
+from fifthwheel.workflow.learner import exported_learner
 from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
@@ -30,6 +31,7 @@ __all__ = [
     "axle_load_differences",
     "check_record",
     "design_run",
+    "exported_learner",
     "exported_observer",
     "one_stage_settings",
     "read_records",

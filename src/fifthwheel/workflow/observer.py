@@ -32,20 +32,34 @@ def exported_observer(
         SignalError: the signals are not sufficient, or an observer of the vehicle does not use one of them.
         VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
+    available = available_signals(vehicle, signals, identification)
+    changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank}
+    settings = identification.observer_settings(**changes) if identification else ObserverSettings(**changes)
+    observer = Observer(vehicle, available, settings)
+    require_used(signals, (*observer.inputs, *observer.outputs), f"an observer of {vehicle.name}")
+    return observer
+
+
+def available_signals(
+    vehicle: Vehicle, signals: Sequence[str] | None, identification: Identification | None
+) -> Sequence[str]:
+    """The signals of a control unit; arguments and default as in `exported_observer`.
+
+    Raises:
+        VehicleError: the identification is of another vehicle.
+    """
     if identification is not None and identification.vehicle.parameters().keys() != vehicle.parameters().keys():
         raise VehicleError(
             f"{vehicle.name}: its units or axles are not those of the identification, which is of "
             f"{identification.vehicle.name}; give the vehicle.toml of the same result"
         )
-    changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank}
-    if identification is not None:
-        observer = Observer(vehicle, signals or identification.signals, identification.observer_settings(**changes))
-    else:
-        rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in vehicle.units]
-        signals = signals or ("speed", *vehicle.steer_signals(), *rates)
-        observer = Observer(vehicle, signals, ObserverSettings(**changes))
-    known = {*observer.inputs, *observer.outputs}
+    rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in vehicle.units]
+    default = identification.signals if identification is not None else ("speed", *vehicle.steer_signals(), *rates)
+    return signals or default
+
+
+def require_used(signals: Sequence[str] | None, known: Sequence[str], estimator: str) -> None:
+    """A SignalError if a given signal is not among those that an estimator uses."""
     for name in signals or ():
         if name not in known:
-            raise SignalError(f"{name}: no signal that an observer of {vehicle.name} uses; {suggestion(name, known)}")
-    return observer
+            raise SignalError(f"{name}: no signal that {estimator} uses; {suggestion(name, known)}")

@@ -1,4 +1,4 @@
-"""An exported observer on an emulated Cortex-M: gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm."""
+"""An exported estimator on an emulated Cortex-M: gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm."""
 
 import re
 import shutil
@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.export import export_c
+from fifthwheel.export.project import LEARNER_SOURCES
+from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
 
@@ -31,45 +33,67 @@ class Emulation:
     flash: int
     """Bytes of code and constants of the library."""
     memory: int
-    """Bytes of the observer, and of the stack at its deepest by `-fstack-usage`."""
+    """Bytes of the estimator, and of the stack at its deepest by `-fstack-usage`."""
     stack: int
     instructions: np.ndarray
     """Of each push."""
 
 
-def emulated(observer: Observer, record: Record, core: str, folder: Path, optimisation: str = "-O2") -> Emulation:
+CALLS = {
+    "observer": ("fw_observer_push", "fw_start|fw_step|fw_subdivide", "fw_matrices|fw_random_steer|fw_solve"),
+    "learner": (
+        "fw_learner_push",
+        "fw_advance",
+        "fw_end_segment",
+        "fw_finish_passes",
+        "fw_joint_step",
+        "fw_correct|fw_linearise",
+    ),
+}
+"""The deepest chain of calls; of several functions the one that needs most. An inlined function needs nothing."""
+
+
+def emulated(
+    estimator: Observer | Learner, record: Record, core: str, folder: Path, optimisation: str = "-O2"
+) -> Emulation:
     """Replay a record in single precision on an emulated core."""
     unit, board = CORES[core]
-    export_c(observer, folder)
-    columns = [record.time, *[record.signals[name] for name in (*observer.inputs, *observer.outputs)]]
+    export_c(estimator, folder)
+    kind = "learner" if isinstance(estimator, Learner) else "observer"
+    signals = estimator.live.problem if isinstance(estimator, Learner) else estimator
+    columns = [record.time, *[record.signals[name] for name in (*signals.inputs, *signals.outputs)]]
     table = np.column_stack(columns)
     rows = ",\n".join("{" + ", ".join(map(repr, row)) + "}" for row in table.tolist()).replace("nan", "(0.0 / 0.0)")
     text = f"#define ROWS {len(table)}\nstatic const double samples[ROWS][{table.shape[1]}] = {{\n{rows}}};\n"
     (folder / "log.h").write_text(text)
+    names = [f"typedef fw_{kind} estimator;", *(f"#define estimator_{k} fw_{kind}_{k}" for k in ("init", "push"))]
+    (folder / "estimator.h").write_text("\n".join([f'#include "fw_{kind}.h"', *names, ""]))
     here = Path(__file__).parent
     for name in ("startup.c", "main.c", "memory.ld"):
         shutil.copy(here / name, folder)
     target = [GCC, f"-mcpu={core}", "-mthumb", "-mfloat-abi=hard", f"-mfpu={unit}", "-DFW_FLOAT", optimisation]
 
     def run(*command: str) -> str:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=900)
         assert done.returncode == 0, done.stderr[:2000]
         return done.stdout
 
-    run(*target, "-std=c99", "-fstack-usage", "-c", "fw_observer.c", "-o", "observer.o")
+    sources = LEARNER_SOURCES if kind == "learner" else ("fw_observer.c",)
+    objects = [name.replace(".c", ".o") for name in sources]
+    run(*target, "-std=c99", "-fstack-usage", "-c", *sources)
     start = run(*target, "--specs=rdimon.specs", "--print-file-name=rdimon-crt0.o").strip()
     program = [*target, "-std=gnu99", "--specs=rdimon.specs", "-nostartfiles", "-T", "memory.ld", "startup.c", "main.c"]
-    run(*program, "observer.o", start, "-lc", "-lrdimon", "-lm", "-o", "program.elf")
+    run(*program, *objects, start, "-lc", "-lrdimon", "-lm", "-o", "program.elf")
     machine = ["-M", board, "-cpu", core, "-nographic", "-icount", "shift=0", "-kernel", "program.elf"]
     output = run(QEMU, *machine, "-semihosting-config", "enable=on,target=native")
     values = np.array([[float(x) for x in line.split(",")] for line in output.splitlines() if line.count(",") > 2])
-    usage = dict(re.findall(r":(\w+)\t(\d+)\t", (folder / "observer.su").read_text()))
-    deepest = max(int(usage.get(name, 0)) for name in ("fw_step", "fw_start", "fw_subdivide"))
-    inner = max(int(usage.get(name, 0)) for name in ("fw_solve", "fw_random_steer", "fw_matrices"))
+    memory = re.search(r"(\d+) bytes", output)
+    assert memory
+    usage = dict(re.findall(r":(\w+)[.\w]*\t(\d+)\t", "".join(path.read_text() for path in folder.glob("fw_*.su"))))
     return Emulation(
         rows=values[:, 1:],
-        flash=int(run(SIZE, "observer.o").splitlines()[1].split()[0]),
-        memory=8 * (2 + len(observer.inputs)) + 4 * (2 * len(observer.inputs) + observer.scan.n_carry + 1),
-        stack=int(usage["fw_observer_push"]) + deepest + inner,
+        flash=sum(int(line.split()[0]) for line in run(SIZE, *objects).splitlines()[1:]),
+        memory=int(memory[1]),
+        stack=sum(max(int(usage.get(name, 0)) for name in names.split("|")) for names in CALLS[kind]),
         instructions=INSTRUCTIONS_PER_TICK * values[:, 0],
     )

@@ -1,6 +1,6 @@
 /* Replays the samples of log.h, and prints the ticks of the processor clock that each push takes. */
 
-#include "fw_observer.h"
+#include "estimator.h"
 #include "log.h"
 
 #include <stdint.h>
@@ -13,9 +13,10 @@
 
 int main(void)
 {
-    static fw_observer observer;
+    static estimator unit;
     static fw_states states;
-    fw_observer_init(&observer);
+    estimator_init(&unit);
+    printf("%lu bytes\n", (unsigned long)sizeof unit);
     SYST_RVR = LONGEST;
     SYST_CVR = 0;
     SYST_CSR = 5;
@@ -31,7 +32,7 @@ int main(void)
             sample.measured[i] = (fw_real)samples[k][1 + FW_INPUT_COUNT + i];
         }
         before = SYST_CVR;
-        (void)fw_observer_push(&observer, &sample, &states);
+        (void)estimator_push(&unit, &sample, &states);
         used = (before - SYST_CVR) & LONGEST;
         printf("%lu,%d", (unsigned long)used, (int)states.status);
         for (int i = 0; i < FW_STATE_COUNT; i++) {

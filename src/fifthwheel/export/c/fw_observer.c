@@ -5,6 +5,8 @@
 
 #include "fw_observer.h"
 #include "fw_model.h"
+#include "fw_algebra.h"
+#include "fw_step_length.h"
 
 #include <math.h>
 #include <stdbool.h>
@@ -14,130 +16,9 @@
 #define FW_NIS (FW_OUTPUTS - 2)
 #define FW_RESTART (FW_OUTPUTS - 1)
 #define FW_SAMPLE (1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
-#define FW_N FW_MODEL_STATES    /* states of the vehicle, without the bank of the road */
 #define FW_U (1 + FW_STEER_COUNT) /* unknowns: the bank of the road and the offsets of the steer angles */
-#define FW_L (FW_MODEL_STATES + 1) /* with the low-pass of the steer angle */
 #define FW_MAX_STEPS 100000.0
 #define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
-#define FW_SMITH_POLE FW_REAL(10.0) /* rad/s; any positive number gives the same solution */
-#define FW_SMITH_DOUBLINGS 24
-
-/* Solves a x = b for `columns` right sides by Gaussian elimination; b becomes x. Returns 0 if a is singular. */
-static int fw_solve(int size, fw_real *a, int columns, fw_real *b)
-{
-    for (int i = 0; i < size; i++) {
-        int pivot = i;
-        for (int row = i + 1; row < size; row++) {
-            if (FW_ABS(a[(row * size) + i]) > FW_ABS(a[(pivot * size) + i])) {
-                pivot = row;
-            }
-        }
-        if (!(FW_ABS(a[(pivot * size) + i]) > FW_REAL(0.0))) {
-            return 0;
-        }
-        for (int j = 0; (pivot != i) && (j < size); j++) {
-            const fw_real swap = a[(i * size) + j];
-            a[(i * size) + j] = a[(pivot * size) + j];
-            a[(pivot * size) + j] = swap;
-        }
-        for (int j = 0; (pivot != i) && (j < columns); j++) {
-            const fw_real swap = b[(i * columns) + j];
-            b[(i * columns) + j] = b[(pivot * columns) + j];
-            b[(pivot * columns) + j] = swap;
-        }
-        for (int row = i + 1; row < size; row++) {
-            const fw_real factor = a[(row * size) + i] / a[(i * size) + i];
-            for (int j = i; j < size; j++) {
-                a[(row * size) + j] -= factor * a[(i * size) + j];
-            }
-            for (int j = 0; j < columns; j++) {
-                b[(row * columns) + j] -= factor * b[(i * columns) + j];
-            }
-        }
-    }
-    for (int i = size - 1; i >= 0; i--) {
-        for (int j = 0; j < columns; j++) {
-            for (int k = i + 1; k < size; k++) {
-                b[(i * columns) + j] -= a[(i * size) + k] * b[(k * columns) + j];
-            }
-            b[(i * columns) + j] /= a[(i * size) + i];
-        }
-    }
-    return 1;
-}
-
-/* Stationary covariance p (FW_L x FW_L) of low-pass and vehicle for a steer angle of variance 1: A p + p A' + Q = 0.
-   Smith's method: with C = (A - s I)^-1 (A + s I) it is the sum of C^k D C'^k, doubled in each round. */
-static void fw_random_steer(const fw_real *a, const fw_real *b, fw_real *p)
-{
-    fw_real left[FW_L * FW_L];
-    fw_real c[FW_L * FW_L];
-    fw_real e[FW_L];
-    fw_real work[FW_L * FW_L];
-    for (int i = 0; i < FW_L; i++) {
-        for (int j = 0; j < FW_L; j++) {
-            fw_real value = FW_REAL(0.0);
-            if ((i < FW_N) && (j < FW_N)) {
-                value = a[(i * FW_N) + j];
-            } else if (i < FW_N) {
-                value = b[i * FW_STEER_COUNT];
-            } else if (j == FW_N) {
-                value = -FW_STEER_RATE;
-            } else {
-                /* the low-pass does not depend on the vehicle */
-            }
-            left[(i * FW_L) + j] = value - ((i == j) ? FW_SMITH_POLE : FW_REAL(0.0));
-            c[(i * FW_L) + j] = value + ((i == j) ? FW_SMITH_POLE : FW_REAL(0.0));
-            work[(i * FW_L) + j] = left[(i * FW_L) + j];
-        }
-        e[i] = (i == FW_N) ? FW_REAL(1.0) : FW_REAL(0.0);
-    }
-    if ((fw_solve(FW_L, left, FW_L, c) == 0) || (fw_solve(FW_L, work, 1, e) == 0)) {
-        return;
-    }
-    for (int i = 0; i < FW_L; i++) {
-        for (int j = 0; j < FW_L; j++) {
-            p[(i * FW_L) + j] = FW_REAL(4.0) * FW_STEER_RATE * FW_SMITH_POLE * e[i] * e[j];
-        }
-    }
-    for (int round = 0; round < FW_SMITH_DOUBLINGS; round++) {
-        fw_real largest = FW_REAL(0.0);
-        for (int i = 0; i < FW_L; i++) { /* left = c p */
-            for (int j = 0; j < FW_L; j++) {
-                fw_real sum = FW_REAL(0.0);
-                for (int k = 0; k < FW_L; k++) {
-                    sum += c[(i * FW_L) + k] * p[(k * FW_L) + j];
-                }
-                left[(i * FW_L) + j] = sum;
-            }
-        }
-        for (int i = 0; i < FW_L; i++) { /* p += left c' */
-            for (int j = 0; j < FW_L; j++) {
-                fw_real sum = FW_REAL(0.0);
-                for (int k = 0; k < FW_L; k++) {
-                    sum += left[(i * FW_L) + k] * c[(j * FW_L) + k];
-                }
-                p[(i * FW_L) + j] += sum;
-            }
-        }
-        for (int i = 0; i < FW_L; i++) { /* c = c c */
-            for (int j = 0; j < FW_L; j++) {
-                fw_real sum = FW_REAL(0.0);
-                for (int k = 0; k < FW_L; k++) {
-                    sum += c[(i * FW_L) + k] * c[(k * FW_L) + j];
-                }
-                work[(i * FW_L) + j] = sum;
-            }
-        }
-        for (int i = 0; i < (FW_L * FW_L); i++) {
-            c[i] = work[i];
-            largest = (FW_ABS(c[i]) > largest) ? FW_ABS(c[i]) : largest;
-        }
-        if (largest < FW_REAL(1e-12)) {
-            break;
-        }
-    }
-}
 
 /* Starts the filter at the steady state of the inputs and of the means of the unknowns. */
 static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, fw_real steer_sigma)
@@ -173,7 +54,7 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
     }
     if (stable) {
         (void)fw_solve(FW_N, work, 1 + FW_U, x);
-        fw_random_steer(a, b, p);
+        (void)fw_random_steer(a, b, FW_STEER_COUNT, p);
     }
     for (int i = 0; i < FW_FILTER_STATES; i++) {
         const int unknown = i - FW_N + 1 - FW_ESTIMATES_BANK; /* 0: the bank; 1 and more: offsets */
@@ -208,26 +89,6 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
     carry[place] = nis;
     carry[place + 1] = FW_REAL(0.0);
     carry[place + 2] = -FW_REAL(1.0);
-}
-
-/* The longest step of the model at a speed, s. */
-static fw_real fw_longest_step(fw_real speed)
-{
-    fw_real longest = fw_step_limit[FW_SPEED_COUNT - 1];
-    if (speed <= fw_step_speed[0]) {
-        longest = fw_step_limit[0] * (speed / fw_step_speed[0]);
-    } else if (speed >= fw_step_speed[FW_SPEED_COUNT - 1]) {
-        longest *= fw_step_speed[FW_SPEED_COUNT - 1] / speed;
-    } else {
-        int i = 0;
-        fw_real slope;
-        while (speed > fw_step_speed[i + 1]) {
-            i++;
-        }
-        slope = (fw_step_limit[i + 1] - fw_step_limit[i]) / (fw_step_speed[i + 1] - fw_step_speed[i]);
-        longest = fw_step_limit[i] + (slope * (speed - fw_step_speed[i]));
-    }
-    return longest;
 }
 
 /* Takes the plausible inputs of a sample; whether every input is then at most FW_HOLD seconds old. */

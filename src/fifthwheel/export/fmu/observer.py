@@ -58,7 +58,7 @@ def observer_model(observer: Observer) -> Model:
         "FMU_NIS": place["nis"],
         "FMU_STATUS": place["status"],
     }
-    library = project.texts(observer)
+    library = project.observer_texts(observer)
     return Model(
         name=f"{observer.vehicle.name} observer",
         description=f"State observer of {observer.vehicle.name}",
@@ -77,7 +77,7 @@ def observer_model(observer: Observer) -> Model:
                 "} fmu_model;",
             ]
         ),
-        sources={name: library[name] for name in ("fw_observer.h", "fw_observer.c", "fw_model.h")},
+        sources={name: library[name] for name in library if name.startswith("fw_")},
         notes=(
             "A step takes the inputs at its start as one sample, if sample_time has passed since the last one, and "
             "gives the states of that sample. Set sample_time to the sampling period of the sensors; steps may have "

@@ -11,6 +11,7 @@ from fifthwheel.dynamics.sensors import NEEDS_COUPLING, QUANTITIES
 from fifthwheel.dynamics.state_space import MAX_SPEED
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.export.c_text import table
 from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.parameters import BOUND_FACTOR, HEIGHT_BOUNDS, estimated_parameters, expand_names
@@ -138,7 +139,7 @@ def _parameter(path: str, value: float) -> Variable:
 
 def _equations(model: ChainModel, vehicle: Vehicle) -> str:
     """C of the step of the model, its outputs, its matrix A, and its longest steps."""
-    limits = {"fw_step_speed": SPEEDS, "fw_step_limit": step_limit(vehicle, model.roll).longest}
+    limits = {"step_speed": SPEEDS, "step_limit": step_limit(vehicle, model.roll).longest}
     functions = (
         (_step(model, vehicle), ("x", "row", "parameters"), "next"),
         (_outputs(model, vehicle), ("x", "inputs", "parameters"), "outputs"),
@@ -149,7 +150,7 @@ def _equations(model: ChainModel, vehicle: Vehicle) -> str:
             "/* The equations of this truck, generated; included by fmu_truck.c only. */",
             "",
             f"#define FW_SPEED_COUNT {len(SPEEDS)}",
-            *(c_code.table(name, values) for name, values in limits.items()),
+            *(table(name, values) for name, values in limits.items()),
             "",
             *(c_code.function(f, f"fw_{f.name()}", arguments, (result,)) for f, arguments, result in functions),
         ]

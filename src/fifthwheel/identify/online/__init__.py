@@ -5,6 +5,7 @@ settings      LearnerSettings
 problem       the unknowns, the signals and the model of a learner
 online_model  the model with the unknowns as parameters, and with discrepancies
 live_filter   the filter: one sample in, status out
+start         the steady state at which it starts, as a function of the unknowns
 steering      contact of the play and rate of the steer angles
 inputs        speed and steer angles, each held at its last plausible value
 excitation    whether the driver steers enough to learn from a sample

@@ -153,6 +153,11 @@ class Learner:
             self._live.push(time, row[:k], row[k:])
 
     @property
+    def live(self) -> LiveFilter:
+        """The filter of single samples, with problem and settings."""
+        return self._live
+
+    @property
     def parameters(self) -> tuple[LearnedValue, ...]:
         """The estimated and the uncertain parameters, without the considered ones."""
         indirect = self._live.problem.not_identifiable

@@ -10,14 +10,14 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import steps
 from fifthwheel.filters import Noise, joint, variances
-from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
+from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
-from fifthwheel.identify.initial_state import steady_state_slopes
 from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import InnovationStatistics
 from fifthwheel.identify.online.inputs import HeldInputs
 from fifthwheel.identify.online.problem import OnlineProblem, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.identify.online.start import steady_slopes
 from fifthwheel.identify.online.steering import Steering
 from fifthwheel.names import SignalName
 from fifthwheel.observe import Status
@@ -73,6 +73,10 @@ class LiveFilter:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
+    def discrepancy_variances(self) -> Array:
+        """Of each discrepancy among the states, SI squared."""
+        return _discrepancy_variances(self.problem, self.learner)
+
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
 
@@ -125,7 +129,7 @@ class LiveFilter:
         self.filter.end_segment()
         estimate = self.filter.estimate()
         first = dict(zip(self.problem.inputs, inputs, strict=True))
-        x, P, V = _initial_state(self.problem, self.learner, estimate.z, first)
+        x, P, V = start_state(self.problem, self.learner, estimate.z, first)
         before, after = self._steering.update(0.0, inputs, inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
@@ -170,11 +174,11 @@ class StateView:
         self.names = [(name, f"{name}.sigma") for name in signals]
         """Names of each reported state and of its sigma."""
         bank = problem.model.chain.bank
-        report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
-        self._step = joint.state_view(problem.model, report, scaling.logarithmic, len(problem.estimated))
+        self.report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
+        self._step = joint.state_view(problem.model, self.report, scaling.logarithmic, len(problem.estimated))
         values = dynamics.all_parameters(vehicle, signals, extended=True)
-        c = report.constant(values, problem.unknowns, math.inf)
-        constant = np.concatenate([c, scaling.centre, scaling.scale])
+        self.c = self.report.constant(values, problem.unknowns, math.inf)
+        constant = np.concatenate([self.c, scaling.centre, scaling.scale])
         self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
         self._output = np.zeros((self._step.n_output, joint.LANES))
         self._first_lane = self._output[:, 0]
@@ -218,7 +222,7 @@ def _discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> 
     return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
 
 
-def _initial_state(
+def start_state(
     problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
 ) -> tuple[Array, Array, Array]:
     """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
@@ -228,10 +232,28 @@ def _initial_state(
     values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
     bank = problem.settings.bank_prior if chain.bank else None
     x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
-    slopes = steady_state_slopes(chain, vehicle, first, values, unknowns) * problem.scaling.slope(p)[:, None]
+    _, m = steady_initial_state(vehicle, first, values, roll=True)
+    c = problem.model.constant(values, unknowns, learner.discrepancy_time)
+    slopes = _steady_slopes(problem, m, np.array([first[name] for name in problem.inputs]), x, np.append(p, c))
+    V = np.zeros((len(x) + problem.model.discrepancies, len(p)))
+    V[: len(slopes)] = slopes * problem.scaling.slope(p)
     discrepancies = _discrepancy_variances(problem, learner)
-    m = len(discrepancies)
-    return np.pad(x, (0, m)), _block_diagonal(P, np.diag(discrepancies)), np.pad(slopes.T, ((0, m), (0, 0)))
+    return np.pad(x, (0, len(discrepancies))), _block_diagonal(P, np.diag(discrepancies)), V
+
+
+def _steady_slopes(problem: OnlineProblem, m: dynamics.Matrices, inputs: Array, x: Array, constant: Array) -> Array:
+    """Derivative (n, n_p) of the steady state with respect to the values of all unknowns.
+
+    Args:
+        problem: of the learner.
+        m: at the speed and the values.
+        inputs: speed and steer angles (k,).
+        x: steady state, then other states.
+        constant: [p, c] of the model.
+    """
+    n = len(m.A) - 1
+    _, output = steady_slopes(problem.model)(np.zeros(0), np.append(inputs, x[:n])[None], constant)
+    return equilibrium(m, np.linalg.solve(m.E[:n, :n], output[0].reshape(n, -1, order="F")))
 
 
 def _block_diagonal(first: Array, second: Array) -> Array:

@@ -22,6 +22,8 @@ class OnlineModel:
     """
 
     chain: ChainModel
+    own: tuple[tuple[str, int], ...]
+    """Parameter and index of each unknown that is the value of one parameter."""
     slopes: tuple[tuple[str, int], ...]
     """Parameter and index of the unknown of each slope."""
     given: tuple[str, ...]
@@ -40,6 +42,10 @@ class OnlineModel:
         slopes = [unknowns[i].slopes[name] for name, i in self.slopes]
         given = [values[name] for name in self.given]
         return np.concatenate([self.chain.known_values(values), given, slopes, [time_constant]])
+
+    def values(self, p: ca.SX, c: ca.SX) -> dict[str, ca.SX]:
+        """All parameters of the chain by name, from p and c."""
+        return _values(self.chain, self.own, self.given, self.slopes, p, c)
 
 
 def chain_parameters(unknowns: Sequence[Unknown], parameters: Sequence[str]) -> tuple[str, ...]:
@@ -63,16 +69,14 @@ def online_model(chain: ChainModel, unknowns: Sequence[Unknown], *, discrepancie
 def _online_model(
     chain: ChainModel, unknowns: tuple[tuple[bool, tuple[str, ...]], ...], discrepancies: bool
 ) -> OnlineModel:
-    own = {names[0]: i for i, (moves, names) in enumerate(unknowns) if names and not moves}
+    own = tuple((names[0], i) for i, (moves, names) in enumerate(unknowns) if names and not moves)
     slopes = tuple((name, i) for i, (moves, names) in enumerate(unknowns) if moves for name in names)
-    given = tuple(dict.fromkeys(name for name, _ in slopes if name not in own))
+    given = tuple(dict.fromkeys(name for name, _ in slopes if name not in dict(own)))
     n, n_d, n_known = len(chain.states), 2 * len(chain.inputs), len(chain.known)
     m = len(chain.outputs) if discrepancies else 0
     p, dt, d = ca.SX.sym("p", len(unknowns)), ca.SX.sym("dt"), ca.SX.sym("d", n_d)
     c = ca.SX.sym("c", n_known + len(given) + len(slopes) + 1)
-    value = {name: p[i] for name, i in own.items()} | {name: c[n_known + k] for k, name in enumerate(given)}
-    for k, (name, i) in enumerate(slopes):
-        value[name] += c[n_known + len(given) + k] * p[i]
+    value = _values(chain, own, given, slopes, p, c)
     chain_p, chain_c = ca.vertcat(*[value[name] for name in chain.free]), c[:n_known]
     x, later = ca.SX.sym("x", n + m), ca.SX.sym("later", n + m)
     decay = ca.exp(-dt / c[-1])
@@ -84,6 +88,7 @@ def _online_model(
     arguments = [x, dt, d, p, c]
     return OnlineModel(
         chain=chain,
+        own=own,
         slopes=slopes,
         given=given,
         discrepancies=m,
@@ -93,3 +98,20 @@ def _online_model(
         state_jacobian=ca.Function("state_jacobian", arguments, [F]),
         rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.vertcat(first, none), ca.vertcat(last, none)]),
     )
+
+
+def _values(
+    chain: ChainModel,
+    own: Sequence[tuple[str, int]],
+    given: Sequence[str],
+    slopes: Sequence[tuple[str, int]],
+    p: ca.SX,
+    c: ca.SX,
+) -> dict[str, ca.SX]:
+    """`OnlineModel.values`."""
+    n_known = len(chain.known)
+    value = dict(zip(chain.known, ca.vertsplit(c[:n_known]), strict=True))
+    value |= {name: p[i] for name, i in own} | {name: c[n_known + k] for k, name in enumerate(given)}
+    for k, (name, i) in enumerate(slopes):
+        value[name] += c[n_known + len(given) + k] * p[i]
+    return value

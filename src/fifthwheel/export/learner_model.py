@@ -1,0 +1,246 @@
+"""The generated part of a learner in C: names and sizes for its header, functions and numbers for its sources."""
+
+import math
+import zlib
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel.checks.samples import LIMITS
+from fifthwheel.dynamics.chain import state_names
+from fifthwheel.dynamics.steps import SPEEDS, step_limit
+from fifthwheel.export import learner_functions as functions
+from fifthwheel.export.c_text import enumerations, integers, table, texts
+from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
+from fifthwheel.filters.joint import MAX_STATE
+from fifthwheel.filters.step_rows import SMALLEST_PLAY
+from fifthwheel.identify import doubts
+from fifthwheel.identify.estimates import sensor_error_unit
+from fifthwheel.identify.online import Learner
+from fifthwheel.identify.online.excitation import Excitation
+from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
+from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
+from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.native import c_code
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.vehicle.paths import unit_of
+
+NO_CHANNEL, ABSENT_CHANNEL = -1, -2
+"""In place of the index of a channel: none is needed; it is not measured."""
+LARGEST = 1e30
+"""In place of an infinite setting: a number that fits into single precision."""
+
+
+def reported(learner: Learner) -> list[Unknown]:
+    """The unknowns whose estimates C code can read: the estimated ones, then parameters that are not identifiable."""
+    problem = learner.live.problem
+    return [*problem.estimated, *(u for u in problem.considered if u.name in problem.not_identifiable)]
+
+
+def texts_of(learner: Learner) -> dict[str, str]:
+    """Texts that replace the marks in the files of a learner."""
+    linearisation = functions.linearisation(learner.live)
+    model, source = _sizes_and_limits(learner, len(linearisation.places)), _source(learner, linearisation)
+    return {
+        "ENUMERATIONS": _header(learner),
+        "MODEL": model,
+        "SOURCE": source,
+        "IDENTITY": f"0x{zlib.crc32((model + source).encode()):08x}u",  # of what a saved state means
+        "BYTES": str(_memory(learner)),
+    }
+
+
+def _header(learner: Learner) -> str:
+    """Enumerations of signals, states and estimates, and sizes, for the public header."""
+    live = learner.live
+    problem, layout, relinearisation = live.problem, live.filter.layout, live.learner.relinearisation
+    signals = {
+        "INPUT": problem.inputs,
+        "MEASURED": problem.outputs,
+        "STATE": tuple(name for name, _ in live.view.names),
+    }
+    estimates = {u.name: sensor_error_unit(u.name) if u.nuisance else unit_of(u.name) for u in reported(learner)}
+    groups = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
+    saved = layout.size - layout.estimate.start + 2 * len(problem.outputs)
+    sizes = {
+        "STEER_COUNT": (len(problem.inputs) - 1, "steered axles"),
+        "Z_COUNT": (layout.n_z, "estimated unknowns"),
+        "CARRY_COUNT": (layout.size, "numbers in the state of a filter"),
+        "ROW_COUNT": (live.filter.scan.n_sample - layout.n_z, "numbers of a sample of the filter"),
+        "MAX_PASSES": (relinearisation.max_passes, "over a segment with excitation"),
+        "SEGMENT_COUNT": (relinearisation.samples, "samples of a segment"),
+        "SAVED_COUNT": (saved, "numbers in a saved state"),
+    }
+    return "\n".join(
+        [
+            *enumerations(groups | {"ESTIMATE": estimates}),
+            *(f"#define FW_{name} {size} /* {text} */" for name, (size, text) in sizes.items()),
+        ]
+    )
+
+
+def _sizes_and_limits(learner: Learner, slopes: int) -> str:
+    """Sizes, settings and the declarations of tables and functions, for the private header."""
+    live = learner.live
+    problem, layout, limits = live.problem, live.filter.layout, live.learner
+    settings, relinearisation, vehicle = problem.settings, limits.relinearisation, problem.vehicle
+    chain = problem.model.chain
+    excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits)
+    sizes = {
+        "X_COUNT": layout.n_x,
+        "MODEL_STATES": len(state_names(vehicle, roll=True)),
+        "BANKS": int(chain.bank),
+        "DISCREPANCIES": problem.model.discrepancies,
+        "P_COUNT": layout.n_z + layout.n_c,
+        "CONSIDERED": layout.n_c,
+        "HELD": len(chain.inputs),
+        "SLOPES": slopes,
+        "SPEED_COUNT": len(SPEEDS),
+        "LAG": relinearisation.lag,
+    }
+    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("P", "V", "z", "Pz", "B")}
+    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("gradient", "information")}
+    numbers = {
+        "MIN_SPEED": settings.min_speed,
+        "MAX_SPEED": LIMITS["speed"].magnitude,
+        "MAX_SPEED_CHANGE": limits.max_speed_change,
+        "MAX_STEER": limits.max_steer,
+        "MAX_STEER_RATE": limits.max_steer_rate,
+        "SMALLEST_PLAY": SMALLEST_PLAY,
+        "MAX_STATE": MAX_STATE,
+        "STEER_RATE": 2 * np.pi * STEER_BANDWIDTH,
+        "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
+        "BANK_SIGMA": settings.bank_prior if chain.bank else 0.0,
+        "WHEELBASE": excitation.wheelbase,
+        "UNDERSTEER": excitation.understeer,
+        "START_EXCITATION": limits.start_excitation,
+        "STOP_EXCITATION": limits.stop_excitation,
+        "EXCITATION_WINDOW": limits.excitation_window,
+        "HIGH_PASS_TIME": limits.high_pass_time,
+        "MAX_LATERAL_ACCELERATION": limits.max_lateral_acceleration,
+        "FIRST_PASS_LIMIT": relinearisation.first_pass_limit,
+        "PASS_LIMIT": relinearisation.pass_limit,
+        "INNOVATION_WINDOW": limits.innovation_window,
+        "AUTOCORRELATION_WINDOW": WINDOWS * limits.innovation_window,
+        "AVERAGING_TIME": AVERAGING_TIME,
+        "MAX_INNOVATION": min(settings.gate, math.sqrt(functions.LARGEST_GATE)),
+        "MAX_INNOVATION_RATIO": limits.max_innovation_ratio,
+        "MAX_AUTOCORRELATION": limits.max_autocorrelation,
+        "EXCITED": settings.excited,
+        "STRONG_SCORE": doubts.STRONG_SCORE,
+        "UNUSUAL_CHANGE": doubts.UNUSUAL_CHANGE,
+        "UNUSUAL_SENSOR_ERROR": doubts.UNUSUAL_SENSOR_ERROR,
+        "UNUSUAL_ESTIMATE": doubts.UNUSUAL_ESTIMATE,
+        "AS_LIKELY": doubts.AS_LIKELY,
+        "HARMFUL_SHIFT": doubts.HARMFUL_SHIFT,
+    }
+    times = {
+        "HOLD": limits.hold,
+        "MAX_GAP": limits.max_gap,
+        "COAST": limits.coast,
+        "SETTLING_TIME": limits.settling_time,
+        "MAX_STEER_DROPOUT": limits.max_steer_dropout,
+    }
+    return "\n".join(
+        [
+            *(f"#define FW_{name} {size}" for name, size in sizes.items()),
+            *(f"#define FW_{name} {c_code.literal(min(float(v), LARGEST))}" for name, v in numbers.items()),
+            *(f"#define FW_{name} {min(float(v), LARGEST)!r} /* s */" for name, v in times.items()),
+        ]
+    )
+
+
+def _source(learner: Learner, linearisation: functions.Slopes) -> str:
+    """Tables and functions of the vehicle."""
+    live = learner.live
+    parts = [
+        *_tables(live),
+        *_unknown_tables(learner),
+        integers("slope_place", linearisation.places.tolist()),
+        _function(
+            linearisation.function,
+            "linearise",
+            ("state", "z", "row"),
+            ("later", "f", "first", "last", "predicted", "h", "direct"),
+        ),
+        _function(functions.channel_update(live), "correct", ("carry", "channel"), ("next", "out")),
+        _function(functions.report(live), "report", ("state", "z", "inputs"), ("value", "slope")),
+        _function(functions.start_matrices(live), "start_matrices", ("inputs", "p"), ("a", "b", "steer", "bank")),
+        _function(functions.start_slopes(live), "start_slopes", ("inputs", "p", "state"), ("f", "slope")),
+    ]
+    return "\n".join(parts)
+
+
+def _memory(learner: Learner) -> int:
+    """Bytes of a `fw_learner` in double precision, about."""
+    live = learner.live
+    relinearisation = live.learner.relinearisation
+    inputs, outputs, size = len(live.problem.inputs), len(live.problem.outputs), live.filter.layout.size
+    numbers = 4 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + size
+    if relinearisation.max_passes:
+        row = live.filter.scan.n_sample - live.filter.layout.n_z
+        numbers += 3 * size + live.filter.layout.n_z + relinearisation.samples * row
+    return 8 * numbers + 32
+
+
+def _function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
+    return c_code.function(step, f"fw_{name}", arguments, results, static=False)
+
+
+def _tables(live: LiveFilter) -> list[str]:
+    """Numbers of the filter and of its start."""
+    problem, given = live.problem, functions.constants(live)
+    vehicle = problem.vehicle
+    states = state_names(vehicle, roll=True)
+    columns = ("time", *problem.inputs, *problem.outputs)
+    discrepancy = live.discrepancy_variances()
+    tables = {
+        "process": given.process,
+        "noise": given.noise,
+        "walk": given.walk,
+        "initial_variance": [*(INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states)],
+        "discrepancy_variance": discrepancy if len(discrepancy) else [0.0],
+        "step_speed": SPEEDS,
+        "step_limit": step_limit(vehicle, True).longest,
+    }
+    return [
+        *(table(name, np.ravel(np.array(values)).tolist(), static=False) for name, values in tables.items()),
+        texts("names", columns),
+        texts("units", [str(si_unit(name)) for name in columns]),
+    ]
+
+
+def _unknown_tables(learner: Learner) -> list[str]:
+    """Scaling and properties of the unknowns."""
+    live = learner.live
+    problem, inputs = live.problem, live.problem.inputs
+    names, estimated = [u.name for u in problem.unknowns], [u.name for u in problem.estimated]
+    plays = [f"{name}.play" for name in inputs[1:]]
+    scaling = problem.scaling
+    return [
+        *(
+            table(name, values.tolist(), static=False)
+            for name, values in (
+                ("centre", scaling.centre),
+                ("scale", scaling.scale),
+                ("lower", scaling.lower),
+                ("upper", scaling.upper),
+            )
+        ),
+        integers("logarithmic", [int(u.logarithmic) for u in problem.unknowns]),
+        integers("sensor_error", [int(u.nuisance) for u in problem.unknowns]),
+        integers("roll_channel", [_roll_channel(u, problem.outputs) for u in problem.unknowns]),
+        texts("estimate_names", [u.name for u in reported(learner)]),
+        integers("reported", [names.index(u.name) for u in reported(learner)]),
+        integers("play", [estimated.index(name) if name in estimated else -1 for name in plays]),
+    ]
+
+
+def _roll_channel(unknown: Unknown, channels: Sequence[str]) -> int:
+    """The roll rate without which a parameter is not identifiable; NO_CHANNEL if it needs none."""
+    if unknown.nuisance or unknown.uncertain or not lacks_roll_rate(unknown.name, ()):
+        return NO_CHANNEL
+    name = f"roll_rate.{ParameterPath.of(unknown.name).unit}"
+    return channels.index(name) if name in channels else ABSENT_CHANNEL
