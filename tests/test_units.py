@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.errors import UnitError
 from fifthwheel.record.signal_names import QUANTITIES, header, si_unit, split_header
-from fifthwheel.units import _SYMBOLS, factor, is_unit, quantity, uncertain_quantity
+from fifthwheel.units import _SYMBOLS, base_units, factor, is_unit, quantity, uncertain_quantity
 
 DIFFERENT = {"g", "-", "%", "degC", "C", "kn", "gon", "rev", "bit"} | {
     f"{p}g" for p in ("M", "k", "da", "c", "m", "u", "µ", "μ", "n")
@@ -207,3 +207,11 @@ def test_a_hostile_unit_is_refused_at_once(text: str) -> None:
     with pytest.raises(UnitError):
         quantity(f"1 {text}", "m/s")
     assert not is_unit(text)
+
+
+def test_base_units_of_coherent_units_only() -> None:
+    assert base_units("N m s/rad") == {"kg": 1, "m": 2, "rad": -1, "s": -1}
+    assert base_units("1") == {}
+    for other in ("km/h", "deg", "Hz", "furlong"):
+        with pytest.raises(UnitError):
+            base_units(other)
