@@ -1,6 +1,7 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.time_bases import check_record
+from fifthwheel.workflow.assessment import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 from fifthwheel.workflow.axle_loads import AxleLoadDifference, WeighedVehicle, axle_load_differences, weigh_vehicle
 from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
@@ -12,6 +13,7 @@ from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
+    "ASSESSMENT_FILES",
     "IDENTIFICATION_FILES",
     "SENSOR_PRIORS",
     "STATES_FILES",
@@ -24,12 +26,15 @@ __all__ = [
     "check_record",
     "design_run",
     "exported_observer",
+    "identification_file",
     "one_stage_settings",
     "read_records",
+    "read_truck",
     "read_vehicle",
     "run_identification",
     "run_states",
     "survey_file",
     "weigh_vehicle",
+    "write_assessment",
     "write_results",
 ]

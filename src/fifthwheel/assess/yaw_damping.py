@@ -1,0 +1,75 @@
+"""Yaw damping: how fast the swaying of the last unit decays, by eigenvalues and by a pulse of the steer angle.
+
+An oscillation is one of yaw if at least half of its participation factors belong to yaw-plane states: those other than
+roll angles and roll rates (G. Verghese, I. Perez-Arriaga, F. Schweppe, IEEE Trans. PAS-101, 1982). The measure is the
+lowest damping ratio among them. After the pulse (ISO 14791, pulse input), the logarithmic decrement d of successive
+peaks of the last articulation angle, half a period apart, gives the damping ratio d / sqrt(pi^2 + d^2). The first peak
+is left out if three or more exist: it contains the fast response to the pulse itself.
+"""
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.dynamics import linear_system, matrices
+from fifthwheel.errors import VehicleError
+from fifthwheel.names import SignalName
+
+PULSE = 0.2
+"""Duration of the half sine of the steer angle, s."""
+DURATION, STEP = 10.0, 0.02
+"""Of the response, s."""
+SMALLEST_PEAK = 0.01
+"""Peaks below this fraction of the largest are not used."""
+ROLL = ("roll", "roll_rate")
+
+
+def measure(truck: Truck) -> Values:
+    """The damping ratio by eigenvalues; -1 for a truck that diverges without oscillation."""
+    return {"yaw_damping": eigenvalue_damping(truck)}
+
+
+def measure_pulse(truck: Truck) -> Values:
+    """The damping ratio by the decay after a pulse.
+
+    Raises:
+        VehicleError: the truck is unstable at this speed, or no axle is steerable.
+    """
+    truck.require_stable()
+    return {"yaw_damping_pulse": decay(*pulse_response(truck))}
+
+
+def eigenvalue_damping(truck: Truck) -> float:
+    """Lowest damping ratio of the motions in the yaw plane that oscillate or diverge; 1 if there are none."""
+    m = matrices(truck.vehicle, truck.speed, roll=True)
+    values, right = np.linalg.eig(m.A)
+    participation = np.abs(right * np.linalg.inv(right).T)
+    in_yaw = np.array([SignalName.of(name).quantity not in ROLL for name in m.states])
+    fraction = participation[in_yaw].sum(axis=0) / participation.sum(axis=0)
+    chosen = values[((np.abs(values.imag) > 1e-9) | (values.real > 0)) & (fraction >= 0.5)]
+    return float(np.min(-chosen.real / np.abs(chosen), initial=1.0))
+
+
+def pulse_response(truck: Truck) -> tuple[Array, Array]:
+    """Time and last articulation angle, rad, (yaw rate of a single unit, rad/s) after a pulse of 1 deg, (N,)."""
+    units = truck.vehicle.units
+    output = f"articulation.{units[-1].name}" if len(units) > 1 else f"yaw_rate.{units[0].name}"
+    time = np.arange(0.0, DURATION, STEP)
+    pulse = np.radians(1.0) * np.where(time < PULSE, np.sin(np.pi * time / PULSE), 0.0)
+    system = linear_system(truck.vehicle, truck.speed, output)
+    if not system.inputs:
+        raise VehicleError(f"{truck.vehicle.name}: no axle is steerable; set steerable = true on the front axle")
+    return time, system.response(time, {system.inputs[0]: pulse})[output]
+
+
+def decay(time: Array, response: Array) -> float:
+    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two."""
+    free = response[time >= PULSE]
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(free)))) + 1
+    peaks = np.abs(free[turning])
+    peaks = peaks[peaks > SMALLEST_PEAK * np.max(np.abs(response))]
+    if len(peaks) < 2:
+        return 1.0
+    peaks = peaks[1:] if len(peaks) > 2 else peaks
+    decrement = float(np.log(peaks[0] / peaks[-1])) / (len(peaks) - 1)
+    return decrement / float(np.hypot(np.pi, decrement))
