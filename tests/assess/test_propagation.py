@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.assess.propagation import DRAWS, samples
+from fifthwheel.assess.propagation import DRAWS, Neighbourhood, samples
 from fifthwheel.assess.truck import HALF_TRACK, Body, Truck
 from fifthwheel.assess.uncertainty import ASSUMED, assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import VehicleError
@@ -28,7 +28,7 @@ def of(truck: Truck, weights: tuple[float, float]) -> float:
 
 def test_a_linear_measure_has_the_exact_sigma():
     weights = (2.0, -1.0)
-    computed = samples(TRUCK, known(), lambda truck: {"m": of(truck, weights)})
+    computed = samples(Neighbourhood(TRUCK, known()), lambda truck: {"m": of(truck, weights)})
     spread = computed.spread(lambda values: values["m"])
     assert spread is not None
     assert spread.order == "linear"
@@ -38,7 +38,7 @@ def test_a_linear_measure_has_the_exact_sigma():
 
 def test_the_probability_of_a_linear_margin():
     """One sigma above the threshold: 84.13 %."""
-    computed = samples(TRUCK, known(), lambda truck: {"m": of(truck, (1.0, 0.0))})
+    computed = samples(Neighbourhood(TRUCK, known()), lambda truck: {"m": of(truck, (1.0, 0.0))})
     sigma, centre = np.sqrt(P[0, 0]), TRUCK.vehicle.units[0].cog
     assert computed.probability(lambda values: values["m"] - (centre - sigma)) == pytest.approx(0.8413, abs=1e-4)
     assert computed.probability(lambda values: values["m"] - centre) == pytest.approx(0.5)
@@ -47,7 +47,9 @@ def test_the_probability_of_a_linear_margin():
 def test_a_strongly_nonlinear_measure_is_sampled():
     """The square of a standard normal quantity has mean 1 and variance 2."""
     centre, sigma = TRUCK.vehicle.units[0].cog, np.sqrt(P[0, 0])
-    computed = samples(TRUCK, known(), lambda truck: {"m": ((of(truck, (1.0, 0.0)) - centre) / sigma) ** 2})
+    computed = samples(
+        Neighbourhood(TRUCK, known()), lambda truck: {"m": ((of(truck, (1.0, 0.0)) - centre) / sigma) ** 2}
+    )
     assert len(computed.draws) == DRAWS
     spread = computed.spread(lambda values: values["m"])
     assert spread is not None
@@ -64,7 +66,7 @@ def test_a_truck_without_a_measure_does_not_meet_its_threshold():
             raise VehicleError("unstable")
         return {"m": 1.0}
 
-    computed = samples(TRUCK, known(), half)
+    computed = samples(Neighbourhood(TRUCK, known()), half)
     assert computed.spread(lambda values: values["m"]) is None
     assert computed.probability(lambda values: values["m"] - 0.5) == 0.5
 
@@ -129,11 +131,11 @@ def test_body_from_texts():
 
 def test_the_seed_of_the_draws_is_fixed():
     family = lambda truck: {"m": of(truck, (1.0, 0.0)) ** 4}  # noqa: E731
-    first, second = (samples(TRUCK, known(), family) for _ in range(2))
+    first, second = (samples(Neighbourhood(TRUCK, known()), family) for _ in range(2))
     assert first.draws == second.draws
 
 
 def test_a_vehicle_within_the_uncertainty_that_is_not_valid_has_no_measure():
     wide = Uncertainty(names=("tractor.cog",), covariance=[[4.0]])
-    computed = samples(TRUCK, wide, lambda truck: {"m": of(truck, (1.0, 0.0))})
+    computed = samples(Neighbourhood(TRUCK, wide), lambda truck: {"m": of(truck, (1.0, 0.0))})
     assert {} in computed.draws

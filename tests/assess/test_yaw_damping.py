@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.assess.truck import Truck
-from fifthwheel.assess.yaw_damping import decay, eigenvalue_damping, measure_pulse
-from fifthwheel.dynamics import critical_speed, modes
+from fifthwheel.assess.yaw_damping import PULSE, decay, eigenvalue_damping, measure_pulse, pulse_response
+from fifthwheel.dynamics import critical_speed, linear_system, modes
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get
 
@@ -43,6 +43,15 @@ def test_the_pulse_gives_the_damping_of_one_dominant_mode():
     """Soft tyres of the trailer: its swaying decays much slower than everything else."""
     truck = Truck(vehicle=TRUCK).changed({"semitrailer.cornering_stiffness": 5.0e5})
     assert measure_pulse(truck)["yaw_damping_pulse"] == pytest.approx(eigenvalue_damping(truck), rel=0.1)
+
+
+def test_the_response_is_that_over_time_to_the_pulse():
+    truck = Truck(vehicle=TRUCK)
+    time, response = pulse_response(truck)
+    system = linear_system(TRUCK, truck.speed, "articulation.semitrailer")
+    pulse = np.radians(1.0) * np.where(time < PULSE, np.sin(np.pi * time / PULSE), 0.0)
+    expected = system.response(time, {system.inputs[0]: pulse})["articulation.semitrailer"]
+    assert response == pytest.approx(expected, abs=1e-6)
 
 
 def test_above_the_critical_speed():

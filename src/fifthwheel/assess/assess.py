@@ -8,7 +8,7 @@ from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_turn
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold, result
 from fifthwheel.assess.lane_change import LaneChange
 from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition
-from fifthwheel.assess.propagation import Family, Samples, samples
+from fifthwheel.assess.propagation import Family, Neighbourhood, Samples, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
@@ -85,10 +85,11 @@ def assess(
     size = body if isinstance(body, Body) else Body.of(body or {})
     subject = Truck(vehicle=vehicle.replace(given), body=size, speed=float(speed))
     uncertainty = complete(uncertainty, size, replaced=given, stated=sigmas or {})
+    trucks = Neighbourhood(subject, uncertainty)
     results, notes = list[MeasureResult](), list[str]()
     for family in CHEAP if cheap else FAMILIES:
         try:
-            computed = samples(subject, uncertainty, family)
+            computed = samples(trucks, family)
             results += _results(computed)
             notes += _unstable(subject, computed)
         except FifthwheelError as error:

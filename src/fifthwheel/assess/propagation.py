@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import HALF_TRACK, Truck, Values
 from fifthwheel.errors import FifthwheelError
@@ -109,24 +110,44 @@ def _values(quantity: Callable[[Values], float], trucks: Sequence[Values]) -> Ar
     return np.array([of(values) for values in trucks])
 
 
-def samples(truck: Truck, uncertainty: Uncertainty, family: Family) -> Samples:
+class Neighbourhood:
+    """The trucks at which measures are evaluated; all families share them."""
+
+    def __init__(self, truck: Truck, uncertainty: Uncertainty) -> None:
+        self.truck, self.uncertainty = truck, uncertainty
+        self.given = truck.vehicle.parameters() | {HALF_TRACK: truck.body.half_track}
+        self.positive = [n for n in uncertainty.names if n.rpartition(".")[2] not in SIGNED and self.given[n] > 0]
+
+    @lazy
+    def pairs(self) -> list[tuple[Truck | None, Truck | None, float]]:
+        """Both trucks of each pair, None if it is not valid, and their distance in standard deviations."""
+        pairs = self.uncertainty.pairs(self.given, self.positive)
+        return [(self._changed(pair.plus), self._changed(pair.minus), pair.step) for pair in pairs]
+
+    @lazy
+    def draws(self) -> list[Truck | None]:
+        """Random trucks, None for those that are not valid."""
+        return [self._changed(values) for values in random_parameters(self.uncertainty, self.given, self.positive)]
+
+    def _changed(self, values: Values) -> Truck | None:
+        try:
+            return self.truck.changed(values)
+        except FifthwheelError:  # such as a CoG behind the axles
+            return None
+
+
+def samples(trucks: Neighbourhood, family: Family) -> Samples:
     """Measures of a truck and of the trucks around it; of random trucks where the pairs do not suffice.
 
     Raises:
         FifthwheelError: the truck does not have these measures.
     """
-    centre = family(truck)
-    given = truck.vehicle.parameters() | {HALF_TRACK: truck.body.half_track}
-    positive = [name for name in uncertainty.names if name.rpartition(".")[2] not in SIGNED and given[name] > 0]
-    pairs = tuple(
-        (_around(truck, pair.plus, family), _around(truck, pair.minus, family), pair.step)
-        for pair in uncertainty.pairs(given, positive)
-    )
+    centre = family(trucks.truck)
+    pairs = tuple((_measured(plus, family), _measured(minus, family), step) for plus, minus, step in trucks.pairs)
     result = Samples(centre=centre, pairs=pairs)
     if result.is_linear():
         return result
-    draws = [_around(truck, values, family) for values in random_parameters(uncertainty, given, positive)]
-    return Samples(centre=centre, pairs=pairs, draws=tuple(draws))
+    return Samples(centre=centre, pairs=pairs, draws=tuple(_measured(truck, family) for truck in trucks.draws))
 
 
 def random_parameters(uncertainty: Uncertainty, given: Values, positive: Sequence[str]) -> list[Values]:
@@ -141,9 +162,9 @@ def random_parameters(uncertainty: Uncertainty, given: Values, positive: Sequenc
     return [dict(zip(uncertainty.names, row.tolist(), strict=True)) for row in values]
 
 
-def _around(truck: Truck, values: Values, family: Family) -> Values:
+def _measured(truck: Truck | None, family: Family) -> Values:
     """Measures of a truck within the uncertainty; none if it does not have them, because it is unstable."""
     try:
-        return family(truck.changed(values))
+        return {} if truck is None else family(truck)
     except FifthwheelError:
         return {}

@@ -11,7 +11,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import Truck, Values
-from fifthwheel.dynamics import linear_system, matrices
+from fifthwheel.dynamics import linear_system, matrices, state_names
 from fifthwheel.errors import VehicleError
 from fifthwheel.names import SignalName
 
@@ -51,15 +51,24 @@ def eigenvalue_damping(truck: Truck) -> float:
 
 
 def pulse_response(truck: Truck) -> tuple[Array, Array]:
-    """Time and last articulation angle, rad, (yaw rate of a single unit, rad/s) after a pulse of 1 deg, (N,)."""
+    """Time and last articulation angle, rad, (yaw rate of a single unit, rad/s) after a pulse of 1 deg, (N,).
+
+    After the pulse the response is the sum of the modes.
+    """
     units = truck.vehicle.units
     output = f"articulation.{units[-1].name}" if len(units) > 1 else f"yaw_rate.{units[0].name}"
     time = np.arange(0.0, DURATION, STEP)
-    pulse = np.radians(1.0) * np.where(time < PULSE, np.sin(np.pi * time / PULSE), 0.0)
-    system = linear_system(truck.vehicle, truck.speed, output)
+    pulsed = time <= PULSE + STEP / 2
+    system = linear_system(truck.vehicle, truck.speed, state_names(truck.vehicle, roll=True))
     if not system.inputs:
         raise VehicleError(f"{truck.vehicle.name}: no axle is steerable; set steerable = true on the front axle")
-    return time, system.response(time, {system.inputs[0]: pulse})[output]
+    pulse = {system.inputs[0]: np.radians(1.0) * np.sin(np.pi * np.minimum(time[pulsed] / PULSE, 1.0))}
+    forced = system.response(time[pulsed], pulse)
+    values, vectors = np.linalg.eig(system.A)
+    end = np.array([forced[name][-1] for name in system.states])
+    modes = vectors[system.states.index(output)] * np.linalg.solve(vectors, end)
+    free = np.exp(np.outer(time[~pulsed] - time[pulsed][-1], values)) @ modes
+    return time, np.concatenate([forced[output], free.real])
 
 
 def decay(time: Array, response: Array) -> float:
