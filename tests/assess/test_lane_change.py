@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fifthwheel.assess import lane_change
-from fifthwheel.assess.lane_change import ACCELERATION, linear, measure, measures
+from fifthwheel.assess.lane_change import ACCELERATION, linear, measure, measure_peak, measures
 from fifthwheel.assess.truck import Body, Truck
-from fifthwheel.dynamics import linear_system
+from fifthwheel.dynamics import linear_system, rearward_amplification
 from fifthwheel.vehicle import get
 
 TRUCK = Truck(vehicle=get("cheng_cebon_2011"))
@@ -54,6 +54,13 @@ def test_measures_are_those_of_the_run():
     )
     assert measures(doubled)["rearward_amplification"] == pytest.approx(measures(run)["rearward_amplification"])
     assert measures(doubled)["load_transfer_ratio"] == pytest.approx(2 * measures(run)["load_transfer_ratio"])
+
+
+@pytest.mark.parametrize("speed", [15.0, 25.0, 30.0])
+def test_the_peak_of_the_frequency_response(speed):
+    truck = Truck(vehicle=TRUCK.vehicle, speed=speed)
+    peak, _ = rearward_amplification(TRUCK.vehicle, speed, np.linspace(0.05, 1.5, 5801))
+    assert measure_peak(truck)["rearward_amplification_peak"] == pytest.approx(peak, rel=1e-4)
 
 
 def test_a_narrow_track_transfers_more_load():

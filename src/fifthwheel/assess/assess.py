@@ -29,8 +29,8 @@ FAMILIES: tuple[Family, ...] = (
 )
 
 
-CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure, steady_turn.measure)
-"""Families without a simulation of a manoeuvre."""
+CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure)
+"""Families without a simulation of a manoeuvre, for the report of an identification."""
 
 
 def assess(
@@ -53,7 +53,7 @@ def assess(
         body: dimensions that a vehicle file does not have; `Body`, or its values by name.
         changes: values of parameters by path, SI, that replace those of the truck.
         sigmas: standard deviation of the changed parameters, SI; without one a changed parameter is exact.
-        cheap: only measures without a simulation of a manoeuvre.
+        cheap: only rollover, damping and the peak of the rearward amplification, by linear propagation.
         nonlinear: also simulate the nonlinear truck; without MuJoCo a note says so.
 
     Raises:
@@ -89,7 +89,7 @@ def assess(
     results, notes = list[MeasureResult](), list[str]()
     for family in CHEAP if cheap else FAMILIES:
         try:
-            computed = samples(trucks, family)
+            computed = samples(trucks, family, sampled=not cheap)
             results += _results(computed)
             notes += _unstable(subject, computed)
         except FifthwheelError as error:

@@ -13,7 +13,8 @@ from fifthwheel._types import Array
 from fifthwheel.assess.measures import REAR
 from fifthwheel.assess.rollover import rollover
 from fifthwheel.assess.truck import Series, Truck, Values
-from fifthwheel.dynamics import linear_system, rearward_amplification
+from fifthwheel.dynamics import linear_system
+from fifthwheel.dynamics.state_space import COG_ACCELERATION
 from fifthwheel.manoeuvres.lane_change import LaneChange as Course
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 
@@ -21,6 +22,8 @@ FREQUENCY, ACCELERATION = 0.4, 0.15 * GRAVITY
 """Of the front axle's lateral acceleration: Hz, m/s^2."""
 DURATION, DECAY, STEP = 10.0, 20.0, 0.01
 """Of the run, of the rest that the periodic inverse needs, and from sample to sample, s."""
+BAND = np.linspace(0.05, 1.5, 117)
+"""Frequencies of the frequency response, Hz."""
 CUTOFF = 8.0
 """Highest frequency of the steer angle, Hz."""
 
@@ -61,7 +64,8 @@ def measure(truck: Truck) -> Values:
 
 
 def measure_peak(truck: Truck) -> Values:
-    """The largest gain between the lateral accelerations of the first and of the last CoG.
+    """The largest gain from the lateral acceleration of the first CoG to that of the last, as
+    `dynamics.rearward_amplification`; a parabola through the largest gain and its neighbours gives the peak.
 
     Raises:
         VehicleError: the truck is unstable at this speed.
@@ -69,7 +73,13 @@ def measure_peak(truck: Truck) -> Values:
     truck.require_stable()
     if len(truck.vehicle.units) == 1:
         return {}
-    return {"rearward_amplification_peak": rearward_amplification(truck.vehicle, truck.speed)[0]}
+    ends = [f"{COG_ACCELERATION}.{unit.name}" for unit in (truck.vehicle.units[0], truck.vehicle.units[-1])]
+    response = linear_system(truck.vehicle, truck.speed, ends).frequency_response(BAND)[:, :, 0]
+    gain = np.abs(response[:, 1] / response[:, 0])
+    k = min(max(int(np.argmax(gain)), 1), len(BAND) - 2)
+    slope, curvature = (gain[k + 1] - gain[k - 1]) / 2, gain[k + 1] - 2 * gain[k] + gain[k - 1]
+    between = gain[k] - slope**2 / (2 * curvature) if curvature < 0 and abs(slope) <= -curvature else 0.0
+    return {"rearward_amplification_peak": float(max(gain.max(), between))}
 
 
 def measures(run: LaneChange) -> Values:

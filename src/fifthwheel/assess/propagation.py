@@ -71,14 +71,18 @@ class Samples:
             return Spread(sigma=float(np.std(values)), interval=(float(low), float(high)), order="sampled")
         slope, _ = self._derivatives(quantity)
         sigma = float(np.sqrt(np.sum(slope**2)))
+        if math.isnan(sigma):
+            return None
         return Spread(sigma=sigma, interval=(f - QUANTILE * sigma, f + QUANTILE * sigma), order="linear")
 
-    def probability(self, margin: Callable[[Values], float]) -> float:
-        """Probability that a margin is 0 or more."""
+    def probability(self, margin: Callable[[Values], float]) -> float | None:
+        """Probability that a margin is 0 or more; None if it cannot be computed by the pairs."""
         if self.draws:
             return float(np.mean(_values(margin, self.draws) >= 0))
         f, slope = margin(self.centre), self._derivatives(margin)[0]
         sigma = float(np.sqrt(np.sum(slope**2)))
+        if math.isnan(sigma):
+            return None
         return float(f >= 0) if sigma == 0 else 0.5 * math.erfc(-f / sigma / math.sqrt(2))
 
     def is_linear(self) -> bool:
@@ -136,8 +140,13 @@ class Neighbourhood:
             return None
 
 
-def samples(trucks: Neighbourhood, family: Family) -> Samples:
+def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> Samples:
     """Measures of a truck and of the trucks around it; of random trucks where the pairs do not suffice.
+
+    Args:
+        trucks: where the measures are evaluated.
+        family: of measures.
+        sampled: whether random trucks may be evaluated.
 
     Raises:
         FifthwheelError: the truck does not have these measures.
@@ -145,7 +154,7 @@ def samples(trucks: Neighbourhood, family: Family) -> Samples:
     centre = family(trucks.truck)
     pairs = tuple((_measured(plus, family), _measured(minus, family), step) for plus, minus, step in trucks.pairs)
     result = Samples(centre=centre, pairs=pairs)
-    if result.is_linear():
+    if not sampled or result.is_linear():
         return result
     return Samples(centre=centre, pairs=pairs, draws=tuple(_measured(truck, family) for truck in trucks.draws))
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
@@ -101,10 +102,16 @@ class Truck:
         return replace(self, vehicle=self.vehicle.replace(parameters), body=body)
 
     @lazy
+    def modes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], tuple[str, ...]]:
+        """Eigenvalues (n,), 1/s, and eigenvectors (n, n) of the linear model at this speed, and its states (n,)."""
+        m = matrices(self.vehicle, self.speed, roll=True)
+        values, vectors = np.linalg.eig(m.A)
+        return values.astype(np.complex128), vectors.astype(np.complex128), m.states
+
+    @property
     def is_stable(self) -> bool:
         """Whether the linear model is stable at this speed."""
-        A = matrices(self.vehicle, self.speed, roll=True).A
-        return bool(np.linalg.eigvals(A).real.max() < 0)
+        return bool(self.modes[0].real.max() < 0)
 
     def require_stable(self) -> None:
         """Raise a VehicleError if the linear model is unstable at this speed."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import Truck, Values
-from fifthwheel.dynamics import linear_system, matrices, state_names
+from fifthwheel.dynamics import linear_system, state_names
 from fifthwheel.errors import VehicleError
 from fifthwheel.names import SignalName
 
@@ -41,10 +41,9 @@ def measure_pulse(truck: Truck) -> Values:
 
 def eigenvalue_damping(truck: Truck) -> float:
     """Lowest damping ratio of the motions in the yaw plane that oscillate or diverge; 1 if there are none."""
-    m = matrices(truck.vehicle, truck.speed, roll=True)
-    values, right = np.linalg.eig(m.A)
+    values, right, states = truck.modes
     participation = np.abs(right * np.linalg.inv(right).T)
-    in_yaw = np.array([SignalName.of(name).quantity not in ROLL for name in m.states])
+    in_yaw = np.array([SignalName.of(name).quantity not in ROLL for name in states])
     fraction = participation[in_yaw].sum(axis=0) / participation.sum(axis=0)
     chosen = values[((np.abs(values.imag) > 1e-9) | (values.real > 0)) & (fraction >= 0.5)]
     return float(np.min(-chosen.real / np.abs(chosen), initial=1.0))
@@ -64,7 +63,7 @@ def pulse_response(truck: Truck) -> tuple[Array, Array]:
         raise VehicleError(f"{truck.vehicle.name}: no axle is steerable; set steerable = true on the front axle")
     pulse = {system.inputs[0]: np.radians(1.0) * np.sin(np.pi * np.minimum(time[pulsed] / PULSE, 1.0))}
     forced = system.response(time[pulsed], pulse)
-    values, vectors = np.linalg.eig(system.A)
+    values, vectors, _ = truck.modes
     end = np.array([forced[name][-1] for name in system.states])
     modes = vectors[system.states.index(output)] * np.linalg.solve(vectors, end)
     free = np.exp(np.outer(time[~pulsed] - time[pulsed][-1], values)) @ modes

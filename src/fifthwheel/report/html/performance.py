@@ -51,9 +51,25 @@ def write_assessment_report(
     return drawn
 
 
+def section(page: PageBuilder, assessment: Assessment) -> None:
+    """The section of the report of an identification: the measures, and how to get all of them."""
+    page.heading("performance", "What this truck will do")
+    half_track = f"{assessment.body.half_track:g} m ± {assessment.body.half_track_sigma:g} m"
+    page.hint(
+        f"Predicted by the linear model of the identified truck at {3.6 * assessment.speed:.0f} km/h. Sigma is that of "
+        f"the parameters, with the half track taken as {half_track}. fifthwheel assess on this folder computes all "
+        "measures, at any speed and payload, beside the nonlinear truck."
+    )
+    page.html(measures(assessment))
+    for note in assessment.notes:
+        page.hint(note)
+
+
 def measures(assessment: Assessment) -> str:
-    """The table of the measures."""
-    return tables.table(COLUMNS, [("", [escape(cell) for cell in row]) for row in assessment.rows()])
+    """The table of the measures; without the column of the nonlinear truck if it was not simulated."""
+    kept = [k for k in range(len(HEADS)) if k != HEADS.index("Nonlinear") or any(m.nonlinear for m in assessment)]
+    rows = [("", [escape(row[k]) for k in kept]) for row in assessment.rows()]
+    return tables.table([COLUMNS[k] for k in kept], rows)
 
 
 def _manoeuvres(page: PageBuilder, assessment: Assessment) -> None:
