@@ -68,7 +68,7 @@ def test_of_an_identification(result):
 def test_it_does_not_depend_on_a_truck_without_a_solution():
     """Above the critical speed only the measures that do not need a stable truck remain, and a note says so."""
     fast = fw.assess(fw.vehicle("auburn_6x4"), speed=30.0, cheap=True)
-    assert fast["yaw_damping"].value == -1.0
+    assert "rollover_threshold" in {m.name for m in fast}
     assert any("unstable at 108 km/h" in note for note in fast.notes)
     with pytest.raises(KeyError, match="rearward_amplification_peak: not a measure"):
         fast["rearward_amplification_peak"]

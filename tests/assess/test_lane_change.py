@@ -79,6 +79,8 @@ def test_the_nonlinear_truck_agrees():
     values, runs, notes = nonlinear_measures(TRUCK)
     assert notes == ()
     assert set(runs) == {"nonlinear"}
+    assert runs["nonlinear"].x["front"][0] == 0.0
+    assert runs["nonlinear"].x["semitrailer"][0] == pytest.approx(-3.1 - 9.3, abs=0.05)
     expected = measure(TRUCK) | measure_turn(TRUCK)
     assert values["rearward_amplification"] == pytest.approx(expected["rearward_amplification"], rel=0.1)
     assert values["load_transfer_ratio"] == pytest.approx(expected["load_transfer_ratio"], rel=0.2)

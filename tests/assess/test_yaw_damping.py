@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.assess.truck import Truck
-from fifthwheel.assess.yaw_damping import PULSE, decay, eigenvalue_damping, measure_pulse, pulse_response
+from fifthwheel.assess.yaw_damping import PULSE, decay, eigenvalue_damping, measure, measure_pulse, pulse_response
 from fifthwheel.dynamics import critical_speed, linear_system, modes
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get
@@ -22,6 +22,11 @@ def test_the_decay_of_a_damped_oscillation_is_its_damping(damping):
 def test_nothing_oscillates_without_peaks():
     time = np.arange(0, 10, 0.01)
     assert decay(time, np.exp(-time)) == 1.0
+
+
+def test_a_ripple_on_a_slow_decay_is_no_oscillation():
+    time = np.arange(0, 10, 0.01)
+    assert decay(time, np.exp(-0.1 * time) * (1 + 0.2 * np.sin(5 * time))) == 1.0
 
 
 def test_a_stiff_truck_has_the_damping_of_the_yaw_model():
@@ -59,6 +64,15 @@ def test_above_the_critical_speed():
     limit = critical_speed(vehicle)
     assert limit is not None
     truck = Truck(vehicle=vehicle, speed=limit + 0.5)
-    assert eigenvalue_damping(truck) == -1.0
-    with pytest.raises(VehicleError, match="unstable"):
-        measure_pulse(truck)
+    for damping in (measure, measure_pulse):
+        with pytest.raises(VehicleError, match="unstable"):
+            damping(truck)
+
+
+def test_an_oscillation_that_grows_has_a_negative_damping():
+    """A trailer with soft tyres and a large yaw inertia sways at high speed."""
+    changes = {"semitrailer.cornering_stiffness": 3.0e5, "semitrailer.yaw_inertia": 1.2e6}
+    truck = Truck(vehicle=TRUCK, speed=40.0).changed(changes)
+    lowest = min(m.damping for m in modes(truck.vehicle, truck.speed) if m.eigenvalue.imag > 0)
+    assert lowest < -0.5
+    assert measure(truck)["yaw_damping"] == pytest.approx(lowest)

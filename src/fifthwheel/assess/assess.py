@@ -127,10 +127,12 @@ def _results(computed: Samples) -> list[MeasureResult]:
 
 def _unstable(truck: Truck, computed: Samples) -> list[str]:
     """A note on the fraction of random trucks that are unstable."""
-    unstable = [draw["yaw_damping"] < 0 for draw in computed.draws if "yaw_damping" in draw]
-    if not any(unstable):
+    if "yaw_damping" not in computed.centre or not computed.draws:
         return []
-    fraction = percent(sum(unstable) / len(unstable))
+    unstable = sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws)
+    if not unstable:
+        return []
+    fraction = percent(unstable / len(computed.draws))
     return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
 
 

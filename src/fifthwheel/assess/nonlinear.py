@@ -67,7 +67,7 @@ def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:
         time=truth["time"],
         steer=truth[truck.vehicle.steer_signals()[0]],
         acceleration=acceleration | {"front": acceleration[front] + arm * yaw_acceleration},
-        x={name: p.real for name, p in positions.items()},
+        x={name: p.real - positions["front"].real[0] for name, p in positions.items()},
         y={name: p.imag for name, p in positions.items()},
         roll={unit.name: truth[f"roll.{unit.name}"] for unit in units},
         load_transfer=np.sum(transferred, axis=0) / np.sum(load, axis=0),

@@ -25,7 +25,11 @@ ROLL = ("roll", "roll_rate")
 
 
 def measure(truck: Truck) -> Values:
-    """The damping ratio by eigenvalues; -1 for a truck that diverges without oscillation."""
+    """The damping ratio by eigenvalues; negative for an oscillation that grows.
+
+    Raises:
+        VehicleError: the truck diverges without oscillation at this speed.
+    """
     return {"yaw_damping": eigenvalue_damping(truck)}
 
 
@@ -40,12 +44,15 @@ def measure_pulse(truck: Truck) -> Values:
 
 
 def eigenvalue_damping(truck: Truck) -> float:
-    """Lowest damping ratio of the motions in the yaw plane that oscillate or diverge; 1 if there are none."""
+    """Lowest damping ratio of the oscillations in the yaw plane; 1 if nothing oscillates."""
     values, right, states = truck.modes
     participation = np.abs(right * np.linalg.inv(right).T)
     in_yaw = np.array([SignalName.of(name).quantity not in ROLL for name in states])
     fraction = participation[in_yaw].sum(axis=0) / participation.sum(axis=0)
-    chosen = values[((np.abs(values.imag) > 1e-9) | (values.real > 0)) & (fraction >= 0.5)]
+    oscillates = np.abs(values.imag) > 1e-9
+    if values[~oscillates].real.max(initial=-1.0) >= 0:
+        truck.require_stable()
+    chosen = values[oscillates & (fraction >= 0.5)]
     return float(np.min(-chosen.real / np.abs(chosen), initial=1.0))
 
 
@@ -71,10 +78,14 @@ def pulse_response(truck: Truck) -> tuple[Array, Array]:
 
 
 def decay(time: Array, response: Array) -> float:
-    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two."""
+    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two.
+
+    A peak is the largest magnitude from one change of sign to the next, after at least one turning point.
+    """
     free = response[time >= PULSE]
-    turning = np.flatnonzero(np.diff(np.sign(np.diff(free)))) + 1
-    peaks = np.abs(free[turning])
+    turning = free[np.flatnonzero(np.diff(np.sign(np.diff(free)))) + 1]
+    half_waves = np.split(np.abs(turning), np.flatnonzero(np.diff(np.sign(turning))) + 1)
+    peaks = np.array([np.max(half_wave, initial=0.0) for half_wave in half_waves])
     peaks = peaks[peaks > SMALLEST_PEAK * np.max(np.abs(response))]
     if len(peaks) < 2:
         return 1.0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.assess.lane_change import LaneChange
-from fifthwheel.assess.low_speed_turn import LowSpeedTurn
+from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn
 from fifthwheel.assess.rollover import Rollover
 from fifthwheel.assess.truck import Truck
 from fifthwheel.plots.palette import CYCLE, GREY
@@ -18,6 +18,8 @@ from fifthwheel.report.figures.primitives import ReportPlot
 Runs = Mapping[str, LaneChange]
 """The lane change by model, "linear" and "nonlinear"."""
 DASH = {"linear": "solid", "nonlinear": "dash"}
+SHOWN = 15.0
+"""Distance that the last coupling drives beyond the circle in the picture, m."""
 OUTLINES = 7
 """Drawn positions of the truck in the low-speed turn."""
 
@@ -27,7 +29,7 @@ def lane_change_paths(runs: Runs) -> ReportPlot:
     data = []
     for model, run in runs.items():
         for k, name in enumerate(("front", *run.roll)):
-            title = "front axle" if name == "front" else f"last axle of the {name}"
+            title = "front axle" if name == "front" else name
             data.append(_line(f"{title}, {model}", run.x[name], run.y[name], CYCLE[k], DASH[model]))
     return _plot("paths", data, "along the road, m", "across the road, m")
 
@@ -50,6 +52,7 @@ def load_transfer(runs: Runs) -> ReportPlot:
 def turn_from_above(truck: Truck, run: LowSpeedTurn) -> ReportPlot:
     """The units at some instants of the low-speed turn, and the paths of the first and the last axle."""
     data: list[Figure] = []
+    shown = int(np.argmax(np.append(run.origins[:, -1].imag > RADIUS + SHOWN, True))) or len(run.steer)
     width, last = truck.body.width, len(truck.vehicle.units) - 1
     for i, unit in enumerate(truck.vehicle.units):
         rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if i == last else 0.0)
@@ -57,7 +60,7 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> ReportPlot:
         front = front if not i else truck.vehicle.couplings[i - 1].trailing_position
         corners = np.array([front + 0.5j * width, rear + 0.5j * width, rear - 0.5j * width, front - 0.5j * width])
         outline: list[complex] = []
-        for row in np.linspace(0, len(run.steer) - 1, OUTLINES).astype(int):
+        for row in np.linspace(0, shown - 1, OUTLINES).astype(int):
             points = run.origins[row, i] + np.append(corners, corners[0]) * np.exp(1j * run.headings[row, i])
             outline += [*points.tolist(), complex(np.nan, np.nan)]
         x, y = ([None if np.isnan(v) else round(v, 3) for v in part] for part in _parts(np.array(outline)))
@@ -66,7 +69,7 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> ReportPlot:
         ("first axle", 0, truck.front_axle.position),
         ("last axle", last, truck.rear_axle.position),
     ):
-        path = run.origins[:, i] + position * np.exp(1j * run.headings[:, i])
+        path = (run.origins[:, i] + position * np.exp(1j * run.headings[:, i]))[:shown]
         x, y = (part.round(3).tolist() for part in _parts(path))
         data.append(primitives.polyline(name, x, y, GREY, 1.5, "dash"))
     plot = _plot("low-speed turn", data, "x, m", "y, m", size="tall")

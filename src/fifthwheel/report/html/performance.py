@@ -81,7 +81,9 @@ def _manoeuvres(page: PageBuilder, assessment: Assessment) -> None:
         runs = assessment.runs
         page.figures(
             [
-                CaptionedPlot("From above", "", figures_of.lane_change_paths(runs)),
+                CaptionedPlot(
+                    "From above", "Front axle, and last axle of each unit.", figures_of.lane_change_paths(runs)
+                ),
                 CaptionedPlot("Lateral acceleration", "", figures_of.lane_change_acceleration(runs)),
                 CaptionedPlot("Roll angle", "", figures_of.lane_change_roll(runs)),
                 CaptionedPlot("Load transfer ratio", "", figures_of.load_transfer(runs)),
