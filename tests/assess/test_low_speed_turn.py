@@ -10,15 +10,16 @@ from fifthwheel.assess.low_speed_turn import RADIUS, equivalent_length, measure,
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get
-from tests.assess.trucks import rigid, single_axles
+from tests.assess.trucks import double, rigid, single_axles
 
 SINGLE = Truck(vehicle=single_axles(), body=Body(rear_overhang=2.7))
 
 
-def test_no_axle_slips_where_every_unit_has_one():
-    run = turn(SINGLE)
+@pytest.mark.parametrize(("vehicle", "axles"), [(single_axles(), [-3.7, -8.0]), (double(), [-3.7, -8.0, -8.0])])
+def test_no_axle_slips_where_every_unit_has_one(vehicle, axles):
+    run = turn(Truck(vehicle=vehicle))
     assert np.abs(run.slips).max() < 1e-12
-    for i, x in ((0, -3.7), (1, -8.0)):  # the path of each rear axle is along the unit
+    for i, x in enumerate(axles):  # the path of each rear axle is along the unit
         axle = run.origins[:, i] + x * np.exp(1j * run.headings[:, i])
         moved = np.diff(axle) * np.exp(-0.5j * (run.headings[1:, i] + run.headings[:-1, i]))
         assert np.abs(moved.imag / moved.real).max() < 1e-3

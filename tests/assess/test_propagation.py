@@ -135,7 +135,11 @@ def test_the_seed_of_the_draws_is_fixed():
     assert first.draws == second.draws
 
 
-def test_a_vehicle_within_the_uncertainty_that_is_not_valid_has_no_measure():
+def test_a_vehicle_within_the_uncertainty_that_is_not_valid_does_not_count():
+    """The CoG of a tractor lies between its axles, 1.03 m and 2.67 m away."""
     wide = Uncertainty(names=("tractor.cog",), covariance=[[4.0]])
     computed = samples(Neighbourhood(TRUCK, wide), lambda truck: {"m": of(truck, (1.0, 0.0))})
-    assert {} in computed.draws
+    assert 0.5 * DRAWS < len(computed.draws) < DRAWS
+    spread = computed.spread(lambda values: values["m"])
+    assert spread is not None
+    assert -3.7 <= spread.interval[0] < spread.interval[1] <= 0.0

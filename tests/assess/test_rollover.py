@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from fifthwheel.assess.rollover import measure, rollover
+from fifthwheel.assess.rollover import Rollover, measure, rollover
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.dynamics import linear_system
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get, laden
-from tests.assess.trucks import rigid, single_axles
+from tests.assess.trucks import double, rigid, single_axles
 
 TRUCK = get("cheng_cebon_2011")
 
@@ -42,6 +42,12 @@ def test_moments_about_the_ground_balance_at_the_threshold():
     """All inner wheels but those of groups that never lift are off the ground."""
     truck = Truck(vehicle=get("auburn_6x4"))
     (result,) = rollover(truck)
+    overturning, restoring = moments_about_the_ground(truck, result)
+    assert restoring == pytest.approx(overturning, rel=1e-9)
+
+
+def moments_about_the_ground(truck: Truck, result: Rollover) -> tuple[float, float]:
+    """Overturning and restoring moment at the threshold, N m."""
     p, loads = truck.vehicle.parameters(), truck.vehicle.axle_loads()
     overturning, restoring = 0.0, 0.0
     for _, unit, group, path in truck.groups():
@@ -54,7 +60,7 @@ def test_moments_about_the_ground_balance_at_the_threshold():
         lever = body.cog_height - unit.roll_axis_height
         overturning += GRAVITY * body.mass * lever * (result.threshold + phi)
         overturning += GRAVITY * unit.mass * unit.roll_axis_height * result.threshold
-    assert restoring == pytest.approx(overturning, rel=1e-9)
+    return overturning, restoring
 
 
 def test_a_decoupled_trailer_has_its_own_threshold():
@@ -63,6 +69,13 @@ def test_a_decoupled_trailer_has_its_own_threshold():
     tractor, trailer = rollover(decoupled)
     assert tractor.threshold > rollover(coupled)[0].threshold > trailer.threshold
     assert measure(decoupled)["rollover_threshold"] == trailer.threshold
+
+
+def test_moments_about_the_ground_balance_with_two_trailers():
+    truck = Truck(vehicle=double())
+    (result,) = rollover(truck)
+    overturning, restoring = moments_about_the_ground(truck, result)
+    assert restoring == pytest.approx(overturning, rel=1e-9)
 
 
 def test_a_higher_load_rolls_over_earlier():

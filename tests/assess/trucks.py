@@ -1,5 +1,7 @@
 """Trucks with simple closed forms: single axles, no relaxation lengths."""
 
+from copy import deepcopy
+
 from fifthwheel.vehicle import Vehicle, get
 
 
@@ -23,3 +25,11 @@ def rigid() -> Vehicle:
     tractor["sprung"]["mass"] = tractor["mass"] * (1 - 1e-9)
     fields |= {"units": [tractor], "couplings": [], "stated": {}}
     return Vehicle(**fields)
+
+
+def double() -> Vehicle:
+    """Two of those semitrailers; a fifth wheel couples the second to the rear end of the first."""
+    fields = single_axles().model_dump()
+    second = deepcopy(fields["units"][1]) | {"name": "second"}
+    coupling = deepcopy(fields["couplings"][0]) | {"name": "second_fifth_wheel", "leading_position": -10.0}
+    return Vehicle(**fields | {"units": [*fields["units"], second], "couplings": [*fields["couplings"], coupling]})

@@ -10,7 +10,8 @@ the mean is f and the variance sum slope_i^2.
 
 Sampled: where the curvatures shift the mean of a measure, sum curvature_i / 2, by more than `NONLINEAR` of sigma, or
 where a truck of a pair does not have the measure, the family is evaluated at `DRAWS` random trucks instead. A truck
-that does not have a measure, because it is unstable, does not meet a threshold.
+that does not have a measure, because it is unstable, does not meet a threshold; one that is not a valid vehicle, such
+as a dolly with its CoG behind its axle, does not count.
 """
 
 import math
@@ -129,9 +130,10 @@ class Neighbourhood:
         return [(self._changed(pair.plus), self._changed(pair.minus), pair.step) for pair in pairs]
 
     @lazy
-    def draws(self) -> list[Truck | None]:
-        """Random trucks, None for those that are not valid."""
-        return [self._changed(values) for values in random_parameters(self.uncertainty, self.given, self.positive)]
+    def draws(self) -> list[Truck]:
+        """Random trucks, without those that are not valid."""
+        drawn = random_parameters(self.uncertainty, self.given, self.positive)
+        return [truck for values in drawn if (truck := self._changed(values)) is not None]
 
     def _changed(self, values: Values) -> Truck | None:
         try:
