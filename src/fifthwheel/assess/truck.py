@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,4 +142,3 @@ Values = dict[str, float]
 """Measures by name, SI."""
 Series = dict[str, Array]
 """Signals over time by name, SI."""
-Json = dict[str, Any]

@@ -67,7 +67,8 @@ def section(page: PageBuilder, assessment: Assessment) -> None:
 
 def measures(assessment: Assessment) -> str:
     """The table of the measures; without the column of the nonlinear truck if it was not simulated."""
-    kept = [k for k in range(len(HEADS)) if k != HEADS.index("Nonlinear") or any(m.nonlinear for m in assessment)]
+    simulated = any(m.nonlinear is not None for m in assessment)
+    kept = [k for k, head in enumerate(HEADS) if simulated or head != "Nonlinear"]
     rows = [("", [escape(row[k]) for k in kept]) for row in assessment.rows()]
     return tables.table([COLUMNS[k] for k in kept], rows)
 

@@ -2,7 +2,7 @@
 
 from fifthwheel.assess import Assessment, MeasureResult
 from fifthwheel.assess.measures import SCHEME
-from fifthwheel.formatting import enumerated, percent, with_sigma
+from fifthwheel.formatting import enumerated, with_sigma
 
 LIKELY = 0.95
 """Probability from which a threshold counts as met without doubt."""
@@ -52,12 +52,6 @@ def explain_assessment(assessment: Assessment) -> list[str]:
     ]
     if sampled := [m.title for m in assessment if m.order == "sampled"]:
         notes.append(f"Sampled, because not linear in the parameters: {enumerated(sampled)}.")
-    unknown = [m for m in assessment if m.sigma is None]
-    if unknown:
-        shares = [t.probability for m in unknown if (t := m.best_threshold()) is not None and t.probability is not None]
-        least = f" (at least {percent(min(shares))} of them do and meet the threshold)" if shares else ""
-        notes.append(
-            f"Without sigma, because not all trucks within the uncertainty have it{least}: "
-            f"{enumerated([m.title for m in unknown])}."
-        )
+    if unknown := [m.title for m in assessment if m.sigma is None]:
+        notes.append(f"Without sigma, because a truck within the uncertainty is unstable: {enumerated(unknown)}.")
     return notes
