@@ -20,6 +20,7 @@ PACKAGES = (
     "identify.design",
     "manoeuvres",
     "plant",
+    "assess",
     "report",
     "studies",
 )

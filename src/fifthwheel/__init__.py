@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fifthwheel.assess.assess import assess as assess  # first, or mypy takes the name for the package
     from fifthwheel.identify.identify import identify as identify  # first, or mypy takes the name for the package
     from fifthwheel.simulate import simulate as simulate
     from fifthwheel.vehicle.catalogue import get
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     vehicle = get
 
     from fifthwheel import plot as plot
+    from fifthwheel.assess import Assessment as Assessment
+    from fifthwheel.assess import Body as Body
     from fifthwheel.dynamics import LinearSystem as LinearSystem
     from fifthwheel.dynamics import linear_system as linear_system
     from fifthwheel.dynamics.summary import summarize as summarize
@@ -65,6 +68,8 @@ imported_at = time.time()
 """Time at which the first module of the package was imported."""
 
 _MODULES = {
+    "Assessment": "assess",
+    "Body": "assess",
     "Estimates": "studies",
     "Estimator": "studies",
     "FifthwheelError": "errors",
@@ -91,6 +96,7 @@ _MODULES = {
     "VehicleError": "errors",
     "Verdict": "identify",
     "article": "identify",
+    "assess": "",
     "assess_information": "identify.design",
     "check_record": "time_bases",
     "design_experiment": "identify.design",

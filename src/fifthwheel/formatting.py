@@ -28,7 +28,7 @@ DISPLAY_UNITS = {
 """SI unit -> display unit; any other unit is shown as it is."""
 
 _ASCII = str.maketrans(
-    {"±": "+-", "²": "^2", "≥": ">=", "×": "x", "–": "-", "−": "-", "\u202f": "", "\u00a0": " ", "…": "..."}
+    {"±": "+-", "²": "^2", "≥": ">=", "≤": "<=", "×": "x", "–": "-", "−": "-", "\u202f": "", "\u00a0": " ", "…": "..."}
 )
 _TYPOGRAPHY = str.maketrans({",": "\u202f", "-": "−"})
 """Python's number format -> typography: a thin space between thousands, a minus sign as wide as the plus sign."""

@@ -10,6 +10,7 @@ import typer
 from fifthwheel import __version__
 from fifthwheel._atomic import clean_up
 from fifthwheel.cli import (  # importing a command registers it
+    assess,  # noqa: F401
     check,  # noqa: F401
     design,  # noqa: F401
     export,  # noqa: F401

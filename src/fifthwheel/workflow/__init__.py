@@ -1,6 +1,7 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.time_bases import check_record
+from fifthwheel.workflow.assessment import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 from fifthwheel.workflow.axle_loads import (
     AxleLoadDifference,
     WeighedVehicle,
@@ -20,6 +21,7 @@ from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
+    "ASSESSMENT_FILES",
     "IDENTIFICATION_FILES",
     "SENSOR_PRIORS",
     "STATES_FILES",
@@ -33,8 +35,10 @@ __all__ = [
     "design_run",
     "exported_learner",
     "exported_observer",
+    "identification_file",
     "one_stage_settings",
     "read_records",
+    "read_truck",
     "read_vehicle",
     "roll_tested_vehicle",
     "run_identification",
@@ -44,5 +48,6 @@ __all__ = [
     "vehicle_text",
     "weigh_by_slip",
     "weigh_vehicle",
+    "write_assessment",
     "write_results",
 ]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from fifthwheel.assess import Assessment, assess
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, OneStage, TwoStage, Verdict, identify
 from fifthwheel.identify.sensor_errors import log_sensors
@@ -30,6 +31,8 @@ class IdentificationRun:
     assessment: "InformationAssessment | None"
     """What would improve the estimates; None where they are good, or where it cannot be predicted."""
     conclusion: Conclusion
+    performance: Assessment | None = None
+    """What the identified truck does, by the cheap measures; None if none of them exists."""
 
     def as_dict(self) -> dict[str, Any]:
         """Contents of identification.json."""
@@ -72,7 +75,16 @@ def run_identification(
         states=tuple(states),
         assessment=assessment,
         conclusion=conclude_identification(identification, everything, assessment, states),
+        performance=_performance(identification),
     )
+
+
+def _performance(identification: Identification) -> Assessment | None:
+    """The cheap measures of the identified truck."""
+    try:
+        return assess(identification, cheap=True)
+    except FifthwheelError:
+        return None
 
 
 def _estimate_states(identification: Identification, record: Record) -> States:

@@ -67,6 +67,7 @@ def write_results(
             title=vehicle.name,
             conclusion=run.conclusion,
             outlook=run.assessment,
+            performance=run.performance,
             conditions=StateConditions(uncertain=() if covariance is None else covariance.names),
             provenance=provenance,
             figures=figures,

@@ -83,6 +83,8 @@ def draw(plot: ReportPlot) -> "Canvas":
             drawn.set_ylim(axis["range"])
         elif axis.get("rangemode") == "tozero":
             drawn.set_ylim(bottom=0)
+    if "scaleanchor" in layout["yaxis"]:
+        axes["y"].set_aspect("equal", adjustable="datalim")
     handles, names = axes["y"].get_legend_handles_labels()
     if handles:
         columns = min(len(names), 2 if plot.size == "small" else 3)

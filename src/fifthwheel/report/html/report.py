@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fifthwheel
+from fifthwheel.assess import Assessment
 from fifthwheel.diagnose.run_summary import summarise_records, summarise_runs
 from fifthwheel.identify import Identification
 from fifthwheel.observe import States
@@ -12,6 +13,7 @@ from fifthwheel.record import Record
 from fifthwheel.report.html import sections, tables
 from fifthwheel.report.html.page import write_page
 from fifthwheel.report.html.page_builder import PageBuilder
+from fifthwheel.report.html.performance import section
 from fifthwheel.report.html.sections import StateConditions
 from fifthwheel.report.provenance import Provenance
 from fifthwheel.report.text.conclusion import Conclusion, conclude_identification, conclude_states
@@ -30,6 +32,7 @@ def write_report(
     title: str,
     conclusion: Conclusion | None = None,
     outlook: "InformationAssessment | None" = None,
+    performance: Assessment | None = None,
     conditions: StateConditions | None = None,
     provenance: Provenance | None = None,
     figures: str | None = None,
@@ -42,6 +45,7 @@ def write_report(
         title: usually the name of the vehicle.
         conclusion: by default it is drawn from the other arguments.
         outlook: information at the identified vehicle, for predicted improvements.
+        performance: what the identified truck does.
         conditions: how the states were estimated.
         provenance: command, files and versions, to reproduce the result.
         figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
@@ -67,6 +71,8 @@ def write_report(
     if states:
         sections.states(page, states, records, conditions, identified=True)
     sections.consistency(page, states, identification.fits)
+    if performance is not None:
+        section(page, performance)
     page.heading("logs", "Logs and settings")
     _origin(page, tables.logs(records, summarise_runs(identification, records), identification), provenance)
     with page.folded("Settings"):

@@ -1,0 +1,159 @@
+"""The assessment of a truck."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_turn, straight_path, yaw_damping
+from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold, result
+from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition
+from fifthwheel.assess.propagation import Family, Neighbourhood, Samples, samples
+from fifthwheel.assess.truck import Body, Truck, Values
+from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
+from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.formatting import percent
+from fifthwheel.identify import Identification
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.vehicle import require_vehicle
+
+FAMILIES: tuple[Family, ...] = (
+    rollover.measure,
+    lane_change.measure,
+    lane_change.measure_peak,
+    yaw_damping.measure,
+    yaw_damping.measure_pulse,
+    steady_turn.measure,
+    straight_path.measure,
+    low_speed_turn.measure,
+)
+
+
+CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure)
+"""Families without a simulation of a manoeuvre, for the report of an identification."""
+
+
+def assess(
+    truck: Vehicle | Identification,
+    *,
+    speed: float = 88 / 3.6,
+    body: Body | Mapping[str, float | str] | None = None,
+    changes: Mapping[str, float] | None = None,
+    sigmas: Mapping[str, float] | None = None,
+    cheap: bool = False,
+    nonlinear: bool = True,
+) -> Assessment:
+    """Performance-based measures of a truck, each with sigma, 90 % interval and the probability of its thresholds.
+
+    docs/assess.md defines the measures.
+
+    Args:
+        truck: a vehicle, with the uncertainty of its file; or an identification, with its joint covariance.
+        speed: of the high-speed measures, m/s.
+        body: dimensions that a vehicle file does not have; `Body`, or its values by name.
+        changes: values of parameters by path, SI, that replace those of the truck.
+        sigmas: standard deviation of the changed parameters, SI; without one a changed parameter is exact.
+        cheap: only rollover, damping and the peak of the rearward amplification, by linear propagation.
+        nonlinear: also simulate the nonlinear truck; without MuJoCo a note says so.
+
+    Raises:
+        VehicleError: `truck` is neither, a parameter does not exist, or a dimension is out of its range.
+        SignalError: the speed is out of range.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> low = fw.assess(truck, cheap=True)["rollover_threshold"]
+        >>> high = fw.assess(truck, changes={"semitrailer.payload.height": 2.4}, cheap=True)["rollover_threshold"]
+        >>> high.value < low.value
+        True
+    """
+    if not isinstance(speed, int | float) or not 5 <= speed <= 40:
+        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed!r}; convert km/h to m/s")
+    if isinstance(truck, Identification):
+        vehicle, uncertainty = truck.vehicle, of_identification(truck)
+        origin = f"the joint covariance of the identification by the {truck.method} method"
+        if truck.covariance is None:
+            origin = "the sigmas of the two-stage method, taken as independent, and the vehicle file"
+    else:
+        require_vehicle(truck)
+        vehicle, uncertainty = truck, of_vehicle(truck)
+        origin = "the vehicle file"
+        if count := len(assumed(truck)):
+            origin += f"; {count} numbers on which it states nothing have the priors of an identification"
+    given = dict(changes or {})
+    size = body if isinstance(body, Body) else Body.of(body or {})
+    subject = Truck(vehicle=vehicle.replace(given), body=size, speed=float(speed))
+    uncertainty = complete(uncertainty, size, replaced=given, stated=sigmas or {})
+    trucks = Neighbourhood(subject, uncertainty)
+    results, notes = list[MeasureResult](), list[str]()
+    for family in CHEAP if cheap else FAMILIES:
+        try:
+            computed = samples(trucks, family, sampled=not cheap)
+            results += _results(computed)
+            notes += _unstable(subject, computed)
+        except FifthwheelError as error:
+            notes.append(str(error))
+    if not results:
+        raise VehicleError("; ".join(dict.fromkeys(notes)))
+    driven, runs = Values(), dict[str, LaneChange]()
+    if not cheap and subject.is_stable:
+        runs["linear"] = lane_change.linear(subject)
+    if nonlinear and not cheap:
+        from fifthwheel.assess.nonlinear import measures as nonlinear_measures  # slow to import
+
+        driven, driven_runs, others = nonlinear_measures(subject)
+        runs |= driven_runs
+        notes += others
+    results = [replace(r, nonlinear=driven.get(r.name)) for r in results]
+    order = list(MEASURES)
+    sigma = dict(zip(uncertainty.names, uncertainty.covariance.diagonal() ** 0.5, strict=True))
+    return Assessment(
+        vehicle=subject.vehicle,
+        body=size,
+        speed=subject.speed,
+        measures=tuple(sorted(results, key=lambda r: order.index(r.name.partition(".")[0]))),
+        uncertain={name: float(value) for name, value in sigma.items()},
+        origin=origin,
+        notes=tuple(dict.fromkeys(notes)),
+        runs=runs,
+    )
+
+
+def _results(computed: Samples) -> list[MeasureResult]:
+    """The results of a family of measures."""
+    return [_result(name, computed) for name in computed.centre if name != REAR]
+
+
+def _unstable(truck: Truck, computed: Samples) -> list[str]:
+    """A note on the fraction of random trucks that are unstable."""
+    if "yaw_damping" not in computed.centre or not computed.draws:
+        return []
+    unstable = sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws)
+    if not unstable:
+        return []
+    fraction = percent(unstable / len(computed.draws))
+    return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
+
+
+def _result(name: str, computed: Samples) -> MeasureResult:
+    spread = computed.spread(lambda values: values[name])
+    others: dict[str, Any] = {"sigma": None, "interval": None, "order": None}
+    if spread is not None:
+        others = {"sigma": spread.sigma, "interval": spread.interval, "order": spread.order}
+    thresholds = tuple(_threshold(name, limit, computed) for limit in definition(name).limits)
+    return result(name, computed.centre[name], thresholds=thresholds, **others)
+
+
+def _threshold(name: str, limit: Limit, computed: Samples) -> Threshold:
+    def margin(values: Values) -> float:
+        difference = values[name] - limit.threshold(values)
+        return difference if limit.sense == "at least" else -difference
+
+    return Threshold(
+        scheme=SCHEME,
+        level=limit.level,
+        sense=limit.sense,
+        value=limit.threshold(computed.centre),
+        probability=computed.probability(margin),
+    )

@@ -1,0 +1,175 @@
+"""The result of an assessment: each measure with sigma, interval and the probability that a threshold is met."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fifthwheel._html import Markup, block, table
+from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.measures import SCHEME, definition, title
+from fifthwheel.assess.propagation import Order
+from fifthwheel.assess.truck import Body
+from fifthwheel.errors import suggestion
+from fifthwheel.formatting import percent, with_sigma
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Threshold:
+    """A threshold of a measure."""
+
+    scheme: str
+    level: str
+    """"1" to "4", or "all"."""
+    sense: str
+    """"at least" or "at most"."""
+    value: float
+    """SI; in the unit of the measure."""
+    probability: float | None
+    """That the truck meets it; None if the measure has no sigma."""
+
+    def __str__(self) -> str:
+        sign = "≥" if self.sense == "at least" else "≤"
+        level = "" if self.level == "all" else f"level {self.level}: "
+        return f"{level}{sign} {self.value:.3g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureResult:
+    """One measure of a truck."""
+
+    name: str
+    title: str
+    unit: str
+    """SI unit, "1", or "g"."""
+    source: str
+    value: float
+    """Of the linear model."""
+    sigma: float | None
+    """None where the measure does not exist for all trucks within the uncertainty."""
+    interval: tuple[float, float] | None
+    """That contains 90 %."""
+    order: Order | None
+    """How sigma follows from the parameters: "linear", or "sampled" where a measure is strongly nonlinear."""
+    thresholds: tuple[Threshold, ...]
+    nonlinear: float | None = None
+    """Of the nonlinear truck; None if it was not simulated."""
+
+    @property
+    def shown_unit(self) -> str:
+        """Unit for display."""
+        return "" if self.unit == "1" else self.unit
+
+    def text(self) -> str:
+        """Value, sigma and unit."""
+        return f"{with_sigma(self.value, self.sigma, '1')} {self.shown_unit}".rstrip()
+
+    def best_threshold(self) -> Threshold | None:
+        """The strictest threshold that is met with 50 % or more, else the mildest."""
+        met = [t for t in self.thresholds if self.meets(t)]
+        return met[0] if met else self.thresholds[-1] if self.thresholds else None
+
+    def meets(self, threshold: Threshold) -> bool:
+        """Whether the value meets a threshold."""
+        return self.value >= threshold.value if threshold.sense == "at least" else self.value <= threshold.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """What a truck does: its performance-based measures, each with sigma.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> assessment = fw.assess(fw.vehicle("cheng_cebon_2011"), nonlinear=False)
+        >>> assessment
+        Assessment(cheng_cebon_2011 at 88 km/h, 14 measures)
+        >>> measure = assessment["rollover_threshold"]
+        >>> measure.unit, measure.thresholds[0].value
+        ('g', 0.35)
+    """
+
+    vehicle: Vehicle
+    body: Body
+    speed: float
+    """m/s."""
+    measures: tuple[MeasureResult, ...]
+    uncertain: Mapping[str, float]
+    """Sigma of each uncertain parameter by path, SI."""
+    origin: str
+    """Where the uncertainty comes from, in words."""
+    notes: tuple[str, ...] = ()
+    runs: Mapping[str, LaneChange] = field(default_factory=dict, repr=False)
+    """The lane change by model, "linear" and "nonlinear"."""
+
+    def __getitem__(self, name: str) -> MeasureResult:
+        """A measure by name; KeyError if the truck does not have it."""
+        for measure in self.measures:
+            if measure.name == name:
+                return measure
+        raise KeyError(f"{name}: not a measure of this truck; {suggestion(name, [m.name for m in self.measures])}")
+
+    def __iter__(self) -> Iterator[MeasureResult]:
+        return iter(self.measures)
+
+    def __len__(self) -> int:
+        return len(self.measures)
+
+    @property
+    def title(self) -> str:
+        """Vehicle and speed."""
+        return f"{self.vehicle.name} at {3.6 * self.speed:.0f} km/h"
+
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """Title, value with sigma, nonlinear truck, threshold and its probability of each measure, as texts."""
+        rows = []
+        for measure in self.measures:
+            threshold = measure.best_threshold()
+            probability = "" if threshold is None or threshold.probability is None else percent(threshold.probability)
+            nonlinear = "" if measure.nonlinear is None else f"{measure.nonlinear:.3g}"
+            text = "" if threshold is None else str(threshold)
+            rows.append((measure.title, measure.text(), nonlinear, text, probability))
+        return rows
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content of assessment.json: everything but time series."""
+        return {
+            "vehicle": self.vehicle.name,
+            "speed": self.speed,
+            "body": asdict(self.body),
+            "measures": [asdict(measure) for measure in self.measures],
+            "uncertain": dict(self.uncertain),
+            "origin": self.origin,
+            "notes": list(self.notes),
+        }
+
+    def __repr__(self) -> str:
+        return f"Assessment({self.title}, {len(self.measures)} measures)"
+
+    def __str__(self) -> str:
+        rows = [HEADS, *self.rows()]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(HEADS))]
+        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+        return "\n".join([self.title, *lines, *self.notes])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return block(self.title, Markup(table(HEADS, self.rows())))
+
+
+HEADS = ("Measure", "Linear ± sigma", "Nonlinear", f"{SCHEME}", "Probability")
+"""Of the table of measures."""
+
+
+def result(name: str, value: float, **others: Any) -> MeasureResult:
+    """The result of a measure with its definition."""
+    measure = definition(name)
+    return MeasureResult(
+        name=name,
+        title=title(name),
+        unit=measure.unit,
+        source=measure.source,
+        value=float(np.round(value, 12)),
+        **others,
+    )

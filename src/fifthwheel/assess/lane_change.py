@@ -1,0 +1,162 @@
+"""The single lane change: rearward amplification, transient off-tracking, load transfer ratio.
+
+ISO 14791, single lane change: the front axle follows one period of a sine of lateral acceleration, 0.15 g at 0.4 Hz.
+A `LaneChange` holds what the measures need; it comes from the linear model here, or from the nonlinear truck.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.assess.measures import REAR
+from fifthwheel.assess.rollover import rollover
+from fifthwheel.assess.truck import Series, Truck, Values
+from fifthwheel.dynamics import linear_system
+from fifthwheel.dynamics.state_space import COG_ACCELERATION
+from fifthwheel.manoeuvres.lane_change import LaneChange as Course
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
+
+FREQUENCY, ACCELERATION = 0.4, 0.15 * GRAVITY
+"""Of the front axle's lateral acceleration: Hz, m/s^2."""
+DURATION, DECAY, STEP = 10.0, 20.0, 0.01
+"""Of the run, of the rest that the periodic inverse needs, and from sample to sample, s."""
+BAND = np.linspace(0.05, 1.5, 117)
+"""Frequencies of the frequency response, Hz."""
+CUTOFF = 8.0
+"""Highest frequency of the steer angle, Hz."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaneChange:
+    """A lane change to the left as driven, (N,) samples."""
+
+    time: Array
+    """s."""
+    steer: Array
+    """Road-wheel angle of the first steered axle, rad."""
+    acceleration: Series
+    """Lateral acceleration, m/s^2: "front", of the front axle, and of the CoG of each unit by name."""
+    x: Series
+    """Position along the road, m: "front", and the last axle of each unit by name."""
+    y: Series
+    """Position across the road, m, positive to the left; same names."""
+    roll: Series
+    """Roll angle of each unit, rad."""
+    load_transfer: Array
+    """Load transfer ratio of all axle groups but the first."""
+
+
+def course(speed: float) -> Course:
+    """The lane change of `FREQUENCY` and `ACCELERATION` at a speed, m/s."""
+    return Course(length=speed / FREQUENCY, offset=ACCELERATION / (2 * np.pi * FREQUENCY**2))
+
+
+def measure(truck: Truck) -> Values:
+    """Measures of the lane change of the linear model, with the rollover threshold of the rearmost units.
+
+    Raises:
+        VehicleError: the truck is unstable at this speed, or its axle loads are not determined.
+    """
+    truck.require_stable()
+    return measures(linear(truck)) | {REAR: rollover(truck)[-1].threshold}
+
+
+def measure_peak(truck: Truck) -> Values:
+    """The largest gain from the lateral acceleration of the first CoG to that of the last, as
+    `dynamics.rearward_amplification`; a parabola through the largest gain and its neighbours gives the peak.
+
+    Raises:
+        VehicleError: the truck is unstable at this speed.
+    """
+    truck.require_stable()
+    if len(truck.vehicle.units) == 1:
+        return {}
+    ends = [f"{COG_ACCELERATION}.{unit.name}" for unit in (truck.vehicle.units[0], truck.vehicle.units[-1])]
+    response = linear_system(truck.vehicle, truck.speed, ends).frequency_response(BAND)[:, :, 0]
+    gain = np.abs(response[:, 1] / response[:, 0])
+    k = min(max(int(np.argmax(gain)), 1), len(BAND) - 2)
+    slope, curvature = (gain[k + 1] - gain[k - 1]) / 2, gain[k + 1] - 2 * gain[k] + gain[k - 1]
+    between = gain[k] - slope**2 / (2 * curvature) if curvature < 0 and abs(slope) <= -curvature else 0.0
+    return {"rearward_amplification_peak": float(max(gain.max(), between))}
+
+
+def measures(run: LaneChange) -> Values:
+    """Rearward amplification, transient off-tracking, m, and load transfer ratio of a lane change.
+
+    The off-tracking is the overshoot of the last axle: its largest y less the largest y of the front axle.
+    """
+    *others, last = run.roll
+    values = {"load_transfer_ratio": float(np.max(np.abs(run.load_transfer)))}
+    if others:
+        peak = {name: float(np.max(np.abs(run.acceleration[name]))) for name in ("front", last)}
+        values["rearward_amplification"] = peak[last] / peak["front"]
+        values["transient_off_tracking"] = float(np.max(run.y[last]) - np.max(run.y["front"]))
+    return values
+
+
+def linear(truck: Truck) -> LaneChange:
+    """The lane change of the linear model, by its frequency response; the steer angle follows from the front axle."""
+    vehicle, speed = truck.vehicle, truck.speed
+    names = [unit.name for unit in vehicle.units]
+    first = names[0]
+    groups = truck.groups()[1:]
+    outputs = [
+        *[
+            f"{quantity}.{name}"
+            for quantity in ("lateral_velocity", "yaw_rate", "roll", "cog_acceleration")
+            for name in names
+        ],
+        *[f"articulation.{name}" for name in names[1:]],
+        *[f"load_transfer_moment.{path}" for *_, path in groups],
+    ]
+    size = round((DURATION + DECAY) / STEP)
+    time = STEP * np.arange(size, dtype=np.float64)
+    frequency = np.fft.rfftfreq(size, STEP)
+    used = frequency <= 2 * CUTOFF
+    system = linear_system(vehicle, speed, outputs)
+    gains = dict(zip(outputs, system.frequency_response(frequency[used])[:, :, 0].T, strict=True))
+    s = 2j * np.pi * frequency[used]
+    arm = truck.front_axle.position - vehicle.units[0].cog
+    front = gains[f"cog_acceleration.{first}"] + arm * s * gains[f"yaw_rate.{first}"]
+    target = np.fft.rfft(course(speed).acceleration(time, speed, 1))[used] / (1 + (frequency[used] / CUTOFF) ** 4)
+    steer = target / front
+
+    def signal(spectrum: NDArray[np.complex128]) -> Array:
+        padded = np.pad(spectrum, (0, len(frequency) - len(spectrum)))
+        return np.asarray(np.fft.irfft(padded, size)[: round(DURATION / STEP)], dtype=np.float64)
+
+    series = {name: signal(gain * steer) for name, gain in gains.items()}
+    time = time[: round(DURATION / STEP)]
+    heading = _integral(series[f"yaw_rate.{first}"])
+    x, y = dict[str, Array](), dict[str, Array]()
+    behind = 0.0  # distance from the front axle to the origin of the unit, m, straight ahead
+    for i, unit in enumerate(vehicle.units):
+        if i:
+            coupling = vehicle.couplings[i - 1]
+            heading = heading + series[f"articulation.{unit.name}"]
+            behind += coupling.leading_position - coupling.trailing_position
+        lateral = _integral(speed * heading + series[f"lateral_velocity.{unit.name}"])
+        places = {unit.name: min(axle.position for axle in unit.axles)}
+        if not i:
+            places["front"], behind = truck.front_axle.position, -truck.front_axle.position
+        for name, position in places.items():
+            x[name] = speed * time + behind + position
+            y[name] = lateral + (position - unit.cog) * heading
+    loads = vehicle.axle_loads()
+    transferred = sum((np.abs(series[f"load_transfer_moment.{path}"]) for *_, path in groups), np.zeros_like(time))
+    return LaneChange(
+        time=time,
+        steer=signal(steer),
+        acceleration={"front": signal(front * steer)} | {n: series[f"cog_acceleration.{n}"] for n in names},
+        x=x,
+        y=y,
+        roll={name: series[f"roll.{name}"] for name in names},
+        load_transfer=transferred / (truck.body.half_track * sum(loads[path] for *_, path in groups)),
+    )
+
+
+def _integral(values: Array) -> Array:
+    """Integral over time (N,) from 0 by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) * STEP / 2)])

@@ -1,0 +1,206 @@
+"""The low-speed turn of 90 degrees: swept path, tail swing, friction demand of the steer tyres.
+
+The outer wall of the outer front tyre follows a straight line, a quarter of a circle of 12.5 m and a straight line. At
+low speed the axles of a unit roll without side force in the sum: with distances L_j of its axles behind its coupling
+(or the first axle of the first unit) and cornering stiffnesses C_j, it turns like a unit with one axle at
+
+    L = sum C_j L_j^2 / sum C_j L_j,
+
+so that the heading psi follows psi' = w / L, w the lateral velocity of the point in front per distance. The turn is
+integrated over the distance by Runge-Kutta steps.
+
+Friction demand: the axles of a group slip, because they turn about one centre. Their side forces, mu N tanh(C alpha /
+(mu N)), act on the unit in front at its coupling; the moment about the first unit's drive axles is balanced by the
+steered tyres. The demand is their side force divided by the available friction mu N. Free rolling, no drive thrust.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.errors import VehicleError
+from fifthwheel.vehicle import Unit
+
+RADIUS = 12.5
+"""Of the circle, m."""
+STEP = 0.2
+"""Distance from one step to the next, m."""
+FRICTION = 0.8
+"""Coefficient of friction of tyre and road."""
+STATION = 0.25
+"""Length of road in which inner and outer edge are compared, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LowSpeedTurn:
+    """A turn to the left, (N,) samples; the circle begins at x = 0 and ends at (RADIUS, RADIUS)."""
+
+    origins: NDArray[np.complex128]
+    """(N, n) complex: origin of each unit, x + 1j y, m."""
+    headings: Array
+    """(N, n) rad."""
+    steer: Array
+    """Angle from the heading of the first unit to the direction of motion of its outer front tyre, (N,) rad."""
+    slips: Array
+    """Slip angle of every axle, front to rear, (N, axles); that of the steered axle is 0, rad."""
+
+
+def measure(truck: Truck) -> Values:
+    """Swept path, m, friction demand and, if the rear overhang is known, tail swing, m.
+
+    Raises:
+        VehicleError: the first unit has no axle behind its first axle group.
+    """
+    run = turn(truck)
+    values = {"swept_path": swept_path(truck, run), "friction_demand": friction_demand(truck, run)}
+    if truck.body.rear_overhang is not None:
+        corner = rear_end(truck, run) - 0.5j * truck.body.width * np.exp(1j * run.headings[:, -1])
+        values["tail_swing"] = max(0.0, -float(corner.imag.min()))
+    return values
+
+
+def turn(truck: Truck) -> LowSpeedTurn:
+    """Drive the turn."""
+    units, references, outer = truck.vehicle.units, _references(truck), truck.body.width / 2
+    lengths = [equivalent_length(unit, reference) for unit, reference in zip(units, references, strict=True)]
+    effective = [reference - length for reference, length in zip(references, lengths, strict=True)]
+    joints = [c.leading_position for c in truck.vehicle.couplings]
+    arms = [joint - e for joint, e in zip(joints, effective, strict=False)]
+
+    def motion(s: float, headings: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Yaw rate of each unit and forward velocity of its effective axle, per distance."""
+        direction = min(max(s / RADIUS, 0.0), math.pi / 2) - headings[0]
+        rates = [math.sin(direction) / lengths[0]]
+        along = [math.cos(direction) - rates[0] * outer]
+        for i, arm in enumerate(arms):
+            articulation = headings[i + 1] - headings[i]
+            c, s, across = math.cos(articulation), math.sin(articulation), rates[i] * arm
+            rates.append((across * c - along[i] * s) / lengths[i + 1])
+            along.append(along[i] * c + across * s)
+        return rates, along
+
+    behind = sum(lengths) + sum(map(abs, arms))
+    stations = np.arange(-STEP, RADIUS * math.pi / 2 + 2.5 * behind + RADIUS, STEP)
+    headings, motions, now = [], [], [0.0] * len(units)
+    for station in stations.tolist():
+        k1 = motion(station, now)
+        headings.append(now)
+        motions.append(k1)
+        k2, _ = motion(station + STEP / 2, [h + STEP / 2 * r for h, r in zip(now, k1[0], strict=True)])
+        k3, _ = motion(station + STEP / 2, [h + STEP / 2 * r for h, r in zip(now, k2, strict=True)])
+        k4, _ = motion(station + STEP, [h + STEP * r for h, r in zip(now, k3, strict=True)])
+        now = [h + STEP / 6 * (a + 2 * b + 2 * c + d) for h, a, b, c, d in zip(now, k1[0], k2, k3, k4, strict=True)]
+    psi = np.array(headings)
+    rates, along = np.array(motions).transpose(1, 0, 2)
+    angle = np.clip(stations / RADIUS, 0.0, math.pi / 2)
+    tyre = np.where(stations < 0, stations, RADIUS * np.sin(angle)) + 1j * (
+        RADIUS * (1 - np.cos(angle)) + np.maximum(stations - RADIUS * math.pi / 2, 0.0)
+    )
+    origins, slips = np.zeros(psi.shape, dtype=np.complex128), []
+    for i, unit in enumerate(units):
+        axis = np.exp(1j * psi[:, i])
+        if i:
+            joint = origins[:, i - 1] + joints[i - 1] * np.exp(1j * psi[:, i - 1])
+            origins[:, i] = joint - truck.vehicle.couplings[i - 1].trailing_position * axis
+        else:
+            origins[:, 0] = tyre - (truck.front_axle.position - 1j * outer) * axis
+        for axle in unit.axles:
+            steered = not i and axle in unit.axle_groups[0].axles
+            across = rates[:, i] * (axle.position - effective[i])
+            slips.append(np.zeros(len(stations)) if steered else -np.arctan2(across, along[:, i]))
+    return LowSpeedTurn(origins=origins, headings=psi, steer=angle - psi[:, 0], slips=np.column_stack(slips))
+
+
+def equivalent_length(unit: Unit, reference: float) -> float:
+    """Distance L, m, behind a point of a unit at which one axle turns it like all of its axles behind that point."""
+    arms = [
+        (group.cornering_stiffness / len(group.axles), reference - axle.position)
+        for group in unit.axle_groups
+        for axle in group.axles
+        if axle.position < reference
+    ]
+    if not arms:
+        raise VehicleError(f"{unit.name}: no axle behind its front end; the low-speed turn needs one")
+    return sum(c * arm**2 for c, arm in arms) / sum(c * arm for c, arm in arms)
+
+
+def _references(truck: Truck) -> list[float]:
+    """x on each unit of the point that leads it: the first axle, or the coupling in front."""
+    return [truck.front_axle.position, *(c.trailing_position for c in truck.vehicle.couplings)]
+
+
+def rear_end(truck: Truck, run: LowSpeedTurn) -> Array:
+    """Middle of the rear end of the last unit, (N,) complex, m."""
+    x = truck.rear_axle.position - (truck.body.rear_overhang or 0.0)
+    return np.asarray(run.origins[:, -1] + x * np.exp(1j * run.headings[:, -1]))
+
+
+def swept_path(truck: Truck, run: LowSpeedTurn) -> float:
+    """Largest width between the outermost and the innermost edge of all units at one station of the road, m."""
+    inner, outer = edges(truck, run)
+    count = int(max(inner[0].max(), outer[0].max()) / STATION) + 1
+    widest = []
+    for stations, offsets in (inner, outer):
+        edge = np.full(count, -np.inf)
+        kept = stations >= 0
+        np.maximum.at(edge, (stations[kept] / STATION).astype(int), offsets[kept])
+        widest.append(edge)
+    total = widest[0] + widest[1]
+    return float(total[np.isfinite(total)].max())
+
+
+def edges(truck: Truck, run: LowSpeedTurn) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Station and distance from the road line, m, of points on the inner side (to the left) and the outer side."""
+    inner, outer = [], []
+    for i, (unit, reference) in enumerate(zip(truck.vehicle.units, _references(truck), strict=True)):
+        front = reference + (truck.body.front_overhang if not i else 0.0)
+        last = i == len(truck.vehicle.units) - 1
+        rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if last else 0.0)
+        axis = np.exp(1j * run.headings[:, i : i + 1])
+        points = run.origins[:, i : i + 1] + np.linspace(rear, front, 12) * axis
+        inner.append((points + 0.5j * truck.body.width * axis).ravel())
+        outer.append((points - 0.5j * truck.body.width * axis).ravel())
+    left, right = _road(np.concatenate(inner)), _road(np.concatenate(outer))
+    return left, (right[0], -right[1])
+
+
+def _road(points: Array) -> tuple[Array, Array]:
+    """Station along the line that the outer tyre follows, and distance to its left, m, of points (complex)."""
+    x, y = points.real, points.imag
+    angle = np.arctan2(x, RADIUS - y)
+    station, offset = RADIUS * angle, RADIUS - np.hypot(x, RADIUS - y)
+    entry, leaving = (x <= 0) & (y < RADIUS), (y >= RADIUS) & (x > 0)
+    station = np.where(entry, x, np.where(leaving, RADIUS * math.pi / 2 + y - RADIUS, station))
+    return station, np.where(entry, y, np.where(leaving, RADIUS - x, offset))
+
+
+def friction_demand(truck: Truck, run: LowSpeedTurn) -> float:
+    """Largest fraction of the available friction that the tyres of the first axle group use."""
+    vehicle = truck.vehicle
+    loads, axle = vehicle.axle_loads(), run.slips.shape[1]
+    coupling = np.zeros(len(run.steer))  # side force of the unit behind on the unit in front, N
+    for i in reversed(range(len(vehicle.units))):
+        unit = vehicle.units[i]
+        forces, moment = np.zeros(len(run.steer)), np.zeros(len(run.steer))
+        reference = _references(truck)[i] - (0.0 if i else equivalent_length(unit, truck.front_axle.position))
+        if i < len(vehicle.couplings):
+            articulation = run.headings[:, i + 1] - run.headings[:, i]
+            forces = forces + coupling * np.cos(articulation)
+            moment = moment + (vehicle.couplings[i].leading_position - reference) * coupling * np.cos(articulation)
+        for group in reversed(unit.axle_groups):
+            available = FRICTION * loads[unit.group_path(group)] / len(group.axles)
+            stiffness = group.cornering_stiffness / len(group.axles)
+            for member in reversed(group.axles):
+                axle -= 1
+                force = available * np.tanh(stiffness * run.slips[:, axle] / available)
+                forces, moment = forces + force, moment + (member.position - reference) * force
+        coupling = forces
+    front = vehicle.units[0].axle_groups[0]
+    arm = front.position - reference
+    side = np.abs(moment) / arm / np.cos(run.steer)
+    return float(side.max() / (FRICTION * loads[vehicle.units[0].group_path(front)]))

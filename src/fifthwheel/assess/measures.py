@@ -1,0 +1,114 @@
+"""The measures: title, unit, source and thresholds of each.
+
+The thresholds are those of the Australian performance-based standards: National Transport Commission / NHVR,
+Performance-Based Standards Scheme, The Standards and Vehicle Assessment Rules (10 November 2008). Its levels 1 to 4 are
+classes of roads. A measure has thresholds only if it is defined closely enough to that of the scheme.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+SCHEME = "Australian PBS"
+"""Name of the scheme of the thresholds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """A threshold of a measure: a number, or a multiple of another measure."""
+
+    level: str
+    """Level of the scheme, "1" to "4"; "all" for all levels."""
+    sense: Literal["at least", "at most"]
+    value: float
+    times: str | None = None
+    """Measure that `value` multiplies; None: `value` is the threshold, SI."""
+
+    def threshold(self, values: Mapping[str, float]) -> float:
+        """The threshold, SI, for measures by name."""
+        return self.value if self.times is None else self.value * values[self.times]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """The definition of a measure."""
+
+    title: str
+    unit: str
+    """SI unit, "1" for a ratio, "g" for an acceleration as a fraction of gravity."""
+    source: str
+    limits: tuple[Limit, ...] = ()
+
+
+def _levels(sense: Literal["at least", "at most"], *values: float) -> tuple[Limit, ...]:
+    return tuple(Limit(level=str(k + 1), sense=sense, value=value) for k, value in enumerate(values))
+
+
+REAR = "rollover_threshold_rear"
+"""Rollover threshold of the rearmost roll-coupled set of units, which the limit of rearward amplification follows."""
+
+MEASURES: Mapping[str, Measure] = {
+    "rollover_threshold": Measure(
+        title="static rollover threshold",
+        unit="g",
+        source="Winkler (2000)",
+        limits=(Limit(level="all", sense="at least", value=0.35),),
+    ),
+    "wheel_lift": Measure(title="wheel lift", unit="g", source="Winkler (2000)"),
+    "rearward_amplification": Measure(
+        title="rearward amplification, lane change",
+        unit="1",
+        source="ISO 14791",
+        limits=(Limit(level="all", sense="at most", value=5.7, times=REAR),),
+    ),
+    "rearward_amplification_peak": Measure(
+        title="rearward amplification, frequency response", unit="1", source="ISO 14791"
+    ),
+    "transient_off_tracking": Measure(
+        title="high-speed transient off-tracking",
+        unit="m",
+        source="ISO 14791",
+        limits=_levels("at most", 0.6, 0.8, 1.0, 1.2),
+    ),
+    "load_transfer_ratio": Measure(title="load transfer ratio, lane change", unit="1", source="Ervin and Guy (1986)"),
+    "yaw_damping": Measure(
+        title="yaw damping, eigenvalues",
+        unit="1",
+        source="ISO 14791",
+        limits=(Limit(level="all", sense="at least", value=0.15),),
+    ),
+    "yaw_damping_pulse": Measure(
+        title="yaw damping, pulse",
+        unit="1",
+        source="ISO 14791",
+        limits=(Limit(level="all", sense="at least", value=0.15),),
+    ),
+    "steady_off_tracking": Measure(title="high-speed steady off-tracking", unit="m", source="Ervin and Guy (1986)"),
+    "straight_path_width": Measure(
+        title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"
+    ),
+    "swept_path": Measure(
+        title="low-speed swept path", unit="m", source="NTC (2008)", limits=_levels("at most", 7.4, 8.7, 10.6, 13.7)
+    ),
+    "tail_swing": Measure(
+        title="tail swing", unit="m", source="NTC (2008)", limits=_levels("at most", 0.30, 0.35, 0.35, 0.50)
+    ),
+    "friction_demand": Measure(
+        title="steer tyre friction demand",
+        unit="1",
+        source="NTC (2008)",
+        limits=(Limit(level="all", sense="at most", value=0.8),),
+    ),
+}
+"""Measures by name; "wheel_lift" stands for "wheel_lift.<axle group>"."""
+
+
+def definition(name: str) -> Measure:
+    """The definition of a measure by its full name."""
+    return MEASURES[name.partition(".")[0]]
+
+
+def title(name: str) -> str:
+    """The title of a measure by its full name: "wheel lift, tractor.drive"."""
+    group = name.partition(".")[2]
+    return f"{definition(name).title}, {group}" if group else definition(name).title

@@ -1,0 +1,122 @@
+"""Measures of the nonlinear truck (`fifthwheel.plant`), beside those of the linear model.
+
+A driver steers it through the lane change; a pulse of the steer angle and a steady turn follow open loop and on a path.
+Its tyres saturate, its axles and springs are in three dimensions; its half track is that of the assessed body.
+"""
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.assess import lane_change, steady_turn, yaw_damping
+from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.truck import Series, Truck, Values
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius
+from fifthwheel.plant import Plant, Properties
+from fifthwheel.vehicle import Unit
+
+RATE = 100.0
+"""Of the samples, Hz."""
+TURN = 30.0
+"""Duration of the steady turn, s."""
+PULSE = np.radians(2.0)
+"""Steer angle of the pulse, rad."""
+
+
+def measures(truck: Truck) -> tuple[Values, dict[str, LaneChange], tuple[str, ...]]:
+    """Measures of the nonlinear truck, its lane change, and the reasons why some are missing, such as MuJoCo."""
+    values, runs, notes = Values(), dict[str, LaneChange](), list[str]()
+    try:
+        plant = Plant(truck.vehicle, Properties(half_track=truck.body.half_track))
+        plant.multibody  # noqa: B018 - compiles it, or refuses it
+    except FifthwheelError as error:
+        return values, runs, (f"nonlinear truck: {error}",)
+    try:
+        runs["nonlinear"] = run = drive_lane_change(truck, plant)
+        values |= lane_change.measures(run)
+    except FifthwheelError as error:
+        notes.append(f"nonlinear truck, lane change: {error}")
+    try:
+        values["yaw_damping_pulse"] = yaw_damping.decay(*pulse(truck, plant))
+    except FifthwheelError as error:
+        notes.append(f"nonlinear truck, pulse: {error}")
+    try:
+        values["steady_off_tracking"] = steady_off_tracking(truck, plant)
+    except FifthwheelError as error:
+        notes.append(f"nonlinear truck, steady turn: {error}")
+    return values, runs, tuple(notes)
+
+
+def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:
+    """The lane change, which the driver steers the front axle along."""
+    course = lane_change.course(truck.speed).path(count=1, speed=truck.speed)
+    truth = _drive(plant, course)
+    units = truck.vehicle.units
+    groups = truck.groups()[1:]
+    axles = [f"{unit.name}.{axle.name}" for _, unit, group, _ in groups for axle in group.axles]
+    load = [truth[f"vertical_force.{axle}"] for axle in axles]
+    transferred = [np.abs(truth[f"load_transfer.{axle}"] * force) for axle, force in zip(axles, load, strict=True)]
+    front = f"{units[0].name}"
+    arm = truck.front_axle.position - units[0].cog
+    acceleration = {unit.name: _acceleration(truth, unit) for unit in units}
+    yaw_acceleration = np.gradient(truth[f"yaw_rate.{front}"], 1 / RATE)
+    places = {unit.name: (unit, min(axle.position for axle in unit.axles)) for unit in units}
+    places["front"] = units[0], truck.front_axle.position
+    positions = {name: _position(truth, unit, x) for name, (unit, x) in places.items()}
+    return LaneChange(
+        time=truth["time"],
+        steer=truth[truck.vehicle.steer_signals()[0]],
+        acceleration=acceleration | {"front": acceleration[front] + arm * yaw_acceleration},
+        x={name: p.real - positions["front"].real[0] for name, p in positions.items()},
+        y={name: p.imag for name, p in positions.items()},
+        roll={unit.name: truth[f"roll.{unit.name}"] for unit in units},
+        load_transfer=np.sum(transferred, axis=0) / np.sum(load, axis=0),
+    )
+
+
+def pulse(truck: Truck, plant: Plant) -> tuple[Array, Array]:
+    """Time and last articulation angle, rad, (yaw rate of a single unit, rad/s) after a pulse of `PULSE`, (N,)."""
+    units = truck.vehicle.units
+    output = f"articulation.{units[-1].name}" if len(units) > 1 else f"yaw_rate.{units[0].name}"
+    time = np.arange(0.0, yaw_damping.DURATION, 1 / RATE)
+    half_sine = np.where(time < yaw_damping.PULSE, np.sin(np.pi * time / yaw_damping.PULSE), 0.0)
+    speed = np.full_like(time, truck.speed)
+    truth = _drive(plant, OpenLoop(time=time, steer=PULSE * half_sine, speed=speed, name="pulse"))
+    return truth["time"], truth[output] - truth[output][-1]
+
+
+def steady_off_tracking(truck: Truck, plant: Plant) -> float:
+    """Off-tracking of the last axle in a steady turn to the left, m; positive outside.
+
+    Circles about the centre of the first unit's motion in the last second, as in `steady_turn`.
+    """
+    radius = truck.speed**2 / steady_turn.ACCELERATION
+    truth = _drive(plant, constant_radius(radius=radius, speed=truck.speed, duration=TURN))
+    units, last = truck.vehicle.units, slice(-round(RATE), None)
+    first = units[0]
+    truth = {name: values[last] for name, values in truth.items()}
+    rate = truth[f"yaw_rate.{first.name}"]
+    forward, across = (truth[f"{q}_velocity.{first.name}"] for q in ("longitudinal", "lateral"))
+    centre = _position(truth, first, first.cog) + np.exp(1j * truth[f"yaw.{first.name}"]) * 1j * (
+        (forward + 1j * across) / rate
+    )
+    outer = np.abs(_position(truth, units[-1], truck.rear_axle.position) - centre)
+    return float(np.mean(outer - np.abs(_position(truth, first, truck.front_axle.position) - centre)))
+
+
+def _drive(plant: Plant, course: Course) -> Series:
+    """True signals of a run by name, with "time"."""
+    run = plant.drive(course, rate=RATE)
+    return run.truth | {"time": run.time}
+
+
+def _position(truth: Series, unit: Unit, x: float) -> Array:
+    """Position of a point on the centre line of a unit at the height of its roll axis, (N,) complex, m."""
+    axis = np.exp(1j * truth[f"yaw.{unit.name}"])
+    return np.asarray(truth[f"position_x.{unit.name}"] + 1j * truth[f"position_y.{unit.name}"] + (x - unit.cog) * axis)
+
+
+def _acceleration(truth: Series, unit: Unit) -> Array:
+    """Lateral acceleration of the point under the CoG of a unit, without gravity, (N,) m/s^2."""
+    across, forward = (truth[f"{q}_velocity.{unit.name}"] for q in ("lateral", "longitudinal"))
+    return np.gradient(across, 1 / RATE) + forward * truth[f"yaw_rate.{unit.name}"]

@@ -1,0 +1,144 @@
+"""What is assessed: a vehicle at a speed, with the dimensions that a vehicle file does not have."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._lazy import lazy
+from fifthwheel._types import Array
+from fifthwheel.dynamics import matrices
+from fifthwheel.errors import UnitError, VehicleError, suggestion
+from fifthwheel.units import uncertain_quantity
+from fifthwheel.vehicle import Axle, AxleGroup, Unit, Vehicle
+
+HALF_TRACK = "half_track"
+"""Name of the one dimension that has a sigma."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """Dimensions that a vehicle file does not have; the default values are assumptions. All m.
+
+    Raises:
+        VehicleError: a dimension is out of its range.
+
+    Example:
+        >>> from fifthwheel.assess import Body
+        >>> Body.of({"half_track": "0.93 m +- 1 %", "rear_overhang": "2.7 m"}).half_track
+        0.93
+    """
+
+    half_track: float = 1.0
+    """Distance from the centre line to the middle of the tyres of one side, of every axle."""
+    half_track_sigma: float = 0.03
+    """Standard deviation of the half track: single wide tyres have about 1.02 m, twin tyres 0.92 m."""
+    width: float = 2.55
+    """Over the sides of the bodies and over the outer walls of the front tyres."""
+    front_overhang: float = 1.4
+    """From the first axle to the front end of the first unit."""
+    rear_overhang: float | None = None
+    """From the last axle to the rear end of the last unit; None: unknown, the swept paths then end at the last axle."""
+
+    def __post_init__(self) -> None:
+        limits = {
+            HALF_TRACK: (0.3, 2.0),
+            "width": (0.5, 6.0),
+            "front_overhang": (0.0, 6.0),
+            "rear_overhang": (0.0, 12.0),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise VehicleError(f"{name}: expected {low:g} to {high:g} m, got {value:g} m; correct it")
+        if not 0 <= self.half_track_sigma < self.half_track / 3:
+            raise VehicleError(
+                f"half_track: expected a standard deviation below a third of its value, got {self.half_track_sigma:g} m"
+            )
+
+    @classmethod
+    def of(cls, values: Mapping[str, float | str]) -> "Body":
+        """The body with some dimensions changed.
+
+        Args:
+            values: by name; numbers in m, or texts with a unit such as "1.02 m" or "1.02 m +- 2 %". Only the half track
+                may have a standard deviation; without one it is exact.
+
+        Raises:
+            VehicleError: a name or a value is not valid.
+        """
+        names = [f.name for f in fields(cls) if f.name != "half_track_sigma"]
+        given: dict[str, float] = {}
+        for name, value in values.items():
+            if name not in names:
+                raise VehicleError(f"{name}: no such dimension of the body; {suggestion(name, names)}")
+            try:
+                number, sigma = uncertain_quantity(value, "m")
+            except UnitError as error:
+                raise VehicleError(f"{name}: {error}") from None
+            if name == HALF_TRACK:
+                given["half_track_sigma"] = sigma or 0.0
+            elif sigma:
+                raise VehicleError(f"{name}: expected no standard deviation; only the half track has one")
+            given[name] = number
+        return cls(**given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truck:
+    """A vehicle with its body at a speed."""
+
+    vehicle: Vehicle
+    body: Body = field(default_factory=Body)
+    speed: float = 88 / 3.6
+    """m/s."""
+
+    def changed(self, values: Mapping[str, float]) -> "Truck":
+        """The truck with other values of parameters by path, and of `HALF_TRACK`."""
+        parameters = {name: value for name, value in values.items() if name != HALF_TRACK}
+        body = replace(self.body, half_track=values[HALF_TRACK]) if HALF_TRACK in values else self.body
+        return replace(self, vehicle=self.vehicle.replace(parameters), body=body)
+
+    @lazy
+    def modes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], tuple[str, ...]]:
+        """Eigenvalues (n,), 1/s, and eigenvectors (n, n) of the linear model at this speed, and its states (n,)."""
+        m = matrices(self.vehicle, self.speed, roll=True)
+        values, vectors = np.linalg.eig(m.A)
+        return values.astype(np.complex128), vectors.astype(np.complex128), m.states
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether the linear model is stable at this speed."""
+        return bool(self.modes[0].real.max() < 0)
+
+    def require_stable(self) -> None:
+        """Raise a VehicleError if the linear model is unstable at this speed."""
+        if not self.is_stable:
+            raise VehicleError(
+                f"{self.vehicle.name}: unstable at {3.6 * self.speed:.0f} km/h; choose a speed below its critical speed"
+            )
+
+    @property
+    def front_axle(self) -> Axle:
+        """The first axle of the first unit."""
+        return self.vehicle.units[0].axles[0]
+
+    @property
+    def rear_axle(self) -> Axle:
+        """The last axle of the last unit."""
+        return min(self.vehicle.units[-1].axles, key=lambda axle: axle.position)
+
+    def groups(self) -> list[tuple[int, Unit, AxleGroup, str]]:
+        """Index of the unit, unit, axle group and its path, front to rear."""
+        return [
+            (i, unit, group, unit.group_path(group))
+            for i, unit in enumerate(self.vehicle.units)
+            for group in unit.axle_groups
+        ]
+
+
+Values = dict[str, float]
+"""Measures by name, SI."""
+Series = dict[str, Array]
+"""Signals over time by name, SI."""

@@ -1,0 +1,80 @@
+"""The uncertainty of an assessed truck: of an identification, or of a vehicle file.
+
+An identification brings the joint covariance of estimated and considered parameters. A vehicle file brings what it
+states, and the defaults of masses and lengths (`vehicle.uncertainty`). On any other number it states nothing; such a
+number gets the prior that an identification would give it (`ASSUMED`). Parameters of a file that is exact are exact.
+"""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from fifthwheel.assess.truck import HALF_TRACK, Body
+from fifthwheel.identify import CommonSettings, Identification
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
+from fifthwheel.names import ends_with
+from fifthwheel.observe import Uncertainty
+from fifthwheel.vehicle import Vehicle, changes
+
+ASSUMED: Mapping[str, float] = {
+    **{name: fraction for name, fraction in DEFAULT_CONSIDERED.items() if name not in MODEL_ERRORS},
+    "cornering_stiffness": CommonSettings().prior,
+    "payload.height": 0.1,
+    "payload.floor_height": 0.05,
+}
+"""Sigma of parameters on which a vehicle file states nothing, as a fraction of the value, by the end of their path: as
+`identify` has them, and that of the height of a load that somebody measured."""
+
+
+def assumed(vehicle: Vehicle) -> dict[str, float]:
+    """Sigma, SI, of the parameters on which the vehicle file states nothing; the longest end of a path counts."""
+    sigmas = {}
+    for path, value in vehicle.parameters().items():
+        ends = [end for end in ASSUMED if ends_with(path, end)]
+        if ends and value and path not in vehicle.stated:
+            sigmas[path] = ASSUMED[max(ends, key=len)] * abs(value)
+    moved = {path for change in changes(vehicle) for path in change.slopes}
+    return {path: sigma for path, sigma in sigmas.items() if path not in moved or "yaw_inertia" in path}
+
+
+def of_vehicle(vehicle: Vehicle) -> Uncertainty:
+    """The uncertainty of a vehicle file."""
+    columns: list[Mapping[str, float]] = [change.slopes for change in changes(vehicle)]
+    columns += [{path: sigma} for path, sigma in assumed(vehicle).items()]
+    names = tuple(path for path in vehicle.parameters() if any(path in column for column in columns))
+    S = np.array([[column.get(name, 0.0) for column in columns] for name in names]).reshape(len(names), len(columns))
+    return Uncertainty(names=names, covariance=S @ S.T)
+
+
+def of_identification(identification: Identification) -> Uncertainty:
+    """The joint uncertainty of the parameters of an identified vehicle.
+
+    Two stages have no joint covariance: their estimates then count as independent, and everything else as in the
+    vehicle file.
+    """
+    vehicle = identification.vehicle
+    if identification.covariance is not None:
+        return identification.covariance.among(vehicle.parameters().keys())
+    sigmas = {e.name: e.sigma for e in identification.parameters if e.sigma is not None}
+    return of_vehicle(vehicle.with_stated(sigmas))
+
+
+def complete(
+    uncertainty: Uncertainty, body: Body, *, replaced: Collection[str] = (), stated: Mapping[str, float]
+) -> Uncertainty:
+    """The uncertainty with that of the half track, and with other numbers instead of some parameters.
+
+    Args:
+        uncertainty: of the parameters.
+        body: with the sigma of its half track.
+        replaced: parameters that have another value than in `uncertainty`.
+        stated: sigma of the replaced ones, SI, by path; the others are exact.
+    """
+    kept = uncertainty.among([name for name in uncertainty.names if name not in replaced])
+    sigmas = {name: stated[name] for name in replaced if stated.get(name)} | {HALF_TRACK: body.half_track_sigma}
+    sigmas = {name: sigma for name, sigma in sigmas.items() if sigma}
+    k = len(kept.names)
+    covariance = np.zeros((k + len(sigmas), k + len(sigmas)))
+    covariance[:k, :k] = kept.covariance
+    covariance[range(k, k + len(sigmas)), range(k, k + len(sigmas))] = np.square(list(sigmas.values()))
+    return Uncertainty(names=(*kept.names, *sigmas), covariance=covariance)

@@ -1,0 +1,128 @@
+"""fifthwheel assess"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fifthwheel._atomic import one_run, result_folder
+from fifthwheel.cli import options, terminal
+from fifthwheel.cli.app import command
+
+
+@command(
+    "fifthwheel assess truck.toml",
+    "fifthwheel assess fifthwheel-out --speed 80km/h -o assessed",
+    "fifthwheel assess truck.toml --set semitrailer.payload.height=1.8m",
+    "fifthwheel assess truck.toml --set 'semitrailer.payload.mass=24 t +- 2 %' --body 'half_track=0.93 m +- 1 %'",
+    "fifthwheel assess truck.toml --body rear_overhang=2.7m --linear --json > assessment.json",
+)
+def assess(
+    truck: Annotated[
+        str,
+        typer.Argument(
+            help="A vehicle file, a name from `fifthwheel vehicle`, or the result folder of `fifthwheel identify`.",
+            show_default=False,
+        ),
+    ],
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="PATH=VALUE: another value of a parameter, such as 1.8m; may be repeated."),
+    ] = None,
+    body: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--body",
+            help="NAME=VALUE of half_track, width, front_overhang or rear_overhang, which a vehicle file does not "
+            "have; may be repeated.",
+        ),
+    ] = None,
+    speed: Annotated[
+        str, typer.Option(help="Speed of the high-speed measures, with a unit; a number is in km/h.")
+    ] = "88 km/h",
+    linear: Annotated[bool, typer.Option("--linear", help="Do not simulate the nonlinear truck.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for assessment.json and assess.html. Default: no files.")
+    ] = None,
+    figures: options.FiguresOption = None,
+    force: options.ForceOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Predict what a truck does: rollover, off-tracking, rearward amplification, damping, swept path.
+
+    Each measure has a sigma, from the joint covariance of an identification or from the uncertainties in a vehicle
+    file, and the probability that it meets the threshold of the Australian performance-based standards. The linear
+    model and the nonlinear truck stand side by side. docs/assess.md defines the measures.
+    """
+    from fifthwheel.assess import assess as run_assessment
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.report import gather_provenance, show_assessment
+    from fifthwheel.report.figures.static import checked_format
+    from fifthwheel.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
+
+    if figures:
+        checked_format(figures)
+        if out is None:
+            raise FifthwheelError("--figures: needs a folder; add -o FOLDER")
+    source = identification_file(truck) or Path(truck)
+    with one_run(source):
+        subject = read_truck(truck)
+    values, sigmas = _parameters(changes or [])
+    assessment = run_assessment(
+        subject, speed=_speed(speed), body=_body(body or []), changes=values, sigmas=sigmas, nonlinear=not linear
+    )
+    files: dict[str, Path] = {}
+    if out is not None:
+        with result_folder(out, "assess", ASSESSMENT_FILES, inputs=[source], force=force) as folder:
+            provenance = gather_provenance([source], {}, sys.argv[1:])
+            written = write_assessment(assessment, folder, provenance=provenance, figures=figures)
+            files = terminal.in_folder(out, written)
+    if as_json:
+        terminal.print_json(assessment.as_dict() | {"files": terminal.as_text(files)})
+        return
+    show_assessment(assessment)
+    if files:
+        terminal.print_files(files)
+
+
+def _parameters(texts: list[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Values and stated standard deviations of "PATH=VALUE", SI, by path."""
+    from fifthwheel.errors import VehicleError
+    from fifthwheel.vehicle import unit_of
+    from fifthwheel.vehicle.toml_format import read_quantity
+
+    values, sigmas = dict[str, float](), dict[str, float]()
+    for text in texts:
+        path, _, value = text.partition("=")
+        if not value:
+            raise VehicleError(f"--set {text}: expected PATH=VALUE, such as semitrailer.payload.height=1.8m")
+        values[path], sigma = read_quantity(value, unit_of(path), f"--set {path}")
+        if sigma:
+            sigmas[path] = sigma
+    return values, sigmas
+
+
+def _body(texts: list[str]) -> dict[str, float | str]:
+    """Texts of "NAME=VALUE" by name."""
+    from fifthwheel.errors import VehicleError
+
+    values = dict(text.partition("=")[::2] for text in texts)
+    if incomplete := [name for name, value in values.items() if not value]:
+        raise VehicleError(f"--body {incomplete[0]}: expected NAME=VALUE, such as half_track=0.93m")
+    return dict(values)
+
+
+def _speed(text: str) -> float:
+    """A speed in m/s; a number without a unit is in km/h."""
+    from fifthwheel.errors import SignalError, UnitError
+    from fifthwheel.units import quantity
+
+    try:
+        return float(text) / 3.6
+    except ValueError:
+        pass
+    try:
+        return quantity(text, "m/s")
+    except UnitError as error:
+        raise SignalError(f"--speed {text}: {error}") from None

@@ -1,0 +1,111 @@
+"""`fw.assess`: measures, thresholds, what it refuses."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from scipy.stats import norm
+
+import fifthwheel as fw
+from fifthwheel.assess.measures import MEASURES
+from fifthwheel.errors import SignalError, VehicleError
+
+TRUCK = fw.vehicle("cheng_cebon_2011")
+
+
+@pytest.fixture(scope="module")
+def assessment():
+    return fw.assess(TRUCK, body={"rear_overhang": "2.7 m"}, nonlinear=False)
+
+
+def test_every_measure_of_the_catalogue_is_there(assessment):
+    assert {m.name.partition(".")[0] for m in assessment} == set(MEASURES)
+    assert list(dict.fromkeys(m.name.partition(".")[0] for m in assessment)) == list(MEASURES)
+    assert {m.name for m in assessment if m.name.startswith("wheel_lift")} >= {"wheel_lift.semitrailer"}
+
+
+def test_a_threshold_with_its_probability(assessment):
+    measure = assessment["rollover_threshold"]
+    (threshold,) = measure.thresholds
+    assert (threshold.value, threshold.sense, measure.meets(threshold)) == (0.35, "at least", True)
+    high = fw.assess(TRUCK, changes={"semitrailer.payload.height": 3.4}, cheap=True)["rollover_threshold"]
+    assert high.value < measure.value
+    (threshold,) = high.thresholds
+    distance = (high.value - 0.35) / high.sigma
+    assert threshold.probability == pytest.approx(norm.cdf(distance), abs=1e-6)
+
+
+def test_the_limit_of_rearward_amplification_follows_the_rollover_threshold(assessment):
+    (threshold,) = assessment["rearward_amplification"].thresholds
+    assert threshold.value == pytest.approx(5.7 * assessment["rollover_threshold"].value)
+
+
+def test_levels(assessment):
+    thresholds = assessment["swept_path"].thresholds
+    assert [t.level for t in thresholds] == ["1", "2", "3", "4"]
+    assert [t.value for t in thresholds] == [7.4, 8.7, 10.6, 13.7]
+    assert assessment["swept_path"].best_threshold().level == "1"
+    long = replace(assessment["swept_path"], value=9.0)
+    assert long.best_threshold().level == "3"
+
+
+def test_an_exact_number_lowers_sigma(assessment):
+    name = "semitrailer.payload.height"
+    changed = fw.assess(TRUCK, changes={name: 1.23}, cheap=True)["rollover_threshold"]
+    assert changed.value == pytest.approx(assessment["rollover_threshold"].value)
+    assert changed.sigma < 0.99 * assessment["rollover_threshold"].sigma
+
+
+def test_of_an_identification(result):
+    assessment = fw.assess(result.identification, cheap=True)
+    assert assessment.vehicle == result.identification.vehicle
+    assert "joint covariance" in assessment.origin
+    of_file = fw.assess(result.identification.vehicle, cheap=True)
+    name = "rearward_amplification_peak"  # the logs contain information on the tyres
+    assert assessment[name].sigma < of_file[name].sigma
+
+
+def test_it_does_not_depend_on_a_truck_without_a_solution():
+    """Above the critical speed only the measures that do not need a stable truck remain, and a note says so."""
+    fast = fw.assess(fw.vehicle("auburn_6x4"), speed=30.0, cheap=True)
+    assert "rollover_threshold" in {m.name for m in fast}
+    assert any("unstable at 108 km/h" in note for note in fast.notes)
+    with pytest.raises(KeyError, match="rearward_amplification_peak: not a measure"):
+        fast["rearward_amplification_peak"]
+
+
+def test_a_single_unit():
+    fields = TRUCK.model_dump()
+    alone = type(TRUCK)(**fields | {"units": fields["units"][:1], "couplings": [], "stated": {}})
+    exact = alone.with_stated(dict.fromkeys(alone.parameters(), 0.0))
+    names = {m.name for m in fw.assess(exact, nonlinear=False)}
+    assert "rearward_amplification" not in names
+    assert {"rollover_threshold", "load_transfer_ratio", "yaw_damping", "swept_path"} <= names
+
+
+def test_json_and_table(assessment):
+    contents = json.loads(json.dumps(assessment.as_dict()))
+    assert contents["measures"][0]["name"] == "rollover_threshold"
+    assert contents["uncertain"]["half_track"] == 0.03
+    assert "static rollover threshold" in str(assessment)
+    assert "<table" in assessment._repr_html_()
+    without = replace(assessment.measures[0], thresholds=())
+    assert without.best_threshold() is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"speed": 88}, SignalError, "speed: expected 5 to 40 m/s"),
+        ({"changes": {"semitrailer.payload.hight": 1.8}}, VehicleError, "semitrailer.payload.height"),
+        ({"body": {"hight": 1.0}}, VehicleError, "hight: no such dimension"),
+    ],
+)
+def test_wrong_arguments_name_the_key_and_the_cure(arguments, error, message):
+    with pytest.raises(error, match=message):
+        fw.assess(TRUCK, **arguments)
+
+
+def test_only_a_truck_can_be_assessed():
+    with pytest.raises(VehicleError, match="vehicle: expected a Vehicle, got str"):
+        fw.assess("truck.toml")

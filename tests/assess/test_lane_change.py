@@ -1,0 +1,87 @@
+"""The lane change of the linear model, integrated again over time, and of the nonlinear truck."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.assess import lane_change
+from fifthwheel.assess.lane_change import ACCELERATION, linear, measure, measure_peak, measures
+from fifthwheel.assess.truck import Body, Truck
+from fifthwheel.dynamics import linear_system, rearward_amplification
+from fifthwheel.vehicle import get
+
+TRUCK = Truck(vehicle=get("cheng_cebon_2011"))
+
+
+def test_it_is_the_response_over_time_to_its_steer_angle():
+    run = linear(TRUCK)
+    outputs = [
+        "cog_acceleration.tractor",
+        "cog_acceleration.semitrailer",
+        "roll.semitrailer",
+        "articulation.semitrailer",
+    ]
+    system = linear_system(TRUCK.vehicle, TRUCK.speed, outputs)
+    response = system.response(run.time, {system.inputs[0]: run.steer})
+    for unit in ("tractor", "semitrailer"):
+        assert run.acceleration[unit] == pytest.approx(response[f"cog_acceleration.{unit}"], abs=0.002)
+    assert run.roll["semitrailer"] == pytest.approx(response["roll.semitrailer"], abs=1e-4)
+
+
+def test_the_front_axle_follows_the_course():
+    run = linear(TRUCK)
+    course = lane_change.course(TRUCK.speed)
+    assert np.max(run.acceleration["front"]) == pytest.approx(ACCELERATION, rel=1e-3)
+    assert run.y["front"][-1] == pytest.approx(course.offset, abs=1e-3)
+    path = course.path(count=1, speed=TRUCK.speed)
+    on_path = np.interp(run.x["front"], path.x, path.y)
+    assert run.y["front"] == pytest.approx(on_path, abs=0.01)
+    assert run.y["semitrailer"][-1] == pytest.approx(course.offset, abs=0.01)
+
+
+def test_axles_are_in_their_order_along_the_road():
+    run = linear(TRUCK)
+    assert run.x["front"][0] == 0.0
+    assert run.x["tractor"][0] == pytest.approx(-3.7)
+    assert run.x["semitrailer"][0] == pytest.approx(-3.1 - 9.3)
+
+
+def test_measures_are_those_of_the_run():
+    run = linear(TRUCK)
+    doubled = replace(
+        run, load_transfer=2 * run.load_transfer, acceleration={k: 2 * v for k, v in run.acceleration.items()}
+    )
+    assert measures(doubled)["rearward_amplification"] == pytest.approx(measures(run)["rearward_amplification"])
+    assert measures(doubled)["load_transfer_ratio"] == pytest.approx(2 * measures(run)["load_transfer_ratio"])
+
+
+@pytest.mark.parametrize("speed", [15.0, 25.0, 30.0])
+def test_the_peak_of_the_frequency_response(speed):
+    truck = Truck(vehicle=TRUCK.vehicle, speed=speed)
+    peak, _ = rearward_amplification(TRUCK.vehicle, speed, np.linspace(0.05, 1.5, 5801))
+    assert measure_peak(truck)["rearward_amplification_peak"] == pytest.approx(peak, rel=1e-4)
+
+
+def test_a_narrow_track_transfers_more_load():
+    narrow = Truck(vehicle=TRUCK.vehicle, body=Body(half_track=0.5))
+    ratio = measure(narrow)["load_transfer_ratio"] / measure(TRUCK)["load_transfer_ratio"]
+    assert ratio == pytest.approx(2.0, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_nonlinear_truck_agrees():
+    """An independent model: at 0.15 g its tyres are almost linear, but its driver rounds off the course."""
+    pytest.importorskip("mujoco")
+    from fifthwheel.assess.nonlinear import measures as nonlinear_measures
+    from fifthwheel.assess.steady_turn import measure as measure_turn
+
+    values, runs, notes = nonlinear_measures(TRUCK)
+    assert notes == ()
+    assert set(runs) == {"nonlinear"}
+    assert runs["nonlinear"].x["front"][0] == 0.0
+    assert runs["nonlinear"].x["semitrailer"][0] == pytest.approx(-3.1 - 9.3, abs=0.05)
+    expected = measure(TRUCK) | measure_turn(TRUCK)
+    assert values["rearward_amplification"] == pytest.approx(expected["rearward_amplification"], rel=0.1)
+    assert values["load_transfer_ratio"] == pytest.approx(expected["load_transfer_ratio"], rel=0.2)
+    assert values["steady_off_tracking"] == pytest.approx(expected["steady_off_tracking"], rel=0.15)

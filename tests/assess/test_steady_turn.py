@@ -1,0 +1,59 @@
+"""Steady off-tracking and the path on a crossfall against closed forms of single-axle trucks."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.assess.steady_turn import measure, off_tracking
+from fifthwheel.assess.straight_path import CROSSFALL, lateral_positions
+from fifthwheel.assess.straight_path import measure as measure_straight
+from fifthwheel.assess.truck import Truck
+from fifthwheel.errors import VehicleError
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.vehicle import get
+from tests.assess.trucks import single_axles
+
+VEHICLE = single_axles()
+L1, L2 = 3.7, 8.0
+E = 0.6
+"""The fifth wheel ahead of the drive axle, m."""
+
+
+def slip_per_acceleration(path: str) -> float:
+    """Slip angle of an axle in a steady turn, rad per m/s^2."""
+    return VEHICLE.axle_loads()[path] / GRAVITY / VEHICLE.parameters()[f"{path}.cornering_stiffness"]
+
+
+def test_at_low_speed_it_is_kinematic():
+    speed, radius = 1.0, 80.0
+    outside = off_tracking(Truck(vehicle=VEHICLE, speed=speed), speed / radius)
+    exact = np.sqrt(radius**2 - L1**2 + E**2 - L2**2) - radius
+    assert outside == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.parametrize("speed", [15.0, 25.0])
+def test_at_high_speed_slip_angles_push_the_axles_outwards(speed):
+    """With small angles: L alpha - L^2 / 2R for each length, and the reverse for the fifth wheel ahead of the axle."""
+    acceleration = 1.0
+    radius = speed**2 / acceleration
+    drive, trailer = (slip_per_acceleration(path) * acceleration for path in ("tractor.drive", "semitrailer"))
+    expected = (L1 * drive - L1**2 / (2 * radius)) - (E * drive - E**2 / (2 * radius))
+    expected += L2 * trailer - L2**2 / (2 * radius)
+    outside = off_tracking(Truck(vehicle=VEHICLE, speed=speed), acceleration / speed)
+    assert outside == pytest.approx(expected, abs=0.002)
+
+
+def test_an_unstable_truck_has_none():
+    truck = Truck(vehicle=get("auburn_6x4"), speed=30.0)
+    with pytest.raises(VehicleError, match="below its critical speed"):
+        measure(truck)
+
+
+def test_on_a_crossfall_the_units_run_askew_by_the_slip_of_their_rear_axles():
+    truck = Truck(vehicle=VEHICLE)
+    drive, trailer = (slip_per_acceleration(path) * GRAVITY * CROSSFALL for path in ("tractor.drive", "semitrailer"))
+    y = lateral_positions(truck)
+    front = y[0] + truck.body.front_overhang * (y[1] - y[0]) / (truck.body.front_overhang + L1)
+    assert front == pytest.approx(0.0, abs=1e-12)
+    assert abs(y[1] - y[0]) == pytest.approx(drive * (L1 + truck.body.front_overhang), rel=1e-6)
+    assert abs(y[3] - y[2]) == pytest.approx(trailer * L2, rel=1e-6)
+    assert measure_straight(truck)["straight_path_width"] == pytest.approx(truck.body.width + np.ptp(y))

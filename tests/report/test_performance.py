@@ -1,0 +1,78 @@
+"""An assessment on a page, in the report of an identification, in words and on a terminal."""
+
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+import fifthwheel as fw
+from fifthwheel.assess.lane_change import linear
+from fifthwheel.assess.truck import Truck
+from fifthwheel.report import show_assessment, write_assessment_report, write_report
+from fifthwheel.report.text.performance import explain_assessment, headline, is_good
+from tests.report.conftest import Page
+
+TRUCK = fw.vehicle("cheng_cebon_2011")
+
+
+@pytest.fixture(scope="module")
+def assessment():
+    """Cheap measures, with the lane change of one model in place of both."""
+    run = linear(Truck(vehicle=TRUCK))
+    return replace(fw.assess(TRUCK, cheap=True), runs={"linear": run, "nonlinear": run})
+
+
+def with_rollover(assessment, value, probability):
+    first, *others = assessment.measures
+    (threshold,) = first.thresholds
+    first = replace(first, value=value, thresholds=(replace(threshold, probability=probability),))
+    return replace(assessment, measures=(first, *others))
+
+
+def test_the_headline_says_what_is_missed_or_doubtful(assessment):
+    good = replace(assessment, measures=assessment.measures[:1])
+    assert is_good(good)
+    assert headline(good) == "cheng_cebon_2011 at 88 km/h: meets all thresholds that are assessed."
+    doubtful = with_rollover(good, 0.36, 0.6)
+    assert not is_good(doubtful)
+    assert headline(doubtful).endswith("not surely those of static rollover threshold.")
+    assert headline(with_rollover(good, 0.3, 0.1)).endswith("misses static rollover threshold.")
+
+
+def test_notes_name_the_assumed_dimensions_and_the_origin_of_sigma(assessment):
+    notes = " ".join(explain_assessment(assessment))
+    for text in ("half track 1.000 ± 0.030 m", "rear overhang unknown", "the vehicle file", "--body"):
+        assert text in notes
+
+
+def test_the_page_has_every_measure_and_every_figure(assessment, tmp_path):
+    path = tmp_path / "assess.html"
+    written = write_assessment_report(path, assessment, figures="svg")
+    page = Page(path.read_text(encoding="utf-8"))
+    assert page.open == []
+    assert all(measure.title in page.text for measure in assessment)
+    assert {file.stem for file in written} == {
+        "paths",
+        "lateral acceleration",
+        "roll",
+        "load transfer ratio",
+        "low-speed turn",
+        "roll in a steady turn",
+    }
+
+
+def test_the_report_of_an_identification_says_what_the_truck_will_do(result, tmp_path):
+    performance = fw.assess(result.identification, cheap=True)
+    path = tmp_path / "report.html"
+    write_report(path, result.identification, result.records, title="truck", performance=performance)
+    text = Page(path.read_text(encoding="utf-8")).text
+    assert "What this truck will do" in text
+    assert all(measure.text().split(" ")[0] in text for measure in performance)
+    assert "Nonlinear" not in text
+
+
+def test_a_terminal_without_unicode(assessment, capsys):
+    show_assessment(assessment, Console(width=160, force_terminal=False))
+    out = capsys.readouterr().out
+    assert ">= 0.35" in out
+    assert out.isascii()
