@@ -41,6 +41,7 @@ ROOMS = (
     "diagnose",
     "report",
     "workflow",
+    "live",
     "plant",
     "studies",
     "cli",

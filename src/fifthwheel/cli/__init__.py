@@ -9,7 +9,7 @@ import typer
 
 from fifthwheel import __version__
 from fifthwheel._atomic import clean_up
-from fifthwheel.cli import check, design, export, identify, reproduce, signals, simulate, states, vehicle, weigh  # noqa: F401 - importing a command registers it
+from fifthwheel.cli import check, design, export, identify, live, reproduce, signals, simulate, states, vehicle, weigh  # noqa: F401 - importing a command registers it
 from fifthwheel.cli.app import app
 
 

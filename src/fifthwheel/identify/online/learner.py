@@ -153,6 +153,16 @@ class Learner:
             self._live.push(time, row[:k], row[k:])
 
     @property
+    def reported(self) -> tuple[str, ...]:
+        """Names of the states that `push` gives."""
+        return tuple(name for name, _ in self._live.view.names)
+
+    @property
+    def trailer(self) -> str:
+        """Name under which the estimates of the units behind the first are kept."""
+        return self._trailer
+
+    @property
     def parameters(self) -> tuple[LearnedValue, ...]:
         """The estimated and the uncertain parameters, without the considered ones."""
         indirect = self._live.problem.not_identifiable
@@ -250,25 +260,26 @@ class Learner:
 
     def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
+        write_learner(path, self.content())
+
+    def content(self) -> dict[str, Any]:
+        """What `save` writes; later samples do not change it."""
         problem = self._live.problem
         estimate, innovations = self._live.filter.estimate(), self._live.innovations
-        write_learner(
-            path,
-            {
-                "vehicle": problem.vehicle_file.model_dump(mode="json"),
-                "signals": sorted(problem.signals),
-                "settings": problem.settings.as_dict(),
-                "learner": asdict(self._live.learner),
-                "trailer": self._trailer,
-                "estimates": self._block_of(range(len(problem.unknowns))).as_dict(),
-                "evidence": {
-                    "gradient": estimate.gradient.tolist(),
-                    "information": estimate.information.tolist(),
-                    "innovations": innovations.as_dict(),
-                },
-                "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
+        return {
+            "vehicle": problem.vehicle_file.model_dump(mode="json"),
+            "signals": sorted(problem.signals),
+            "settings": problem.settings.as_dict(),
+            "learner": asdict(self._live.learner),
+            "trailer": self._trailer,
+            "estimates": self._block_of(range(len(problem.unknowns))).as_dict(),
+            "evidence": {
+                "gradient": estimate.gradient.tolist(),
+                "information": estimate.information.tolist(),
+                "innovations": innovations.as_dict(),
             },
-        )
+            "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
+        }
 
     @classmethod
     def load(cls, path: str | Path) -> "Learner":
@@ -277,7 +288,11 @@ class Learner:
         Raises:
             SignalError: the file cannot be read, is damaged, not of a learner, or of another version.
         """
-        content = read_learner(path)
+        return cls.of_content(read_learner(path), str(path))
+
+    @classmethod
+    def of_content(cls, content: Mapping[str, Any], path: str) -> "Learner":
+        """A learner with the estimates in the content of the file `path`; errors as in `load`."""
         try:
             saved = content["learner"]
             learner = cls(
@@ -289,7 +304,7 @@ class Learner:
                 ),
                 trailer=content["trailer"],
             )
-            blocks = [(EstimateBlock.from_dict(content["estimates"]), str(path))]
+            blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
             live, evidence = learner._live, content["evidence"]
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
             z, Pz = combine_blocks(live.problem.unknowns, blocks)

@@ -1,0 +1,157 @@
+"""A live run from what a user requests: files, buses, outputs."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify import Identification
+from fifthwheel.live.background import BackgroundWriter
+from fifthwheel.live.build import completed_map, make_node, make_observer
+from fifthwheel.live.bus import LiveBus
+from fifthwheel.live.checkpoint import Checkpoint, make_learning
+from fifthwheel.live.frames_out import FrameEncoder
+from fifthwheel.live.learning import Learning
+from fifthwheel.live.listen import frame_queue, listen
+from fifthwheel.live.node import Node, Output
+from fifthwheel.live.recorder import Recorder
+from fifthwheel.live.replay import read_trace, replay
+from fifthwheel.live.session import Session
+from fifthwheel.logs import SignalMap
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow import read_vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """Where frames and knowledge of the truck come from."""
+
+    vehicle: str
+    """Name in the catalogue, or file."""
+    signals: Path
+    buses: tuple[str, ...] = ()
+    bitrate: int | None = None
+    """bit/s; None where it is set outside."""
+    trace: Path | None = None
+    """Instead of a bus."""
+    speed: float = 1.0
+    """Of the replay; 0 for as fast as possible."""
+    identification: Path | None = None
+    learn: bool = False
+    state: Path | None = None
+    """File of the learned estimates."""
+    trailer: str | None = None
+    trailer_signal: str | None = None
+    """Message.Signal with the number of the trailer."""
+    locks: tuple[str, ...] = ()
+    """Parameters that are not learned."""
+    min_speed: float = 5.0
+    """m/s."""
+    allow_outside: bool = False
+    """See `SignalMap.load`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """Where states and parameters go to."""
+
+    send: int | None = None
+    """First id of the frames."""
+    send_rate: float = 100.0
+    """Hz."""
+    dbc: Path = Path("fifthwheel-live.dbc")
+    record: Path | None = None
+    page: int | None = None
+    """Port."""
+    force: bool = False
+    """Replace a record that exists."""
+
+
+@contextmanager
+def opened(
+    inputs: Inputs, outputs: Outputs, stop: threading.Event, say: Callable[[str], object]
+) -> Iterator[tuple[Session, Iterator[Output]]]:
+    """A session and the outputs for it, until `stop` is set or the trace ends; then everything is closed.
+
+    Args:
+        inputs: sources.
+        outputs: destinations.
+        stop: ends the outputs.
+        say: receives sentences for the user.
+
+    Raises:
+        FifthwheelError: an input cannot be used, or an output cannot be written.
+    """
+    vehicle = read_vehicle(inputs.vehicle)
+    signal_map = SignalMap.load(inputs.signals, allow_outside=inputs.allow_outside)
+    node, learning, states = _node(inputs, vehicle, signal_map)
+    parameters = [estimate.name for estimate in learning.parameters] if learning else []
+    encoder = None if outputs.send is None else FrameEncoder(outputs.send, states, parameters)
+    writer = BackgroundWriter()
+    session = Session(
+        node=node,
+        writer=writer,
+        learning=learning,
+        checkpoint=Checkpoint(learning, inputs.state, writer) if learning and inputs.state else None,
+        recorder=Recorder(outputs.record, writer, force=outputs.force) if outputs.record else None,
+        encoder=encoder,
+        send_period=1 / outputs.send_rate,
+        trailer_column=next(iter(node.extra_columns), ""),
+    )
+    if encoder is not None:
+        if taken := node.decoder.own(encoder.ids, extended=encoder.extended):
+            raise FifthwheelError(f"--send: {taken:#x} is the id of a mapped message; give another id")
+        encoder.write_dbc(outputs.dbc)
+        say(f"Written: {outputs.dbc}")
+    if outputs.page is not None:
+        from fifthwheel.live.page.server import Page
+
+        page = Page(outputs.page, vehicle, session)
+        session.views = [page]
+        say(f"Page: {page.address}")
+    with ExitStack() as stack:
+        stack.callback(lambda: _report(session, say))
+        stack.callback(session.close)
+        if inputs.trace is not None:
+            if not inputs.trace.is_file():
+                raise FifthwheelError(f"{inputs.trace}: no such file; check the path")
+            notes: list[str] = []
+            stack.callback(lambda: [say(note) for note in notes])
+            frames = read_trace(inputs.trace, notes)
+            wanted = (frame for frame in iter(lambda: None if stop.is_set() else next(frames, None), None))
+            yield session, replay(node, wanted, speed=inputs.speed, sleep=stop.wait)
+            return
+        arrivals, options = frame_queue(), {"bitrate": inputs.bitrate} if inputs.bitrate else {}
+        filters = node.decoder.filters()
+        buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(inputs.buses)]
+        for bus in buses:
+            stack.callback(bus.close)
+            bus.start()
+        session.bus = buses[0]
+        yield session, listen(node, buses, arrivals, stop.is_set)
+
+
+def _node(inputs: Inputs, vehicle: Vehicle, signal_map: SignalMap) -> tuple[Node, Learning | None, tuple[str, ...]]:
+    """The node, its learner, and the names of its states."""
+    complete = completed_map(signal_map)
+    extra = (inputs.trailer_signal,) if inputs.trailer_signal else ()
+    if inputs.learn:
+        learning = make_learning(
+            vehicle, complete.signals, path=inputs.state, trailer=inputs.trailer, locks=inputs.locks
+        )
+        return make_node(complete, learning, extra=extra), learning, learning.learner.reported
+    identification = Identification.load(inputs.identification) if inputs.identification else None
+    observer = make_observer(vehicle, complete, identification, inputs.min_speed)
+    return make_node(complete, observer, extra=extra), None, observer.reported
+
+
+def _report(session: Session, say: Callable[[str], object]) -> None:
+    """Which files were written, or why not, and columns with several senders."""
+    for column, others in session.node.decoder.other_sources.items():
+        say(f"{column}: also sent by {', '.join(others)}, which is ignored; name the source in signals.toml")
+    for error in session.writer.errors.values():
+        say(error)
+    if session.recorder is not None and session.recorder.path.exists():
+        say(f"Written: {session.recorder.path}")
