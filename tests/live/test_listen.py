@@ -9,8 +9,8 @@ import can
 import pytest
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.bus import LiveBus
-from fifthwheel.live.listen import frame_queue, listen
+from fifthwheel.live.sources.bus import LiveBus
+from fifthwheel.live.sources.listen import frame_queue, listen
 from fifthwheel.live.status import Fault, NodeStatus
 from tests.live.truck_bus import driven, frames, observer_node, write_files
 

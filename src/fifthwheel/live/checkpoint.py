@@ -10,8 +10,8 @@ from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import read_learner, write_learner
-from fifthwheel.live.background import BackgroundWriter
 from fifthwheel.live.learning import Learning
+from fifthwheel.live.outputs.background import BackgroundWriter
 from fifthwheel.vehicle import Vehicle
 
 PERIOD = 5.0

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.live.background import BackgroundWriter
-from fifthwheel.live.bus import LiveBus
 from fifthwheel.live.checkpoint import Checkpoint
-from fifthwheel.live.frames_out import FrameEncoder
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import Node, Output
-from fifthwheel.live.recorder import Recorder
+from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.outputs.frames_out import FrameEncoder
+from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.sources.bus import LiveBus
 from fifthwheel.live.status import Fault
 
 PARAMETER_PERIOD = 0.1

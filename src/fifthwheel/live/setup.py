@@ -8,17 +8,17 @@ from pathlib import Path
 
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification
-from fifthwheel.live.background import BackgroundWriter
 from fifthwheel.live.build import completed_map, make_node, make_observer
-from fifthwheel.live.bus import LiveBus
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
-from fifthwheel.live.frames_out import FrameEncoder
 from fifthwheel.live.learning import Learning
-from fifthwheel.live.listen import frame_queue, listen
 from fifthwheel.live.node import Node, Output
-from fifthwheel.live.recorder import Recorder
-from fifthwheel.live.replay import read_trace, replay
+from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.outputs.frames_out import FrameEncoder
+from fifthwheel.live.outputs.recorder import Recorder
 from fifthwheel.live.session import Session
+from fifthwheel.live.sources.bus import LiveBus
+from fifthwheel.live.sources.listen import frame_queue, listen
+from fifthwheel.live.sources.replay import read_trace, replay
 from fifthwheel.logs import SignalMap
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import read_vehicle

@@ -4,8 +4,8 @@ import queue
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from fifthwheel.live.bus import LONGEST_QUEUE, Arrival, LiveBus
 from fifthwheel.live.node import SHOWN, Node, Output
+from fifthwheel.live.sources.bus import LONGEST_QUEUE, Arrival, LiveBus
 from fifthwheel.live.status import Fault
 
 IDLE = 0.003

@@ -16,7 +16,7 @@ import numpy as np
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.background import BackgroundWriter
+from fifthwheel.live.outputs.background import BackgroundWriter
 
 PIECE = 1000
 """Rows of a piece: 10 s."""
