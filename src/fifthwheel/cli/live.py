@@ -80,7 +80,10 @@ def live(
             help="Record the states to a .parquet or .mcap file. The name may contain the time: %Y-%m-%d-%H%M%S."
         ),
     ] = None,
-    page: Annotated[int | None, typer.Option(min=0, max=65535, help="Port of the page on this computer.")] = None,
+    page: Annotated[
+        str | None,
+        typer.Option(help="Port of the page, for this computer only, such as 8080; or HOST:PORT."),
+    ] = None,
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this speed, m/s, there are no states.")] = 5.0,
     allow_outside: options.AllowOutsideOption = False,
     force: options.ForceFileOption = False,

@@ -63,8 +63,8 @@ class Outputs:
     """Hz."""
     dbc: Path = Path("fifthwheel-live.dbc")
     record: Path | None = None
-    page: int | None = None
-    """Port."""
+    page: str | None = None
+    """Port, or HOST:PORT."""
     force: bool = False
     """Replace a record that exists."""
 
