@@ -50,7 +50,8 @@ def make_learning(
     content = read_learner(path)
     former = Vehicle(**content["vehicle"])
     _require_same(path, content, former, vehicle, signals)
-    learner = Learner.of_content(_with_locks(content, former, vehicle, locks), str(path))
+    before = set(content["settings"]["fixed"])
+    learner = _with_locks(Learner.of_content(content, str(path)), former, vehicle, before, locks)
     learning = Learning(learner, vehicle, restored=True)
     if trailer is not None:
         learning.couple(trailer)
@@ -101,26 +102,11 @@ def _require_same(
         )
 
 
-def _with_locks(content: dict[str, Any], former: Vehicle, vehicle: Vehicle, locks: Collection[str]) -> dict[str, Any]:
-    """The content of a file with exactly these parameters locked, each at its estimate or at its former lock."""
-    before = set(content["settings"]["fixed"])
+def _with_locks(
+    learner: Learner, former: Vehicle, vehicle: Vehicle, before: set[str], locks: Collection[str]
+) -> Learner:
+    """The learner with exactly these parameters locked, each at its former lock or at its estimate."""
     if before == set(locks):
-        return content
-    estimates = Learner.of_content(content, "").vehicle().parameters()
-    values = {name: former.parameters()[name] if name in before else estimates[name] for name in locks}
-    given = vehicle.parameters()
-    released = {name: given[name] for name in before - set(locks) if name in given}
-    changed = former.replace({**released, **values})
-
-    def without(block: Mapping[str, Any]) -> dict[str, Any]:
-        keep = [i for i, name in enumerate(block["names"]) if name not in locks]
-        picked = {key: [block[key][i] for i in keep] for key in ("names", "centre", "scale", "z")}
-        return picked | {"Pz": [[block["Pz"][i][j] for j in keep] for i in keep]}
-
-    return {
-        **content,
-        "vehicle": changed.model_dump(mode="json"),
-        "settings": {**content["settings"], "fixed": sorted(locks)},
-        "estimates": without(content["estimates"]),
-        "uncoupled": {name: without(block) for name, block in content["uncoupled"].items()},
-    }
+        return learner
+    estimates, locked = learner.vehicle().parameters(), former.parameters()
+    return learner.with_fixed(vehicle, {name: (locked if name in before else estimates)[name] for name in locks})

@@ -22,11 +22,13 @@ STANDSTILL = 60.0
 PERIOD = 1.0
 """Time between two looks at the estimates, s."""
 SIGNIFICANT = 5.0
-"""Standard deviations between two independent estimates of a parameter that show a change."""
+"""Standard deviations of the difference of two estimates that show a change."""
 CONFIRMED_BY = 3
 """Consecutive looks that must show it."""
-INFORMED = 2.0
-"""The second learner knows enough when no sigma is larger than so many times that of the first one."""
+RELEVANT = 0.15
+"""Fraction of a parameter below which a difference is no change."""
+INFORMED = 0.5
+"""The second learner ends when it would have found a change of every parameter by this fraction."""
 REPORTED = 60.0
 """A change is reported as a fault for this time, s."""
 
@@ -51,8 +53,9 @@ class Learning:
         """The last change, as a sentence; empty before the first one."""
         self.parameters: tuple[LearnedValue, ...] = learner.parameters
         """The estimates, at most `PERIOD` old."""
-        self._reference: dict[str, LearnedValue] = {}  # estimates before the standstill
+        self._before: Learner | None = None  # as before the standstill
         self._second: Learner | None = None
+        self._compared: dict[str, float] = {}  # magnitudes of the trailer's parameters before the standstill
         self._disagreed = 0
         self._valid = -math.inf if restored else math.nan  # time of the last valid state, s
         self._looked, self._changed = -math.inf, -math.inf
@@ -81,8 +84,8 @@ class Learning:
         if not time - self._looked < PERIOD:
             self._looked = time
             self.parameters = self.learner.parameters
-            if self._second is not None:
-                self._compare(self._second)
+            if self._before is not None and self._second is not None:
+                self._compare(self._before, self._second)
         return answer
 
     def couple(self, trailer: str) -> None:
@@ -90,7 +93,7 @@ class Learning:
         if trailer == self.learner.trailer:
             return
         self.learner.couple(trailer, self.vehicle)
-        self._second = None
+        self._before = self._second = None
         self.parameters = self.learner.parameters
         self.change = f"trailer {trailer} coupled"
 
@@ -98,30 +101,29 @@ class Learning:
         """Begin the second learner, if there is something to compare it with."""
         tractor = self.vehicle.units[0].name
         known = [e for e in self.learner.parameters if e.verdict in _KNOWN]
-        self._reference = {e.name: e for e in known if not e.name.startswith(f"{tractor}.")}
+        self._compared = {e.name: abs(e.value) for e in known if not e.name.startswith(f"{tractor}.")}
         self._second, self._disagreed = None, 0
-        if self._reference:
-            self._second = copy.copy(self.learner)
+        if self._compared:
+            self._before, self._second = copy.copy(self.learner), copy.copy(self.learner)
             self._second.couple(_next_name(self.learner.trailer), self.vehicle)
 
-    def _compare(self, second: Learner) -> None:
-        estimates = {e.name: e for e in second.parameters}
-        compared = [(old, estimates[name]) for name, old in self._reference.items()]
-        moved = [
-            (old, new)
-            for old, new in compared
-            if new.verdict in _KNOWN and abs(new.value - old.value) > SIGNIFICANT * math.hypot(new.sigma, old.sigma)
-        ]
-        unlikely = _inconsistent(self.learner) and not _inconsistent(second)
-        informed = all(new.sigma <= INFORMED * old.sigma for old, new in compared)
-        self._disagreed = self._disagreed + 1 if moved or (unlikely and informed) else 0
+    def _compare(self, before: Learner, second: Learner) -> None:
+        changes = {name: change for name, change in second.change_since(before).items() if name in self._compared}
+        moved = {
+            name: difference / self._compared[name]
+            for name, (difference, sigma) in changes.items()
+            if abs(difference) > max(SIGNIFICANT * sigma, RELEVANT * self._compared[name])
+        }
+        informed = all(SIGNIFICANT * sigma < INFORMED * self._compared[name] for name, (_, sigma) in changes.items())
+        unlikely = informed and _inconsistent(self.learner) and not _inconsistent(second)
+        self._disagreed = self._disagreed + 1 if moved or unlikely else 0
         if self._disagreed >= CONFIRMED_BY:
-            names = ", ".join(f"{old.name} {old.value:.4g} -> {new.value:.4g}" for old, new in moved)
-            self.change = f"load or trailer changed ({names or 'innovations'}); learning as {second.trailer!r}"
-            self.learner, self._second, self._changed = second, None, self._looked
+            words = ", ".join(f"{name} by {fraction:+.0%}" for name, fraction in moved.items())
+            self.change = f"load or trailer changed ({words or 'innovations'}); learning as {second.trailer!r}"
+            self.learner, self._before, self._second, self._changed = second, None, None, self._looked
             self.parameters = second.parameters
         elif informed and not self._disagreed:
-            self._second = None
+            self._before = self._second = None
 
 
 def _inconsistent(learner: Learner) -> bool:

@@ -7,7 +7,7 @@ point of linearisation (`filters.relinearised`), and reports states whose sigmas
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -244,6 +244,43 @@ class Learner:
         live.filter.set_estimate(_estimate(problem, z, Pz))
         live.innovations.restore(**self._live.innovations.as_dict())
         self._live, self._trailer, self._uncoupled = live, trailer, kept
+
+    def change_since(self, before: "Learner") -> dict[str, tuple[float, float]]:
+        """By parameter: estimate less that of another learner of the same vehicle, and the sigma of the difference, SI.
+
+        Both learned from different samples. The considered unknowns have the same errors in both, so that the sigma
+        contains only the difference of their effects.
+        """
+        problem, new, old = self._live.problem, self._live.estimate(), before._live.estimate()
+        scaling, n = problem.scaling, len(problem.estimated)
+        none = np.zeros(len(problem.considered))
+        p, p_old = scaling.to_p(np.append(new.z, none)), scaling.to_p(np.append(old.z, none))
+        B = new.B - old.B
+        sigma = np.sqrt(np.diag(new.Pz + old.Pz + B @ B.T)) * np.abs(scaling.slope(p)[:n])
+        changes = {u.name: (float(p[i] - p_old[i]), float(sigma[i])) for i, u in enumerate(problem.estimated)}
+        return {name: change for name, change in changes.items() if name in problem.parameters}
+
+    def with_fixed(self, vehicle: Vehicle, values: Mapping[str, float]) -> "Learner":
+        """A learner with the same estimates in which exactly these parameters are fixed.
+
+        Args:
+            vehicle: what is known of the truck; parameters that were fixed before have its values as priors.
+            values: by the path of the parameter, SI.
+
+        Raises:
+            SignalError: no unknown is left to estimate.
+            VehicleError: a parameter cannot be fixed.
+        """
+        live, problem = self._live, self._live.problem
+        settings = replace(problem.settings, fixed=tuple(values))
+        fixed = Learner(vehicle.replace(values), problem.signals, settings, learner=live.learner, trailer=self._trailer)
+        unknowns = fixed._live.problem.unknowns
+        block = self._block_of(range(len(problem.unknowns))).restricted(unknowns)
+        z, Pz = combine_blocks(unknowns, [(block, "this learner")])
+        fixed._live.filter.set_estimate(_estimate(fixed._live.problem, z, Pz))
+        fixed._live.innovations.restore(**live.innovations.as_dict())
+        fixed._uncoupled = {name: other.restricted(unknowns) for name, other in self._uncoupled.items()}
+        return fixed
 
     def _block(self, *, of_tractor: bool) -> EstimateBlock:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
