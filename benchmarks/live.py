@@ -7,8 +7,8 @@
   time of the processor in it, which does not depend on other programs;
 * bus: from the time at which a frame is sent to the output with it, over a virtual bus with its threads, in real time;
 * processor: time of the processor for one second of frames at 100 Hz;
-* full load: the same with the 8000 frames/s of 1 Mbit/s, of which the signal map has 300; all reach the node here, while
-  SocketCAN discards the others in its filters;
+* full load: the same with the 8000 frames/s of 1 Mbit/s, of which the signal map has 300; all reach the node here,
+  while SocketCAN discards the others in its filters;
 * memory: of the process after so many samples.
 
 Targets: latency p99 2 ms; 10 % of a core for the observer, 25 % for the learner.

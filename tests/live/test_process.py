@@ -66,6 +66,7 @@ WRONG = {
     "id": (["--replay", "run.log", "--send", "high"], "--send high"),
     "id of a mapped message": (["--replay", "run.log", "--send", "0xFF"], "id of a mapped message"),
     "state without learn": (["--replay", "run.log", "--state", "x.json"], "--learn"),
+    "record that exists": (["--replay", "run.log", "--record", "old.parquet"], "exists"),
     "record": (["--replay", "run.log", "--record", "x.csv"], "no format"),
 }
 
@@ -76,6 +77,7 @@ def test_wrong_options_are_refused_with_the_cure(folder, name, capsys, monkeypat
 
     options, message = WRONG[name]
     monkeypatch.chdir(folder)
+    (folder / "old.parquet").touch()
     monkeypatch.setattr(sys, "argv", ["fifthwheel", *command(*options)[3:]])
     with pytest.raises(SystemExit) as ended:
         cli.main()

@@ -95,11 +95,9 @@ def test_a_full_disk_is_survived_and_said(tmp_path, monkeypatch):
 def test_files_of_the_user_are_not_touched(tmp_path):
     path = tmp_path / "run.parquet"
     path.write_text("mine")
-    with pytest.raises(FifthwheelError, match="exists"):
-        Recorder(path, None)
     with pytest.raises(FifthwheelError, match="no format"):
         Recorder(tmp_path / "run.csv", None)
-    other = Recorder(path, writer := BackgroundWriter(), force=True)
+    other = Recorder(path, writer := BackgroundWriter())
     (other.parts / "notes.txt").write_text("mine too")
     other.add(row(0))
     other.close()

@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.live.sources.replay import read_trace, replay
 from fifthwheel.live.status import NodeStatus
-from fifthwheel.logs import read_log
+from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
 from tests.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_node, write_candump, write_files
@@ -36,3 +36,23 @@ def test_the_samples_of_a_node_give_the_same_states_offline_to_the_last_bit(tmp_
     for name, values in states.values.items():
         np.testing.assert_array_equal([output.states[name] for output in outputs], values)
     assert np.diff(record.time)[3:] == pytest.approx(0.01, abs=1e-6)
+
+
+def test_delays_of_the_map_are_those_of_the_offline_tools(tmp_path):
+    write_files(tmp_path)
+    path = tmp_path / "signals.toml"
+    path.write_text(path.read_text().replace("sign = -1 }", 'sign = -1, delay = "30 ms" }'))
+    signal_map = SignalMap.load(path)
+    write_candump(tmp_path / "run.log", frames(driven()))
+    record = read_log(tmp_path / "run.log", signal_map)
+    outputs = list(replay(observer_node(signal_map), read_trace(tmp_path / "run.log", []), speed=0))
+    samples = {sample["time"]: sample for output in outputs for sample in output.samples}
+    yaw_rate = record.signals["yaw_rate.semitrailer"]
+    compared = 0
+    for time, value in zip(record.time.tolist(), yaw_rate.tolist(), strict=True):
+        sample = next((s for at, s in samples.items() if abs(at - time) < 1e-6), None)
+        if sample is not None and np.isfinite(value):
+            assert sample["yaw_rate.semitrailer"] == value
+            compared += 1
+    assert compared > 700
+    assert outputs[-1].time == pytest.approx(record.time[-1] - 0.03, abs=0.011)

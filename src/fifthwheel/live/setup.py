@@ -4,8 +4,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
+from fifthwheel._atomic import reserved
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification
 from fifthwheel.live.build import completed_map, make_node, make_observer
@@ -86,51 +88,57 @@ def opened(
     """
     vehicle = read_vehicle(inputs.vehicle)
     signal_map = SignalMap.load(inputs.signals, allow_outside=inputs.allow_outside)
-    node, learning, states = _node(inputs, vehicle, signal_map)
-    parameters = [estimate.name for estimate in learning.parameters] if learning else []
-    encoder = None if outputs.send is None else FrameEncoder(outputs.send, states, parameters)
-    writer = BackgroundWriter()
-    session = Session(
-        node=node,
-        writer=writer,
-        learning=learning,
-        checkpoint=Checkpoint(learning, inputs.state, writer) if learning and inputs.state else None,
-        recorder=Recorder(outputs.record, writer, force=outputs.force) if outputs.record else None,
-        encoder=encoder,
-        send_period=1 / outputs.send_rate,
-        trailer_column=next(iter(node.extra_columns), ""),
-    )
-    if encoder is not None:
-        if taken := node.decoder.own(encoder.ids, extended=encoder.extended):
-            raise FifthwheelError(f"--send: {taken:#x} is the id of a mapped message; give another id")
-        encoder.write_dbc(outputs.dbc)
-        say(f"Written: {outputs.dbc}")
-    if outputs.page is not None:
-        from fifthwheel.live.page.server import Page
-
-        page = Page(outputs.page, vehicle, session)
-        session.views = [page]
-        say(f"Page: {page.address}")
-    with ExitStack() as stack:
-        stack.callback(lambda: _report(session, say))
+    if inputs.trace is not None and not inputs.trace.is_file():
+        raise FifthwheelError(f"{inputs.trace}: no such file; check the path")
+    with reserved(outputs.record, force=outputs.force), reserved(inputs.state, force=True), ExitStack() as stack:
+        session = _session(inputs, outputs, vehicle, signal_map, say)
+        stack.callback(_report, session, say)
         stack.callback(session.close)
+        if outputs.page is not None:
+            from fifthwheel.live.page.server import Page
+
+            page = Page(outputs.page, vehicle, session)
+            session.views = [page]
+            say(f"Page: {page.address}")
         if inputs.trace is not None:
-            if not inputs.trace.is_file():
-                raise FifthwheelError(f"{inputs.trace}: no such file; check the path")
             notes: list[str] = []
             stack.callback(lambda: [say(note) for note in notes])
-            frames = read_trace(inputs.trace, notes)
-            wanted = (frame for frame in iter(lambda: None if stop.is_set() else next(frames, None), None))
-            yield session, replay(node, wanted, speed=inputs.speed, sleep=stop.wait)
+            frames = takewhile(lambda _: not stop.is_set(), read_trace(inputs.trace, notes))
+            yield session, replay(session.node, frames, speed=inputs.speed, sleep=stop.wait)
             return
         arrivals, options = frame_queue(), {"bitrate": inputs.bitrate} if inputs.bitrate else {}
-        filters = node.decoder.filters()
+        filters = session.node.decoder.filters()
         buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(inputs.buses)]
         for bus in buses:
             stack.callback(bus.close)
             bus.start()
         session.bus = buses[0]
-        yield session, listen(node, buses, arrivals, stop.is_set)
+        yield session, listen(session.node, buses, arrivals, stop.is_set)
+
+
+def _session(
+    inputs: Inputs, outputs: Outputs, vehicle: Vehicle, signal_map: SignalMap, say: Callable[[str], object]
+) -> Session:
+    """The session without its page and its bus."""
+    node, learning, states = _node(inputs, vehicle, signal_map)
+    encoder = None
+    if outputs.send is not None:
+        encoder = FrameEncoder(outputs.send, states, [e.name for e in learning.parameters] if learning else [])
+        if taken := node.decoder.own(encoder.ids, extended=encoder.extended):
+            raise FifthwheelError(f"--send: {taken:#x} is the id of a mapped message; give another id")
+        encoder.write_dbc(outputs.dbc)
+        say(f"Written: {outputs.dbc}")
+    writer = BackgroundWriter()
+    return Session(
+        node=node,
+        writer=writer,
+        learning=learning,
+        checkpoint=Checkpoint(learning, inputs.state, writer) if learning and inputs.state else None,
+        recorder=Recorder(outputs.record, writer) if outputs.record else None,
+        encoder=encoder,
+        send_period=1 / outputs.send_rate,
+        trailer_column=next(iter(node.extra_columns), ""),
+    )
 
 
 def _node(inputs: Inputs, vehicle: Vehicle, signal_map: SignalMap) -> tuple[Node, Learning | None, tuple[str, ...]]:

@@ -18,10 +18,10 @@ class BackgroundWriter:
         self._thread = threading.Thread(target=self._run, name="fifthwheel writer", daemon=True)
         self._thread.start()
 
-    def submit(self, kind: str, job: Callable[[], object]) -> bool:
-        """Run a job soon; False if too many wait."""
+    def submit(self, kind: str, job: Callable[[], object], *, wait: bool = False) -> bool:
+        """Run a job soon; False if too many are pending, unless it may `wait` for them."""
         try:
-            self._jobs.put_nowait((kind, job))
+            self._jobs.put((kind, job), block=wait)
         except queue.Full:
             self.errors[kind] = "the disk does not keep up; use a faster one"
             return False

@@ -32,19 +32,16 @@ class Recorder:
     Args:
         path: ends in .parquet or .mcap.
         writer: writes the pieces.
-        force: replace a file that exists.
 
     Raises:
-        FifthwheelError: the ending is another one, the file exists, or a package is missing.
+        FifthwheelError: the ending is another one, or a package is missing.
     """
 
-    def __init__(self, path: Path, writer: BackgroundWriter, *, force: bool = False) -> None:
+    def __init__(self, path: Path, writer: BackgroundWriter) -> None:
         if path.suffix not in _FORMATS:
             raise FifthwheelError(f"{path}: no format for {path.suffix!r}; end the name in .parquet or .mcap")
         if path.suffix == ".mcap":
             require("mcap", "mcap")
-        if path.exists() and not force:
-            raise FifthwheelError(f"{path}: exists; record to another file, or replace it with --force")
         self.path = path
         self.parts = path.with_name(f"{path.name}.parts")
         self._write, self._join = _FORMATS[path.suffix]
@@ -69,7 +66,7 @@ class Recorder:
     def close(self) -> None:
         """Write the rest and join the pieces; without space for the whole file the pieces stay."""
         self.flush()
-        self._writer.submit(KIND, self._finish)
+        self._writer.submit(KIND, self._finish, wait=True)
 
     def _pieces(self) -> list[Path]:
         return sorted(part for part in self.parts.glob(f"*{self.path.suffix}") if part.stem.isdigit())
