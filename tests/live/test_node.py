@@ -187,3 +187,31 @@ def test_a_second_sender_is_ignored_and_named(tmp_path):
     for source in (0x0B, 0x2F):
         node.receive(Frame(0.01 * source, 0x18F00900 | source, bytes(8), True))
     assert node.decoder.other_sources == {"VDC2.steering_wheel_angle [rad]": ["@2F:0"]}
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3, -5.0, 1e9])
+def test_a_second_bus_with_another_clock_is_aligned(node, offset):
+    """The clock of the second bus also runs 100 ppm fast."""
+    found = outputs(
+        node,
+        (f._replace(bus=1, time=f.time * (1 + 1e-4 * bool(offset)) + offset) if f.id == 258 else f for f in stream()),
+    )
+    assert {output.status for output in found[20:]} == {NodeStatus.OK}
+    samples = [sample for output in found for sample in output.samples if "yaw_rate.semitrailer" in sample]
+    times = np.array([sample["time"] for sample in samples])
+    values = np.array([sample["yaw_rate.semitrailer"] for sample in samples])
+    expected = np.interp(times, RECORD.time, RECORD.signals["yaw_rate.semitrailer"])
+    assert np.sqrt(np.mean((values - expected) ** 2)) < 0.004  # a few ms of the manoeuvre
+
+
+def test_frames_that_arrive_late_in_their_order_are_no_jump_of_the_clock(node):
+    found = []
+    for frame in stream():
+        if not 3.0 < frame.time < 3.3:
+            found += node.receive(frame)
+            continue
+        found += node.advance(frame.time + 0.2)  # the clock of the computer goes on, the frames come later
+        found += node.receive(frame)
+    assert not any(output.faults & Fault.TIME_JUMP for output in found)
+    assert any(output.faults & Fault.OVERLOAD for output in found)
+    assert found[-1].status is NodeStatus.OK

@@ -133,7 +133,7 @@ def live(
         for output in states:
             session.handle(output)
             line.show(output)
-    line.end()
+        line.end()
 
 
 def _speed(rate: str) -> float:

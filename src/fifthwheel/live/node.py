@@ -15,6 +15,8 @@ from fifthwheel.observe import Status
 
 SHOWN = 1.0
 """A jump of the time or an overload is reported for this time, s."""
+LATE_FRAME = 0.05
+"""A frame that arrives so long after its cycle means that the computer or the interface does not keep up, s."""
 _INPUT_MISSING: Mapping[str, float] = {"status": Status.INPUT_MISSING, "nis": math.nan}
 
 
@@ -81,7 +83,7 @@ class Node:
         self.extra_columns = extra
         self._answer: Mapping[str, float] = _INPUT_MISSING
         self._rate = rate
-        self._jumps, self._jumped = 0, -math.inf
+        self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
 
     @property
     def newest(self) -> float:
@@ -95,6 +97,8 @@ class Node:
         for time, counted in self._time_base.assign(frame):
             if time - before > MAX_GAP:
                 outputs += self._skip(before, time)
+            if self._time_base.newest - time > LATE_FRAME:
+                self._delayed = self._time_base.newest
             before = time
             readings = self.decoder.decode(counted)
             self.frames += bool(readings)
@@ -141,6 +145,8 @@ class Node:
         faults = self.faults | self._health.faults(problems)
         if cycle.time - self._jumped < SHOWN:
             faults |= Fault.TIME_JUMP
+        if cycle.time - self._delayed < SHOWN:
+            faults |= Fault.OVERLOAD
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
         if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):
