@@ -1,6 +1,7 @@
 """The command as a process: Ctrl-C, kill -9 at any time, and restart."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -119,3 +120,19 @@ def test_files_are_whole_whenever_the_process_is_killed(folder):
         process.wait()
         for piece in (folder / "run.parquet.parts").glob("0*"):
             assert pq.read_table(piece).num_rows == 1000
+
+
+def test_a_file_that_cannot_be_written_is_said_and_the_states_go_on(folder):
+    """A limit of the size of files stands for a full disk."""
+    done = subprocess.run(
+        command("--replay", "run.log", "--rate", "0", "--record", "run.parquet"),
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "not recorded" in done.stderr
+    assert "File too large" in done.stderr
+    assert not (folder / "run.parquet").exists()

@@ -91,11 +91,11 @@ class Session:
 
     def status_text(self, output: Output) -> str:
         """Status and faults in words, with the columns and files that they concern."""
-        words = [output.status.name]
+        words = [_words(output.status.name)]
         for fault in output.faults:
             columns = [column for column, of_column in output.problems.items() if of_column == fault]
-            words.append(f"{fault.name}: {', '.join(columns)}" if columns else str(fault.name))
-        return "  ".join([*words, *self.writer.errors.values()]).replace("_", " ").lower()
+            words.append(": ".join([_words(str(fault.name)), *([", ".join(columns)] if columns else [])]))
+        return "  ".join([*words, *self.writer.errors.values()])
 
     def state_text(self, output: Output) -> str:
         """The sideslip of the last unit, and how many parameters are known."""
@@ -130,3 +130,7 @@ class Session:
 
     def _set(self, fault: Fault, present: bool) -> None:
         self.node.faults = self.node.faults | fault if present else self.node.faults & ~fault
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").lower()
