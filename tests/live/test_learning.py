@@ -6,12 +6,15 @@ import math
 import pytest
 
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.live.build import completed_map, make_node
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import STANDSTILL, Learning
 from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.session import Session
 from fifthwheel.live.status import Fault
+from fifthwheel.logs.can.decoder import Frame
 from fifthwheel.simulate import simulate
-from tests.live.truck_bus import SIGNALS, TRUCK
+from tests.live.truck_bus import SIGNALS, TRUCK, frames, write_files
 
 STIFF = "semitrailer.cornering_stiffness"
 
@@ -155,3 +158,21 @@ def test_a_full_disk_keeps_the_former_checkpoint(learned, tmp_path, monkeypatch)
     assert path.read_text() != "former"
     assert not writer.errors
     assert math.isfinite(learning.learner[STIFF].value)
+
+
+def test_a_number_on_the_bus_names_the_trailer(tmp_path):
+    complete = completed_map(write_files(tmp_path))
+    learning = make_learning(TRUCK, SIGNALS, trailer="unknown")
+    node = make_node(complete, learning, extra=("TrailerName.number",))
+    session = Session(node=node, writer=BackgroundWriter(), learning=learning, trailer_column="TrailerName.number")
+    for k, frame in enumerate(frames(simulate(TRUCK, count=1))):
+        name = Frame(frame.time, 259, (4711 if k < 300 else 12).to_bytes(4, "little"))
+        for output in (*node.receive(name), *node.receive(frame)):
+            session.handle(output)
+            assert output.faults & ~Fault.CHANGED == 0  # the name is no signal whose absence is a fault
+        if k == 290:
+            assert learning.learner.trailer == "4711"
+        if k > 600:
+            break
+    session.close()
+    assert learning.learner.trailer == "12"

@@ -68,6 +68,7 @@ WRONG = {
     "id of a mapped message": (["--replay", "run.log", "--send", "0xFF"], "id of a mapped message"),
     "state without learn": (["--replay", "run.log", "--state", "x.json"], "--learn"),
     "record that exists": (["--replay", "run.log", "--record", "old.parquet"], "exists"),
+    "identification": (["--replay", "run.log", "--learn", "-i", "out"], "without --learn"),
     "record": (["--replay", "run.log", "--record", "x.csv"], "no format"),
 }
 

@@ -102,6 +102,8 @@ def live(
         raise FifthwheelError("live: expected --bus or --replay; give one of them")
     if not learn and (state or trailer or trailer_signal or lock):
         raise FifthwheelError("--state, --trailer, --trailer-signal and --lock are for --learn; add it")
+    if learn and identification:
+        raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
     stop = threading.Event()
     inputs = Inputs(
         vehicle=vehicle,

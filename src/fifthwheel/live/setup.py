@@ -109,7 +109,9 @@ def opened(
         arrivals, options = frame_queue(), {"bitrate": inputs.bitrate} if inputs.bitrate else {}
         filters = session.node.decoder.filters()
         buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(inputs.buses)]
-        for bus in buses:
+        for k, bus in enumerate(buses):
+            if bus.number in (other.number for other in buses[:k]):
+                bus.number = max(other.number for other in buses) + 1
             stack.callback(bus.close)
             bus.start()
         session.bus = buses[0]
