@@ -126,10 +126,10 @@ def bus(kind: str, seconds: float = 20.0) -> None:
 def memory(kind: str, samples: int) -> None:
     """Memory after many samples."""
     measured, record = node(kind), driven(SECONDS)
-    length, sizes, done = float(record.time[-1]) + 0.01, [], 0
-    for k in range(1 + samples // len(record.time)):
-        for frame in frames(record, start=k * length):
-            done += len(measured.receive(frame))
+    length, sizes, done, once = float(record.time[-1]) + 0.01, [], 0, list(frames(record))
+    for k in range(samples // len(record.time)):
+        for frame in once:
+            done += len(measured.receive(frame._replace(time=frame.time + k * length)))
         sizes.append(int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6)
     print(f"{kind}: {sizes[0]:.0f} MB after {len(record.time)} samples, {sizes[-1]:.0f} MB after {done}", flush=True)
 
