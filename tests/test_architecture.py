@@ -44,6 +44,7 @@ ROOMS = (
     "assess",
     "report",
     "workflow",
+    "live",
     "studies",
     "cli",
 )

@@ -15,6 +15,7 @@ from fifthwheel.cli import (  # importing a command registers it
     design,  # noqa: F401
     export,  # noqa: F401
     identify,  # noqa: F401
+    live,  # noqa: F401
     new_vehicle,  # noqa: F401
     reproduce,  # noqa: F401
     roll_test,  # noqa: F401

@@ -78,10 +78,10 @@ class LiveMap:
         signals = {}
         for signal, (channel, names) in self._channels.items():
             cells = [sample.get(self._keys[name]) for name in names]
-            columns = [
-                (np.array([math.nan if cell is None else cell]), self._units[name])
-                for cell, name in zip(cells, names, strict=True)
-            ]
+            if any(cell is None or math.isnan(cell) for cell in cells):
+                signals[signal] = math.nan
+                continue
+            columns = [(np.array([cell]), self._units[name]) for cell, name in zip(cells, names, strict=True)]
             signals[signal] = float(channel.converted(columns, si_unit(signal) or "1")[0])
         return signals
 
@@ -129,7 +129,10 @@ class LiveMap:
         return {"time": time, **present}
 
     def _input(self, name: str, time: float) -> float:
-        """An input at an instant, interpolated."""
+        """An input at an instant, interpolated; NaN after its last sample."""
+        if time >= self._inputs[name][-1][0] - SAME_INSTANT:
+            last, value = self._inputs[name][-1]
+            return value if time <= last + SAME_INSTANT else math.nan
         instants, values = np.array(self._inputs[name]).T
         nearest = int(np.abs(instants - time).argmin())
         if abs(instants[nearest] - time) <= SAME_INSTANT:

@@ -7,7 +7,7 @@ point of linearisation (`filters.relinearised`), and reports states whose sigmas
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +158,16 @@ class Learner:
         return self._live
 
     @property
+    def reported(self) -> tuple[str, ...]:
+        """Names of the states that `push` gives."""
+        return tuple(name for name, _ in self._live.view.names)
+
+    @property
+    def trailer(self) -> str:
+        """Name under which the estimates of the units behind the first are kept."""
+        return self._trailer
+
+    @property
     def parameters(self) -> tuple[LearnedValue, ...]:
         """The estimated and the uncertain parameters, without the considered ones."""
         indirect = self._live.problem.not_identifiable
@@ -240,6 +250,43 @@ class Learner:
         live.innovations.restore(**self._live.innovations.as_dict())
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
+    def change_since(self, before: "Learner") -> dict[str, tuple[float, float]]:
+        """By parameter: estimate less that of another learner of the same vehicle, and the sigma of the difference, SI.
+
+        Both learned from different samples. The considered unknowns have the same errors in both, so that the sigma
+        contains only the difference of their effects.
+        """
+        problem, new, old = self._live.problem, self._live.estimate(), before._live.estimate()
+        scaling, n = problem.scaling, len(problem.estimated)
+        none = np.zeros(len(problem.considered))
+        p, p_old = scaling.to_p(np.append(new.z, none)), scaling.to_p(np.append(old.z, none))
+        B = new.B - old.B
+        sigma = np.sqrt(np.diag(new.Pz + old.Pz + B @ B.T)) * np.abs(scaling.slope(p)[:n])
+        changes = {u.name: (float(p[i] - p_old[i]), float(sigma[i])) for i, u in enumerate(problem.estimated)}
+        return {name: change for name, change in changes.items() if name in problem.parameters}
+
+    def with_fixed(self, vehicle: Vehicle, values: Mapping[str, float]) -> "Learner":
+        """A learner with the same estimates in which exactly these parameters are fixed.
+
+        Args:
+            vehicle: what is known of the truck; parameters that were fixed before have its values as priors.
+            values: by the path of the parameter, SI.
+
+        Raises:
+            SignalError: no unknown is left to estimate.
+            VehicleError: a parameter cannot be fixed.
+        """
+        live, problem = self._live, self._live.problem
+        settings = replace(problem.settings, fixed=tuple(values))
+        fixed = Learner(vehicle.replace(values), problem.signals, settings, learner=live.learner, trailer=self._trailer)
+        unknowns = fixed._live.problem.unknowns
+        block = self._block_of(range(len(problem.unknowns))).restricted(unknowns)
+        z, Pz = combine_blocks(unknowns, [(block, "this learner")])
+        fixed._live.filter.set_estimate(_estimate(fixed._live.problem, z, Pz))
+        fixed._live.innovations.restore(**live.innovations.as_dict())
+        fixed._uncoupled = {name: other.restricted(unknowns) for name, other in self._uncoupled.items()}
+        return fixed
+
     def _block(self, *, of_tractor: bool) -> EstimateBlock:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
         problem = self._live.problem
@@ -255,25 +302,26 @@ class Learner:
 
     def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
+        write_learner(path, self.content())
+
+    def content(self) -> dict[str, Any]:
+        """What `save` writes; later samples do not change it."""
         problem = self._live.problem
         estimate, innovations = self._live.filter.estimate(), self._live.innovations
-        write_learner(
-            path,
-            {
-                "vehicle": problem.vehicle_file.model_dump(mode="json"),
-                "signals": sorted(problem.signals),
-                "settings": problem.settings.as_dict(),
-                "learner": asdict(self._live.learner),
-                "trailer": self._trailer,
-                "estimates": self._block_of(range(len(problem.unknowns))).as_dict(),
-                "evidence": {
-                    "gradient": estimate.gradient.tolist(),
-                    "information": estimate.information.tolist(),
-                    "innovations": innovations.as_dict(),
-                },
-                "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
+        return {
+            "vehicle": problem.vehicle_file.model_dump(mode="json"),
+            "signals": sorted(problem.signals),
+            "settings": problem.settings.as_dict(),
+            "learner": asdict(self._live.learner),
+            "trailer": self._trailer,
+            "estimates": self._block_of(range(len(problem.unknowns))).as_dict(),
+            "evidence": {
+                "gradient": estimate.gradient.tolist(),
+                "information": estimate.information.tolist(),
+                "innovations": innovations.as_dict(),
             },
-        )
+            "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
+        }
 
     @classmethod
     def load(cls, path: str | Path) -> "Learner":
@@ -282,7 +330,11 @@ class Learner:
         Raises:
             SignalError: the file cannot be read, is damaged, not of a learner, or of another version.
         """
-        content = read_learner(path)
+        return cls.of_content(read_learner(path), str(path))
+
+    @classmethod
+    def of_content(cls, content: Mapping[str, Any], path: str) -> "Learner":
+        """A learner with the estimates in the content of the file `path`; errors as in `load`."""
         try:
             saved = content["learner"]
             learner = cls(
@@ -294,7 +346,7 @@ class Learner:
                 ),
                 trailer=content["trailer"],
             )
-            blocks = [(EstimateBlock.from_dict(content["estimates"]), str(path))]
+            blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
             live, evidence = learner._live, content["evidence"]
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
             z, Pz = combine_blocks(live.problem.unknowns, blocks)

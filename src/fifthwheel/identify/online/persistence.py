@@ -44,6 +44,19 @@ class EstimateBlock:
             Pz=Pz[np.ix_(places, places)],
         )
 
+    def restricted(self, unknowns: Sequence[Unknown]) -> "EstimateBlock":
+        """The estimates of those that are among some unknowns with the same prior."""
+        priors = {u.name: (u.centre, u.scale) for u in unknowns}
+        own = zip(self.names, self.centre, self.scale, strict=True)
+        keep = [i for i, (n, *prior) in enumerate(own) if n in priors and np.allclose(priors[n], prior, rtol=1e-9)]
+        return EstimateBlock(
+            names=tuple(self.names[i] for i in keep),
+            centre=tuple(self.centre[i] for i in keep),
+            scale=tuple(self.scale[i] for i in keep),
+            z=self.z[keep],
+            Pz=self.Pz[np.ix_(keep, keep)],
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
         return {

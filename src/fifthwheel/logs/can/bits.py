@@ -1,5 +1,6 @@
-"""Numbers in the payloads of many frames at once."""
+"""Numbers in the payloads of many frames at once, or of one frame."""
 
+import struct
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,4 +52,21 @@ class Bits:
         if self.signed:
             sign = np.uint64(1 << (self.length - 1))
             return ((number ^ sign) - sign).view(np.int64)
+        return number
+
+    def number(self, payload: bytes) -> int | float:
+        """The number in one payload that contains it, equal to that of `raw`."""
+        first, end = self.span
+        if self.little:
+            number = int.from_bytes(payload[first:end], "little") >> (self.start & 7)
+        else:
+            number = int.from_bytes(payload[first:end], "big") >> -(8 * first + 7 - (self.start & 7) + self.length) % 8
+        number &= (1 << self.length) - 1
+        if self.floating:
+            code = {2: "e", 4: "f", 8: "d"}[size := self.length // 8]
+            value: float = struct.unpack(f"<{code}", number.to_bytes(size, "little"))[0]
+            return value
+        if self.signed:
+            sign = 1 << (self.length - 1)
+            return (number ^ sign) - sign
         return number

@@ -1,5 +1,6 @@
 """Databases of CAN messages by cantools: those of the user, then J1939; and which message a frame is."""
 
+import math
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -54,6 +55,20 @@ class Signal:
             values = raw.astype(np.float64) * self.scale + self.offset
         return np.where(good & np.isfinite(values), values, np.nan)
 
+    def in_payload(self, payload: bytes) -> bool:
+        """Whether one payload contains it, by its length and its multiplexers."""
+        if len(payload) < self.bits.span[1]:
+            return False
+        return all(len(payload) >= b.span[1] and b.number(payload) in allowed for _, b, allowed in self.gates)
+
+    def value(self, payload: bytes) -> float:
+        """The value in one payload that contains it, equal to that of `values`."""
+        raw = self.bits.number(payload)
+        if self.highest is not None and raw > self.highest:
+            return math.nan
+        value = float(raw) * self.scale + self.offset
+        return value if math.isfinite(value) else math.nan
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Message:
@@ -83,6 +98,17 @@ class Databases:
         if exact is None and extended:
             return self._groups.get(group(number))
         return exact
+
+    def ids(self) -> list[tuple[int, bool, Message]]:
+        """Every id, whether it has 29 bits, and its message."""
+        return [(number, extended, message) for (number, extended), message in self._exact.items()]
+
+    def named(self) -> dict[str, Message]:
+        """The messages by name; of several with the same name, the first."""
+        messages: dict[str, Message] = {}
+        for message in self._exact.values():
+            messages.setdefault(message.name, message)
+        return messages
 
 
 def group(number: int) -> int:

@@ -1,0 +1,112 @@
+"""The file with the learned estimates: read at the start, written every few seconds."""
+
+import time
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.online import Learner
+from fifthwheel.identify.online.persistence import read_learner, write_learner
+from fifthwheel.live.learning import Learning
+from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.vehicle import Vehicle
+
+PERIOD = 5.0
+"""Time between two checkpoints, s, while something is learned; a process that is killed loses less than 10 s."""
+KIND = "checkpoint"
+"""Kind of the jobs of the writer."""
+
+
+def make_learning(
+    vehicle: Vehicle,
+    signals: Collection[str],
+    *,
+    path: Path | None = None,
+    trailer: str | None = None,
+    locks: Collection[str] = (),
+) -> Learning:
+    """A learner with the estimates of a file, if there is one.
+
+    Args:
+        vehicle: what is known of the truck.
+        signals: measured signals.
+        path: file of the estimates; it need not exist.
+        trailer: name of the coupled trailer; by default that of the file, or the vehicle's.
+        locks: parameters that keep their value: that of the file, or of the vehicle.
+
+    Raises:
+        SignalError: the file is damaged, or of another vehicle or other signals.
+        VehicleError: a locked parameter does not exist.
+    """
+    for name in locks:
+        if name not in vehicle.parameters():
+            raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
+    if path is None or not path.exists():
+        learner = Learner(vehicle, signals, OneStage(fixed=tuple(locks)), trailer=trailer)
+        return Learning(learner, vehicle)
+    content = read_learner(path)
+    former = Vehicle(**content["vehicle"])
+    _require_same(path, content, former, vehicle, signals)
+    before = set(content["settings"]["fixed"])
+    learner = _with_locks(Learner.of_content(content, str(path)), former, vehicle, before, locks)
+    learning = Learning(learner, vehicle, restored=True)
+    if trailer is not None:
+        learning.couple(trailer)
+    return learning
+
+
+class Checkpoint:
+    """Writes the estimates of a learner.
+
+    Args:
+        learning: its learner is written.
+        path: the file; it appears complete or not at all.
+        writer: writes it.
+    """
+
+    def __init__(
+        self, learning: Learning, path: Path, writer: BackgroundWriter, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.learning, self.path, self._writer, self._now = learning, path, writer, now
+        self._written_at, self._written = now(), (learning.learned, learning.change)
+
+    def update(self) -> None:
+        """Write if it is time and something was learned."""
+        if self._now() - self._written_at >= PERIOD:
+            self.write()
+
+    def write(self) -> None:
+        """Write if something was learned."""
+        self._written_at = self._now()
+        state = (self.learning.learned, self.learning.change)
+        if (state != self._written or KIND in self._writer.errors) and self._writer.submit(
+            KIND, partial(write_learner, self.path, self.learning.learner.content())
+        ):
+            self._written = state
+
+
+def _require_same(
+    path: Path, content: Mapping[str, Any], former: Vehicle, vehicle: Vehicle, signals: Collection[str]
+) -> None:
+    locked = content["settings"]["fixed"]
+    same = {name: value for name, value in vehicle.parameters().items() if name not in locked}
+    if {name: value for name, value in former.parameters().items() if name not in locked} != same:
+        raise SignalError(f"{path}: has the estimates of another vehicle file; give that one, or another --state")
+    unknown = sorted(set(content["signals"]) - set(signals))
+    if unknown:
+        raise SignalError(
+            f"{path}: its estimates need {unknown[0]}, which is not mapped; map it, or give another --state"
+        )
+
+
+def _with_locks(
+    learner: Learner, former: Vehicle, vehicle: Vehicle, before: set[str], locks: Collection[str]
+) -> Learner:
+    """The learner with exactly these parameters locked, each at its former lock or at its estimate."""
+    if before == set(locks):
+        return learner
+    estimates, locked = learner.vehicle().parameters(), former.parameters()
+    return learner.with_fixed(vehicle, {name: (locked if name in before else estimates)[name] for name in locks})

@@ -1,0 +1,167 @@
+"""The live node: frames in, states out. It has no clock, no thread and no socket, so that a replay is the same code."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from fifthwheel.live.health import Health
+from fifthwheel.live.sampler import LATE, Cycle, Sampler
+from fifthwheel.live.status import HARMLESS, Fault, NodeStatus
+from fifthwheel.live.time_base import MAX_GAP, TimeBase
+from fifthwheel.logs import LiveMap
+from fifthwheel.logs.can.decoder import Frame, FrameDecoder
+from fifthwheel.observe import Status
+
+SHOWN = 1.0
+"""A jump of the time or an overload is reported for this time, s."""
+LATE_FRAME = 0.05
+"""A frame that arrives so long after its cycle means that the computer or the interface does not keep up, s."""
+_INPUT_MISSING: Mapping[str, float] = {"status": Status.INPUT_MISSING, "nis": math.nan}
+
+
+class Estimator(Protocol):
+    """`Observer` or `Learner`."""
+
+    def push(self, sample: Mapping[str, float | None], /) -> dict[str, float]:
+        """The states at a sample."""
+
+    def reset(self) -> None:
+        """Start the states again."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Output:
+    """The states of one cycle."""
+
+    time: float
+    """Since the start of the node, s; always increasing."""
+    bus_time: float
+    """The same instant by the clock of the bus, s."""
+    status: NodeStatus
+    faults: Fault
+    problems: Mapping[str, Fault]
+    """Fault of a column."""
+    states: Mapping[str, float]
+    """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
+    observer also "nis", with a learner "learning"."""
+    samples: tuple[Mapping[str, float], ...]
+    """Samples of this cycle, as the estimator received them."""
+
+
+class Node:
+    """States from the frames of one or several buses.
+
+    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives.
+
+    Args:
+        estimator: of the vehicle.
+        decoder: of the columns of the map.
+        live_map: from columns to signals.
+        rate: of the outputs, Hz.
+        extra: columns that the decoder has beside those of the map; their values are in `extra`.
+    """
+
+    def __init__(
+        self,
+        estimator: Estimator,
+        decoder: FrameDecoder,
+        live_map: LiveMap,
+        *,
+        rate: float,
+        extra: tuple[str, ...] = (),
+    ) -> None:
+        self.estimator, self.decoder = estimator, decoder
+        self.faults = Fault.NONE
+        """Faults that the node cannot see, such as those of the bus; the driver of the node sets them."""
+        self.extra: dict[str, float] = {}
+        """Last valid value of the extra columns."""
+        self.frames = 0
+        """Frames with a mapped signal."""
+        self._map, self._sampler, self._time_base = live_map, Sampler(rate), TimeBase()
+        self._health = Health(column for column in decoder.columns if column not in extra)
+        self.extra_columns = extra
+        self._answer: Mapping[str, float] = _INPUT_MISSING
+        self._rate = rate
+        self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
+
+    @property
+    def newest(self) -> float:
+        """Time of the bus of the newest frame, or of `advance`, s; -inf before the first one."""
+        return self._time_base.newest + self._time_base.origin if math.isfinite(self._time_base.newest) else -math.inf
+
+    def receive(self, frame: Frame) -> list[Output]:
+        """Take up a frame; gives the outputs of the cycles that end before it."""
+        outputs: list[Output] = []
+        before = self._time_base.newest
+        for time, counted in self._time_base.assign(frame):
+            if time - before > MAX_GAP:
+                outputs += self._skip(before, time)
+            if self._time_base.newest - time > LATE_FRAME:
+                self._delayed = self._time_base.newest
+            before = time
+            readings = self.decoder.decode(counted)
+            self.frames += bool(readings)
+            for column, value, quality in readings:
+                if column in self.extra_columns:
+                    if value == value:
+                        self.extra[column] = value
+                    continue
+                for cycle in self._sampler.put(time, column, value):
+                    outputs.append(self._output(cycle))
+                self._health.update(time, column, quality)
+        return outputs
+
+    def advance(self, bus_time: float) -> list[Output]:
+        """The outputs that are due at a time of the bus, s, if no frame arrives before it."""
+        if math.isnan(self._time_base.origin):
+            self._time_base.start(bus_time)
+        time = bus_time - self._time_base.origin
+        self._sampler.start(time)
+        if not time > self._time_base.newest:
+            return []
+        self._time_base.advance(time)
+        return [self._output(cycle) for cycle in self._sampler.advance(time)]
+
+    def finish(self) -> list[Output]:
+        """The output of the last cycle, when no further frame comes."""
+        return self.advance(self.newest + LATE / self._rate) if math.isfinite(self.newest) else []
+
+    def _skip(self, before: float, time: float) -> Iterator[Output]:
+        """The outputs at the beginning of a gap; then the cycles begin again."""
+        if math.isfinite(before):
+            yield from (self._output(cycle) for cycle in self._sampler.advance(before + MAX_GAP))
+            self._sampler.restart()
+            self._health.restart(time)
+
+    def _output(self, cycle: Cycle) -> Output:
+        samples = tuple(self._map.push({"time": cycle.time, **cycle.values}))
+        for sample in samples:
+            self._answer = self.estimator.push(sample)
+        answer = self._answer
+        if self._time_base.jumps > self._jumps:
+            self._jumps, self._jumped = self._time_base.jumps, cycle.time
+        problems = self._health.problems(cycle.time)
+        faults = self.faults | self._health.faults(problems)
+        if cycle.time - self._jumped < SHOWN:
+            faults |= Fault.TIME_JUMP
+        if cycle.time - self._delayed < SHOWN:
+            faults |= Fault.OVERLOAD
+        status = NodeStatus(int(answer["status"]))
+        states = {name: value for name, value in answer.items() if name not in ("time", "status")}
+        if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):
+            if not all(map(math.isfinite, states.values())):
+                status, states = NodeStatus.FAILED, dict.fromkeys(states, math.nan)
+                self.estimator.reset()
+            elif status is NodeStatus.OK and faults & ~HARMLESS:
+                status = NodeStatus.DEGRADED
+        time = answer.get("time", cycle.time)
+        return Output(
+            time=time,
+            bus_time=time + self._time_base.origin,
+            status=status,
+            faults=faults,
+            problems=problems,
+            states=states,
+            samples=samples,
+        )

@@ -1,0 +1,1 @@
+"""Where states go to: frames on the bus, and files."""

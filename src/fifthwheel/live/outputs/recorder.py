@@ -1,0 +1,160 @@
+"""The record of a live run: pieces that are complete files, joined at the end.
+
+The pieces are in the folder NAME.parts beside the file. Each appears complete or not at all, so a process that is
+killed leaves the pieces; the next run with the same file adds to them.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fifthwheel._atomic import atomic_write
+from fifthwheel._extras import require
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.live.outputs.background import BackgroundWriter
+
+PIECE = 1000
+"""Rows of a piece: 10 s."""
+KIND = "record"
+"""Kind of the jobs of the writer."""
+
+Rows = Sequence[Mapping[str, float]]
+
+
+class Recorder:
+    """Writes rows of numbers to a Parquet or MCAP file.
+
+    Args:
+        path: ends in .parquet or .mcap.
+        writer: writes the pieces.
+
+    Raises:
+        FifthwheelError: the ending is another one, or a package is missing.
+    """
+
+    def __init__(self, path: Path, writer: BackgroundWriter) -> None:
+        if path.suffix not in _FORMATS:
+            raise FifthwheelError(f"{path}: no format for {path.suffix!r}; end the name in .parquet or .mcap")
+        if path.suffix == ".mcap":
+            require("mcap", "mcap")
+        self.path = path
+        self.parts = path.with_name(f"{path.name}.parts")
+        self._write, self._join = _FORMATS[path.suffix]
+        self._writer = writer
+        self.parts.mkdir(parents=True, exist_ok=True)
+        self._count = 1 + max((int(part.stem) for part in self._pieces()), default=0)
+        self._rows: list[Mapping[str, float]] = []
+
+    def add(self, row: Mapping[str, float]) -> None:
+        """Add a row; every `PIECE` rows are written. Rows that cannot be written are lost, and the writer says so."""
+        self._rows.append(row)
+        if len(self._rows) >= PIECE:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the rows that are not yet written."""
+        if self._rows:
+            rows, self._rows = self._rows, []
+            part = self.parts / f"{self._count:06d}{self.path.suffix}"
+            self._count += self._writer.submit(KIND, partial(_write_atomically, self._write, part, rows))
+
+    def close(self) -> None:
+        """Write the rest and join the pieces; without space for the whole file the pieces stay."""
+        self.flush()
+        self._writer.submit(KIND, self._finish, wait=True)
+
+    def _pieces(self) -> list[Path]:
+        return sorted(part for part in self.parts.glob(f"*{self.path.suffix}") if part.stem.isdigit())
+
+    def _finish(self) -> None:
+        pieces = self._pieces()
+        if pieces:
+            with atomic_write(self.path) as temporary:
+                self._join(pieces, temporary)
+        for piece in pieces:
+            piece.unlink()
+        with suppress(OSError):  # other files of the user
+            self.parts.rmdir()
+
+
+def _write_atomically(write: Callable[[Rows, Path], None], path: Path, rows: Rows) -> None:
+    with atomic_write(path) as temporary:
+        write(rows, temporary)
+
+
+def _write_parquet(rows: Rows, path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    columns = [np.array([row.get(name, np.nan) for row in rows]) for name in names]
+    arrays = [pa.Array.from_buffers(pa.float64(), len(rows), [None, pa.py_buffer(column)]) for column in columns]
+    parquet.write_table(pa.table(arrays, names=names), path)
+
+
+def _join_parquet(pieces: Iterable[Path], path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    schemas = [parquet.read_schema(piece) for piece in pieces]
+    schema = pa.unify_schemas(schemas)
+    with parquet.ParquetWriter(path, schema) as writer:
+        for piece in pieces:
+            table = parquet.read_table(piece)
+            for field in schema:
+                if field.name not in table.column_names:
+                    table = table.append_column(field, pa.nulls(len(table), field.type))
+            writer.write_table(table.select(schema.names))
+
+
+def _write_mcap(rows: Rows, path: Path) -> None:
+    with path.open("wb") as file:
+        writer, channel = _mcap_writer(file, rows[0])
+        for row in rows:
+            _add_message(writer, channel, row)
+        writer.finish()
+
+
+def _join_mcap(pieces: Iterable[Path], path: Path) -> None:
+    from mcap.reader import make_reader
+
+    with path.open("wb") as file:
+        writer, channel = None, 0
+        for piece in pieces:
+            with piece.open("rb") as source:
+                for _, _, message in make_reader(source).iter_messages():
+                    row = json.loads(message.data)
+                    if writer is None:
+                        writer, channel = _mcap_writer(file, row)
+                    writer.add_message(channel, message.log_time, message.data, message.publish_time)
+        if writer is not None:
+            writer.finish()
+
+
+def _mcap_writer(file: Any, row: Mapping[str, float]) -> tuple[Any, int]:
+    from mcap.writer import Writer
+
+    writer = Writer(file)
+    writer.start(profile="", library="fifthwheel")
+    properties = {name: {"type": ["number", "null"]} for name in row}
+    schema = writer.register_schema(
+        "fifthwheel.States", "jsonschema", json.dumps({"type": "object", "properties": properties}).encode()
+    )
+    return writer, writer.register_channel("/fifthwheel/states", "json", schema)
+
+
+def _add_message(writer: Any, channel: int, row: Mapping[str, float]) -> None:
+    stamp = max(0, round(row["bus_time"] * 1e9))
+    text = json.dumps({name: value if np.isfinite(value) else None for name, value in row.items()})
+    writer.add_message(channel, stamp, text.encode(), stamp)
+
+
+_FORMATS: Mapping[str, tuple[Callable[[Rows, Path], None], Callable[[Iterable[Path], Path], None]]] = {
+    ".parquet": (_write_parquet, _join_parquet),
+    ".mcap": (_write_mcap, _join_mcap),
+}

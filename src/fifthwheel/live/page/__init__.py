@@ -1,0 +1,1 @@
+"""The live page: plots, a drawing of the truck, parameters."""

@@ -1,0 +1,139 @@
+// Receives the snapshots of the node, and shows them.
+import { drawings } from "/drawings.js";
+import { bandPlot } from "/plots.js";
+
+const SECONDS = 60;
+const QUANTITIES = [
+  ["sideslip", "deg", 180 / Math.PI], ["articulation", "deg", 180 / Math.PI],
+  ["yaw_rate", "deg/s", 180 / Math.PI], ["roll", "deg", 180 / Math.PI],
+];
+const MOST_ESTIMATES = 1200;
+const element = (id) => document.getElementById(id);
+const truck = await (await fetch("/truck.json")).json();
+const draw = drawings(truck, element("above"), element("behind"));
+const colours = Object.fromEntries(truck.units.map((unit) => [unit.name, unit.colour]));
+element("name").textContent = truck.name;
+document.title = `${truck.name} live`;
+
+let snapshots = [];
+let plots = null;
+const estimates = new Map();  // by name: plot and points [time, value, sigma]
+let waiting = false;
+
+function figure(parent, caption) {
+  const made = document.createElement("figure");
+  made.innerHTML = "<figcaption></figcaption><canvas></canvas>";
+  made.firstChild.append(...caption);
+  parent.append(made);
+  return made;
+}
+
+function text(tag, content, name = "") {
+  const made = document.createElement(tag);
+  made.textContent = content;
+  made.className = name;
+  return made;
+}
+
+function legend(units) {
+  const made = text("span", "", "legend");
+  for (const unit of units) {
+    const colour = document.createElement("i");
+    colour.style.background = colours[unit];
+    made.append(colour, unit);
+  }
+  return made;
+}
+
+function makePlots(states) {
+  return QUANTITIES.flatMap(([quantity, unit, factor]) => {
+    const names = truck.units.map((u) => `${quantity}.${u.name}`).filter((name) => name in states);
+    if (!names.length) return [];
+    const title = `${quantity.replace("_", " ")} (${unit})`;
+    const made = figure(element("plots"), [title, legend(names.map((name) => name.split(".")[1]))]);
+    const lines = names.map((name) => ({ name, colour: colours[name.split(".")[1]] }));
+    return [{ canvas: made.querySelector("canvas"), lines, factor }];
+  });
+}
+
+function show() {
+  waiting = false;
+  const now = snapshots.at(-1);
+  if (!now) return;
+  const status = element("status");
+  status.textContent = now.status.toLowerCase().replace("_", " ");
+  status.className = `status ${now.status === "OK" ? "ok" : ""}`;
+  element("time").textContent = `${now.time.toFixed(1)} s`;
+  const [, ...faults] = now.text.split("  ");
+  element("text").textContent = [...faults, now.change].filter(Boolean).join("; ");
+  draw(now.states);
+  plots ??= makePlots(now.states);
+  for (const { canvas, lines, factor } of plots) {
+    bandPlot(canvas, lines.map(({ name, colour }) => ({
+      colour,
+      points: snapshots.map((s) => [s.time, scaled(s.states[name], factor), scaled(s.states[`${name}.sigma`], factor)]),
+    })), [Math.min(snapshots[0].time, now.time - 10), now.time]);
+  }
+  showEstimates(now);
+}
+
+const scaled = (value, factor) => (value === null || value === undefined ? null : value * factor);
+
+function addEstimates(snapshot) {
+  for (const [name, value, sigma] of snapshot.parameters) {
+    if (!estimates.has(name)) estimates.set(name, { points: [], next: -Infinity, step: 1 });
+    const kept = estimates.get(name);
+    if (snapshot.time < kept.next) continue;
+    kept.next = snapshot.time + kept.step;
+    kept.points.push([snapshot.time, value, sigma]);
+    if (kept.points.length > MOST_ESTIMATES) {
+      kept.points = kept.points.filter((_, i) => i % 2 === 0);
+      kept.step *= 2;
+    }
+  }
+}
+
+function showEstimates(now) {
+  if (!now.parameters.length) return;
+  element("learning").hidden = false;
+  element("trailer").textContent = `Trailer: ${now.trailer}. Bands: ± 2 sigma.`;
+  for (const [name, value, sigma, verdict] of now.parameters) {
+    const kept = estimates.get(name);
+    if (!kept.canvas) {
+      const made = figure(element("parameters"), [text("span", name), text("span", "", "value")]);
+      kept.canvas = made.querySelector("canvas");
+      kept.label = made.querySelector(".value");
+    }
+    const relative = value ? ` ± ${(100 * Math.abs(sigma / value)).toPrecision(2)} %` : "";
+    kept.label.textContent = `${value.toPrecision(4)}${relative} ${verdict.replace("_", " ")}`;
+    kept.label.className = `value ${verdict}`;
+    const first = kept.points[0][0];
+    bandPlot(kept.canvas, [{ colour: "#0072B2", points: kept.points }], [first, Math.max(first + 10, now.time)]);
+  }
+}
+
+function add(news) {
+  if (news.length && snapshots.length && news[0].time < snapshots.at(-1).time) {
+    snapshots = [];  // the node has started again
+    estimates.forEach((kept) => { kept.points = []; kept.next = -Infinity; });
+  }
+  news.forEach(addEstimates);
+  snapshots.push(...news);
+  const newest = snapshots.at(-1)?.time ?? 0;
+  snapshots = snapshots.filter((s) => s.time >= newest - SECONDS);
+  if (!waiting) {
+    waiting = true;
+    requestAnimationFrame(show);
+  }
+}
+
+function disconnected(reason) {
+  element("status").textContent = reason;
+  element("status").className = "status";
+}
+
+const events = new EventSource("/events");
+events.addEventListener("history", (event) => { snapshots = []; add(JSON.parse(event.data)); });
+events.addEventListener("message", (event) => add([JSON.parse(event.data)]));
+events.addEventListener("end", () => { events.close(); disconnected("ended"); });
+events.addEventListener("error", () => disconnected("no connection"));

@@ -1,0 +1,85 @@
+"""What the page shows: the newest output as JSON ten times per second, and the last minute."""
+
+import json
+import math
+import threading
+from collections import deque
+from collections.abc import Mapping
+
+from fifthwheel.live.node import Output
+from fifthwheel.live.session import Session
+
+PERIOD = 0.1
+"""Time between two snapshots, s."""
+HISTORY = 600
+"""Snapshots that a new page receives: one minute."""
+
+
+class Snapshots:
+    """The newest snapshots; readers wait for the next one.
+
+    Args:
+        session: for words and parameters.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._texts: deque[str] = deque(maxlen=HISTORY)
+        self._count = 0
+        self._ended = False
+        self._new = threading.Condition()
+        self._next = -math.inf  # time of the next snapshot, s
+        self._steer: dict[str, float] = {}
+
+    def show(self, output: Output) -> None:
+        """Take a snapshot if it is time."""
+        for sample in output.samples:
+            self._steer |= {name: value for name, value in sample.items() if name.startswith(("steer.", "speed"))}
+        if output.time < self._next:
+            return
+        self._next = (self._next if output.time < self._next + PERIOD else output.time) + PERIOD
+        text = json.dumps(self._snapshot(output), separators=(",", ":"), allow_nan=False)
+        with self._new:
+            self._texts.append(text)
+            self._count += 1
+            self._new.notify_all()
+
+    def close(self) -> None:
+        """Wake all readers; there are no more snapshots."""
+        with self._new:
+            self._ended = True
+            self._new.notify_all()
+
+    def history(self) -> tuple[int, str]:
+        """Number of snapshots so far, and the last ones as a JSON list."""
+        with self._new:
+            return self._count, f"[{','.join(self._texts)}]"
+
+    def after(self, count: int, timeout: float) -> tuple[int, str]:
+        """The newest snapshot when there are more than `count`; empty after `timeout`, s, or at the end."""
+        with self._new:
+            self._new.wait_for(lambda: self._count > count or self._ended, timeout)
+            return (self._count, self._texts[-1]) if self._count > count else (count, "")
+
+    @property
+    def ended(self) -> bool:
+        """Whether the node has ended."""
+        return self._ended
+
+    def _snapshot(self, output: Output) -> Mapping[str, object]:
+        learning = self._session.learning
+        estimates = learning.parameters if learning else ()
+        return {
+            "time": round(output.time, 3),
+            "status": output.status.name,
+            "text": self._session.status_text(output),
+            "states": {name: _rounded(value) for name, value in (*output.states.items(), *self._steer.items())},
+            "trailer": learning.learner.trailer if learning else "",
+            "change": learning.change if learning else "",
+            "parameters": [[e.name, _rounded(e.value), _rounded(e.sigma), e.verdict.value] for e in estimates],
+        }
+
+
+def _rounded(value: float) -> float | None:
+    """Six digits; None for a value that is not finite."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None

@@ -1,0 +1,167 @@
+"""A live run from what a user requests: files, buses, outputs."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+
+from fifthwheel._atomic import reserved
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify import Identification
+from fifthwheel.live.build import completed_map, make_node, make_observer
+from fifthwheel.live.checkpoint import Checkpoint, make_learning
+from fifthwheel.live.learning import Learning
+from fifthwheel.live.node import Node, Output
+from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.outputs.frames_out import FrameEncoder
+from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.session import Session
+from fifthwheel.live.sources.bus import LiveBus
+from fifthwheel.live.sources.listen import frame_queue, listen
+from fifthwheel.live.sources.replay import read_trace, replay
+from fifthwheel.logs import SignalMap
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow import read_vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """Where frames and knowledge of the truck come from."""
+
+    vehicle: str
+    """Name in the catalogue, or file."""
+    signals: Path
+    buses: tuple[str, ...] = ()
+    bitrate: int | None = None
+    """bit/s; None where it is set outside."""
+    trace: Path | None = None
+    """Instead of a bus."""
+    speed: float = 1.0
+    """Of the replay; 0 for as fast as possible."""
+    identification: Path | None = None
+    learn: bool = False
+    state: Path | None = None
+    """File of the learned estimates."""
+    trailer: str | None = None
+    trailer_signal: str | None = None
+    """Message.Signal with the number of the trailer."""
+    locks: tuple[str, ...] = ()
+    """Parameters that are not learned."""
+    min_speed: float = 5.0
+    """m/s."""
+    allow_outside: bool = False
+    """See `SignalMap.load`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """Where states and parameters go to."""
+
+    send: int | None = None
+    """First id of the frames."""
+    send_rate: float = 100.0
+    """Hz."""
+    dbc: Path = Path("fifthwheel-live.dbc")
+    record: Path | None = None
+    page: str | None = None
+    """Port, or HOST:PORT."""
+    force: bool = False
+    """Replace a record that exists."""
+
+
+@contextmanager
+def opened(
+    inputs: Inputs, outputs: Outputs, stop: threading.Event, say: Callable[[str], object]
+) -> Iterator[tuple[Session, Iterator[Output]]]:
+    """A session and the outputs for it, until `stop` is set or the trace ends; then everything is closed.
+
+    Args:
+        inputs: sources.
+        outputs: destinations.
+        stop: ends the outputs.
+        say: receives sentences for the user.
+
+    Raises:
+        FifthwheelError: an input cannot be used, or an output cannot be written.
+    """
+    vehicle = read_vehicle(inputs.vehicle)
+    signal_map = SignalMap.load(inputs.signals, allow_outside=inputs.allow_outside)
+    if inputs.trace is not None and not inputs.trace.is_file():
+        raise FifthwheelError(f"{inputs.trace}: no such file; check the path")
+    with reserved(outputs.record, force=outputs.force), reserved(inputs.state, force=True), ExitStack() as stack:
+        session = _session(inputs, outputs, vehicle, signal_map, say)
+        stack.callback(_report, session, say)
+        stack.callback(session.close)
+        if outputs.page is not None:
+            from fifthwheel.live.page.server import Page
+
+            page = Page(outputs.page, vehicle, session)
+            session.views = [page]
+            say(f"Page: {page.address}")
+        if inputs.trace is not None:
+            notes: list[str] = []
+            stack.callback(lambda: [say(note) for note in notes])
+            frames = takewhile(lambda _: not stop.is_set(), read_trace(inputs.trace, notes))
+            yield session, replay(session.node, frames, speed=inputs.speed, sleep=stop.wait)
+            return
+        arrivals, options = frame_queue(), {"bitrate": inputs.bitrate} if inputs.bitrate else {}
+        filters = session.node.decoder.filters()
+        buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(inputs.buses)]
+        for k, bus in enumerate(buses):
+            if bus.number in (other.number for other in buses[:k]):
+                bus.number = max(other.number for other in buses) + 1
+            stack.callback(bus.close)
+            bus.start()
+        session.bus = buses[0]
+        yield session, listen(session.node, buses, arrivals, stop.is_set)
+
+
+def _session(
+    inputs: Inputs, outputs: Outputs, vehicle: Vehicle, signal_map: SignalMap, say: Callable[[str], object]
+) -> Session:
+    """The session without its page and its bus."""
+    node, learning, states = _node(inputs, vehicle, signal_map)
+    encoder = None
+    if outputs.send is not None:
+        encoder = FrameEncoder(outputs.send, states, [e.name for e in learning.parameters] if learning else [])
+        if taken := node.decoder.own(encoder.ids, extended=encoder.extended):
+            raise FifthwheelError(f"--send: {taken:#x} is the id of a mapped message; give another id")
+        encoder.write_dbc(outputs.dbc)
+        say(f"Written: {outputs.dbc}")
+    writer = BackgroundWriter()
+    return Session(
+        node=node,
+        writer=writer,
+        learning=learning,
+        checkpoint=Checkpoint(learning, inputs.state, writer) if learning and inputs.state else None,
+        recorder=Recorder(outputs.record, writer) if outputs.record else None,
+        encoder=encoder,
+        send_period=1 / outputs.send_rate,
+        trailer_column=next(iter(node.extra_columns), ""),
+    )
+
+
+def _node(inputs: Inputs, vehicle: Vehicle, signal_map: SignalMap) -> tuple[Node, Learning | None, tuple[str, ...]]:
+    """The node, its learner, and the names of its states."""
+    complete = completed_map(signal_map)
+    extra = (inputs.trailer_signal,) if inputs.trailer_signal else ()
+    if inputs.learn:
+        learning = make_learning(
+            vehicle, complete.signals, path=inputs.state, trailer=inputs.trailer, locks=inputs.locks
+        )
+        return make_node(complete, learning, extra=extra), learning, learning.learner.reported
+    identification = Identification.load(inputs.identification) if inputs.identification else None
+    observer = make_observer(vehicle, complete, identification, inputs.min_speed)
+    return make_node(complete, observer, extra=extra), None, observer.reported
+
+
+def _report(session: Session, say: Callable[[str], object]) -> None:
+    """Which files were written, or why not, and columns with several senders."""
+    for column, others in session.node.decoder.other_sources.items():
+        say(f"{column}: also sent by {', '.join(others)}, which is ignored; name the source in signals.toml")
+    for error in session.writer.errors.values():
+        say(error)
+    if session.recorder is not None and session.recorder.path.exists():
+        say(f"Written: {session.recorder.path}")

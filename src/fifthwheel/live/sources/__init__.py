@@ -1,0 +1,1 @@
+"""Where frames come from: live buses, or a recorded trace."""

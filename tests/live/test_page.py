@@ -1,0 +1,109 @@
+"""The page: who may read it, what it sends, and what a browser shows."""
+
+import http.client
+import json
+import threading
+
+import pytest
+
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.page.server import Page
+from fifthwheel.live.session import Session
+from tests.live.browser import browser
+from tests.live.truck_bus import TRUCK, driven, frames, observer_node, write_files
+
+
+@pytest.fixture
+def page(tmp_path):
+    node = observer_node(write_files(tmp_path))
+    session = Session(node=node, writer=BackgroundWriter())
+    page = Page("0", TRUCK, session)
+    session.views = [page]
+    for frame in frames(driven()):
+        for output in node.receive(frame):
+            session.handle(output)
+    yield page
+    session.close()
+
+
+def get(page, path="/", **headers):
+    port = int(page.address.split(":")[2].strip("/"))
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    connection.request("GET", path, headers=headers)
+    return connection.getresponse()
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8080", "localhost:1", "[::1]:8080", "192.168.1.7"])
+def test_addresses_are_answered(page, host):
+    assert get(page, Host=host).status == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "localhost.evil", "", "[x"]
+)
+@pytest.mark.parametrize("path", ["/", "/events", "/truck.json"])
+def test_names_are_refused_against_dns_rebinding(page, host, path):
+    assert get(page, path, Host=host).status == 421
+
+
+@pytest.mark.parametrize("path", ["/nothing", "/../server.py", "/page.html", "//etc/passwd", "/page.css?x"])
+def test_other_paths_do_not_exist(page, path):
+    assert get(page, path).status == 404
+
+
+def test_nothing_is_loaded_from_elsewhere(page):
+    for path in ("/", "/page.css", "/page.js", "/plots.js", "/drawings.js"):
+        answer = get(page, path)
+        assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+        text = answer.read().decode().replace("http://www.w3.org/2000/svg", "")
+        assert "http:" not in text
+        assert "https:" not in text
+
+
+def test_it_listens_on_this_computer_only(page):
+    assert page._server.server_address[0] == "127.0.0.1"
+
+
+def test_events_begin_with_the_last_minute(page):
+    answer = get(page, "/events")
+    assert answer.readline() == b"event: history\n"
+    history = json.loads(answer.readline().removeprefix(b"data: "))
+    assert [snapshot["time"] for snapshot in history] == pytest.approx([0.1 * k for k in range(80)], abs=0.011)
+    assert history[-1]["status"] == "OK"
+    assert history[-1]["states"]["sideslip.semitrailer.sigma"] > 0
+
+
+def test_connections_are_limited(page):
+    held = [get(page, "/events") for _ in range(32)]
+    with pytest.raises((ConnectionError, http.client.HTTPException)):
+        get(page)
+    assert len(held) == 32
+
+
+@pytest.mark.parametrize("address", ["http", "host:port", "70000", ""])
+def test_a_wrong_address_is_refused(address):
+    with pytest.raises(FifthwheelError, match="expected a port"):
+        Page(address, TRUCK, None)
+
+
+def test_a_port_in_use_is_refused(page):
+    with pytest.raises(FifthwheelError, match="give another port"):
+        Page(page.address.split(":")[2].strip("/"), TRUCK, None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 1400])
+def test_a_browser_shows_states_and_drawings(page, tmp_path, width):
+    with browser(tmp_path / "profile") as shown:
+        shown.open(page.address, width)
+        shown.wait_for("document.getElementById('status').textContent === 'ok'")
+        assert shown.evaluate("document.documentElement.scrollWidth") <= width
+        assert shown.evaluate("document.querySelectorAll('#plots canvas').length") == 4
+        assert "rotate(" in shown.evaluate("document.querySelector('#above g').getAttribute('transform')")
+        painted = """[...document.querySelectorAll('#plots canvas')].every((canvas) =>
+            canvas.getContext('2d').getImageData(60, 0, canvas.width - 60, canvas.height).data.some((v) => v))"""
+        assert shown.wait_for(painted)
+        assert not shown.messages
+        threading.Thread(target=page.snapshots.close).start()
+        shown.wait_for("document.getElementById('status').textContent === 'ended'")

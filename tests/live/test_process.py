@@ -1,0 +1,139 @@
+"""The command as a process: Ctrl-C, kill -9 at any time, and restart."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow.parquet as pq
+import pytest
+
+from fifthwheel.identify.online import Learner
+from tests.live.truck_bus import driven, frames, write_candump, write_files
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_files(tmp_path)
+    write_candump(tmp_path / "run.log", frames(driven(40.0)))
+    return tmp_path
+
+
+def command(*options):
+    files = ["--signals", "signals.toml", "--vehicle", "cheng_cebon_2011"]
+    return [sys.executable, "-m", "fifthwheel", "live", *files, *options]
+
+
+def start(folder, *options):
+    """A process that has given its first states."""
+    log = folder / "process.log"
+    with log.open("w") as file:
+        process = subprocess.Popen(command(*options), cwd=folder, stderr=file)
+    while " s  " not in log.read_text():
+        assert process.poll() is None, log.read_text()
+        time.sleep(0.02)
+    return process
+
+
+def run(folder, *options):
+    return subprocess.run(command(*options), cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_with_a_complete_record(folder, number):
+    process = start(folder, "--replay", "run.log", "--record", "run.parquet", "--page", "0")
+    time.sleep(0.5)
+    process.send_signal(number)
+    assert process.wait(60) == 0
+    assert 20 < pq.read_table(folder / "run.parquet").num_rows < 4000
+    assert not (folder / "run.parquet.parts").exists()
+
+
+def test_a_replay_as_fast_as_possible_records_everything(folder):
+    done = run(folder, "--replay", "run.log", "--rate", "max", "--record", "run-%Y.parquet", "--send", "0x500")
+    assert done.returncode == 0, done.stderr
+    (record,) = folder.glob("run-2*.parquet")
+    assert pq.read_table(record).num_rows == 4000
+    assert (folder / "fifthwheel-live.dbc").exists()
+
+
+WRONG = {
+    "neither bus nor replay": ([], "--bus or --replay"),
+    "both": (["--bus", "virtual:a", "--replay", "run.log"], "--bus or --replay"),
+    "no such trace": (["--replay", "none.log"], "no such file"),
+    "rate": (["--replay", "run.log", "--rate", "fast"], "--rate fast"),
+    "id": (["--replay", "run.log", "--send", "high"], "--send high"),
+    "id of a mapped message": (["--replay", "run.log", "--send", "0xFF"], "id of a mapped message"),
+    "state without learn": (["--replay", "run.log", "--state", "x.json"], "--learn"),
+    "record that exists": (["--replay", "run.log", "--record", "old.parquet"], "exists"),
+    "identification": (["--replay", "run.log", "--learn", "-i", "out"], "without --learn"),
+    "record": (["--replay", "run.log", "--record", "x.csv"], "no format"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_options_are_refused_with_the_cure(folder, name, capsys, monkeypatch):
+    from fifthwheel import cli
+
+    options, message = WRONG[name]
+    monkeypatch.chdir(folder)
+    (folder / "old.parquet").touch()
+    monkeypatch.setattr(sys, "argv", ["fifthwheel", *command(*options)[3:]])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_killed_process_loses_at_most_ten_seconds(folder):
+    options = ["--replay", "run.log", "--learn", "--state", "truck.json", "--trailer", "a", "--record", "run.parquet"]
+    state, parts = folder / "truck.json", folder / "run.parquet.parts"
+    process = start(folder, *options)
+    began = time.monotonic()
+    while not (state.exists() and len(list(parts.glob("0*"))) >= 2):
+        assert time.monotonic() - began < 40
+        time.sleep(0.1)
+    process.kill()
+    process.wait()
+    age = time.time() - state.stat().st_mtime
+    assert age < 10
+    learner = Learner.load(state)
+    before = learner["semitrailer.cornering_stiffness"]
+    pieces = sorted(parts.glob("0*"))
+    assert all(pq.read_table(piece).num_rows == 1000 for piece in pieces)
+    assert not (folder / "run.parquet").exists()
+    again = run(folder, *options, "--rate", "0")
+    assert again.returncode == 0, again.stderr
+    assert pq.read_table(folder / "run.parquet").num_rows == 4000 + 1000 * len(pieces)
+    assert Learner.load(state)["semitrailer.cornering_stiffness"].sigma < before.sigma
+
+
+@pytest.mark.slow
+def test_files_are_whole_whenever_the_process_is_killed(folder):
+    options = ["--replay", "run.log", "--rate", "20", "--record", "run.parquet"]
+    for wait in (0.0, 0.05, 0.2, 0.5, 0.9):
+        process = start(folder, *options)
+        time.sleep(wait)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        for piece in (folder / "run.parquet.parts").glob("0*"):
+            assert pq.read_table(piece).num_rows == 1000
+
+
+def test_a_file_that_cannot_be_written_is_said_and_the_states_go_on(folder):
+    """A limit of the size of files stands for a full disk."""
+    done = subprocess.run(
+        command("--replay", "run.log", "--rate", "0", "--record", "run.parquet"),
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "not recorded" in done.stderr
+    assert "File too large" in done.stderr
+    assert not (folder / "run.parquet").exists()
