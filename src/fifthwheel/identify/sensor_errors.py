@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.parameters import estimated_parameters
@@ -42,7 +43,7 @@ def estimate_sensor_errors(
     sensors = identification.uncertainty(record.name)
     if known is None or sensors is None:
         return settings, None
-    parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[1] is None])
+    parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[0] != BANK])
     k, m = len(parameters.names), len(sensors.names)
     covariance = np.block([[parameters.covariance, np.zeros((k, m))], [np.zeros((m, k)), sensors.covariance]])
     return settings, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)

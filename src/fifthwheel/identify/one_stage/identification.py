@@ -154,12 +154,13 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
 
 
 def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Uncertainty:
-    """Joint covariance of the parameters of the vehicle and of the sensor errors, SI.
+    """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
 
-    The sensor errors of log i have the names "name@log". Those of any other log, "name@", have their prior. A
-    considered change of the vehicle file contributes to every parameter that it alters.
+    The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
+    "name@", have their prior. A considered change of the vehicle file contributes to every parameter that it alters.
     """
     known = dynamics.all_parameters(problem.vehicle, problem.model.outputs)  # by an observer
+    banked = problem.model.bank and problem.output_error
     rows: dict[str, Array] = {}
     for i, log in enumerate(problem.logs):
         values = problem.values(minimum.z, i)
@@ -170,16 +171,17 @@ def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Unc
                     if name in known:
                         row = rows.setdefault(f"{name}@{log.name}" if u.per_log else name, np.zeros(len(problem.names)))
                         row[index] += slope * factor
-        if problem.model.bank and problem.output_error:
+        if banked:
             row = rows.setdefault(f"{BANK}@{log.name}", np.zeros(len(problem.names)))
             row[problem.layout.initial_states[i][0][-1]] = problem.settings.bank_prior
-    others = [u for u in problem.unknowns if u.per_log]
+    others = {u.name: u.scale for u in problem.unknowns if u.per_log}
+    others |= {BANK: problem.settings.bank_prior} if banked else {}
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ posterior.covariance @ map_to_si.T
     k = len(rows)
-    covariance = np.diag([*[0.0] * k, *[u.scale**2 for u in others]])
+    covariance = np.diag([*[0.0] * k, *[sigma**2 for sigma in others.values()]])
     covariance[:k, :k] = (of_logs + of_logs.T) / 2
-    return Uncertainty(names=(*rows, *[f"{u.name}@" for u in others]), covariance=covariance)
+    return Uncertainty(names=(*rows, *[f"{name}@" for name in others]), covariance=covariance)
 
 
 def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:
