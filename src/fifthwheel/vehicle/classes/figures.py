@@ -52,7 +52,7 @@ LOAD_EXPONENT = 0.25
 stiffness of a tyre rises less than in proportion to its load."""
 
 STEER_AXLE = AxleFigures(
-    unsprung_mass=Figure(680, 120, "Auburn 570 kg, article 1900 kg for two axles, Kraz about 960 kg"),
+    unsprung_mass=Figure(680, 120, "Auburn 570 kg, article 1900 kg for two axles, Kraz about 990 kg"),
     roll_stiffness=Figure(340e3, 60e3, "article 380, Kraz 331, Auburn 300 kN m/rad"),
     tyre_roll_stiffness=Figure(1900e3, 300e3, "article and Auburn 1900 kN m/rad, both chosen; 2 k y^2"),
     cornering_coefficient=Figure(7.0, 1.4, "article 6.8 and 7.0, Auburn 7.5 times the load of the axle"),
