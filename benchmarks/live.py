@@ -118,7 +118,7 @@ def bus(kind: str, seconds: float = 20.0) -> None:
     for output in listen(measured, [receiver], queue, ended.is_set):
         if (at := sent.get(round(output.bus_time, 5))) is not None:
             times.append(time.monotonic() - at)
-    share = (time.process_time() - busy - spent[0]) / seconds
+    share = (time.process_time() - busy - spent[0]) / min(seconds, float(record.time[-1]))
     receiver.close()
     print(f"{kind}, virtual bus: {percentiles(times[100:])}; {share:.1%} of a core, {len(times)} outputs", flush=True)
 

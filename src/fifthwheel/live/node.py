@@ -73,7 +73,7 @@ class Node:
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
         self.faults = Fault.NONE
-        """Faults that the node cannot see, such as those of the bus; the driver of the node sets them."""
+        """Faults that the node cannot see, such as those of the bus; see `set_fault`."""
         self.extra: dict[str, float] = {}
         """Last valid value of the extra columns."""
         self.frames = 0
@@ -84,6 +84,11 @@ class Node:
         self._answer: Mapping[str, float] = _INPUT_MISSING
         self._rate = rate
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
+
+    def set_fault(self, fault: Fault, present: bool) -> None:
+        """Set or clear a fault that the node cannot see."""
+        if (int(self.faults) & int(fault) != 0) != present:  # operations on flags are slow
+            self.faults ^= fault
 
     @property
     def newest(self) -> float:

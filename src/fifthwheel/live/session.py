@@ -61,7 +61,7 @@ class Session:
             self._send(self.encoder, self.bus, output)
         if self.recorder is not None:
             self.recorder.add(self.row(output))
-        self._set(Fault.NOT_RECORDED, bool(self.writer.errors))
+        self.node.set_fault(Fault.NOT_RECORDED, bool(self.writer.errors))
         for view in self.views:
             view.show(output)
 
@@ -109,7 +109,7 @@ class Session:
         return "  ".join(words)
 
     def _learn(self, learning: Learning) -> None:
-        self._set(Fault.CHANGED, bool(learning.faults))
+        self.node.set_fault(Fault.CHANGED, bool(learning.faults))
         if (number := self.node.extra.get(self.trailer_column)) is not None:
             learning.couple(f"{number:.0f}")
         if self.checkpoint is not None:
@@ -126,10 +126,7 @@ class Session:
             self._sent_parameter = output.time
             self._next = (self._next + 1) % len(parameters)
             frames.append(encoder.encode_parameter(parameters[self._next], output.bus_time))
-        self._set(Fault.NOT_SENT, bool(frames and bus.send(frames)))
-
-    def _set(self, fault: Fault, present: bool) -> None:
-        self.node.faults = self.node.faults | fault if present else self.node.faults & ~fault
+        self.node.set_fault(Fault.NOT_SENT, bool(frames and bus.send(frames)))
 
 
 def _words(name: str) -> str:

@@ -35,11 +35,8 @@ def listen(
     newest, at = time.time(), time.monotonic()  # a time of the bus, and when it was
     overloaded, dropped = -SHOWN, 0
     while not stopped():
-        node.faults &= ~(Fault.BUS_OFF | Fault.OVERLOAD)
-        if any(bus.off for bus in buses):
-            node.faults |= Fault.BUS_OFF
-        if time.monotonic() - overloaded < SHOWN:
-            node.faults |= Fault.OVERLOAD
+        node.set_fault(Fault.BUS_OFF, any(bus.off for bus in buses))
+        node.set_fault(Fault.OVERLOAD, time.monotonic() - overloaded < SHOWN)
         try:
             arrival = frames.get_nowait()
         except queue.Empty:
