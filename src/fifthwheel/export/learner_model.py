@@ -92,6 +92,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "X_COUNT": layout.n_x,
         "MODEL_STATES": len(state_names(vehicle, roll=True)),
         "BANKS": int(chain.bank),
+        "BANK_STATE": live.view.bank or 0,
         "DISCREPANCIES": problem.model.discrepancies,
         "P_COUNT": layout.n_z + layout.n_c,
         "CONSIDERED": layout.n_c,

@@ -141,3 +141,17 @@ def test_errors_of_the_states_agree_with_their_sigmas(truck: Vehicle, guess: Veh
     for errors in (before, after):
         assert np.sqrt(np.mean(np.square(errors))) < 2.0
         assert np.max(np.abs(errors)) < 5.0
+
+
+@pytest.mark.slow
+def test_errors_of_the_states_do_not_grow_from_one_lane_change_to_the_next(truck: Vehicle) -> None:
+    """The bank and the steering offset move the truck alike; without new starts sigma grows to 2 deg in one minute."""
+    record = simulate(truck, count=8, seed=1)
+    learner = Learner(truck, record.signals)
+    states = [learner.push(sample) for sample in samples(record)]
+    for name in ("sideslip.tractor", "sideslip.semitrailer", "roll.semitrailer"):
+        sigma = np.array([state[f"{name}.sigma"] for state in states])
+        error = np.array([state[name] for state in states]) - record.reference[name]
+        early, late = record.time < 20, record.time > record.time[-1] - 20
+        assert sigma[late].max() < 1.2 * sigma[early].max()
+        assert np.abs(error[late]).max() < 3 * sigma[late].min()

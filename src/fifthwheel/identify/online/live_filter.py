@@ -9,6 +9,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import steps
+from fifthwheel.dynamics.chain import BANK
 from fifthwheel.filters import Noise, joint, variances
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
@@ -94,7 +95,11 @@ class LiveFilter:
         if not self._running or gap > learner.max_gap:
             gap = 0.0
             self._start(time, held)
+        was_excited = self._excitation.on
         excited = self._excitation.update(gap, held) and time - self._start_time >= learner.settling_time
+        if was_excited and not self._excitation.on and self._is_worse_than_a_start():
+            gap = 0.0
+            self._start(time, held)
         self.learning = excited and self._inputs.has_settled(time)
         last, max_step = self._last_inputs, self._step_limit.safe_step_by_speed
         before, after = self._steering.update(gap, last, held, self._play())
@@ -123,6 +128,14 @@ class LiveFilter:
             self.filter.advance(False, False)
             return Status.OK
         return Status.COASTING if coasting else Status.OK
+
+    def _is_worse_than_a_start(self) -> bool:
+        """Whether the bank of the road is less certain than at a start.
+
+        A lane change hardly separates the bank from the offset of the steering, and the gains do not allow for
+        considered parameters: without a new start, the errors of both would grow from one lane change to the next.
+        """
+        return self.view.bank_variance() > self.problem.settings.bank_prior**2
 
     def _start(self, time: float, inputs: Sequence[float]) -> None:
         """Start the state again at the steady state of these inputs; the estimates stay."""
@@ -170,10 +183,12 @@ class StateView:
 
     def __init__(self, problem: OnlineProblem, joint_filter: RelinearisedFilter) -> None:
         vehicle, scaling = problem.vehicle, problem.scaling
-        signals = reported_signals(vehicle, roll=True, bank=problem.model.chain.bank)
+        bank = problem.model.chain.bank
+        signals = reported_signals(vehicle, roll=True, bank=bank)
         self.names = [(name, f"{name}.sigma") for name in signals]
         """Names of each reported state and of its sigma."""
-        bank = problem.model.chain.bank
+        self.bank = signals.index(BANK) if bank else None
+        """Place of the bank of the road among them; None if it is no state."""
         self.report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
         self._step = joint.state_view(problem.model, self.report, scaling.logarithmic, len(problem.estimated))
         values = dynamics.all_parameters(vehicle, signals, extended=True)
@@ -185,6 +200,10 @@ class StateView:
         self._inputs = joint_filter.sample[1:]
         arrays = (joint_filter.carry, self._inputs, self._constant, self._output)
         self._addresses = tuple(a.ctypes.data for a in arrays)
+
+    def bank_variance(self) -> float:
+        """Variance of the bank of the road, rad^2; 0 if it is no state."""
+        return 0.0 if self.bank is None else self.read()[len(self.names) + self.bank]
 
     def read(self) -> list[float]:
         """Values of the states, then their variances, SI."""

@@ -129,6 +129,20 @@ static int fw_take_measurements(const fw_sample *sample, fw_real *row)
     return any;
 }
 
+/* Whether the bank of the road is less certain than at a start: a lane change hardly separates it from the offset of the
+   steering, so that the errors of both would grow from one lane change to the next. */
+static int fw_is_worse_than_a_start(const fw_learner *learner, const fw_real *inputs)
+{
+    fw_states states;
+    fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        row[FW_ROW_INPUTS + i] = inputs[i];
+        row[FW_ROW_INPUTS + FW_HELD + i] = inputs[i];
+    }
+    fw_view(learner->first, row, &states);
+    return ((FW_BANKS > 0) && (states.sigma[FW_BANK_STATE] > FW_BANK_SIGMA)) ? 1 : 0;
+}
+
 /* Processes a sample with valid inputs. */
 static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample, double previous, fw_real *row,
                                    fw_status *status)
@@ -140,6 +154,7 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
     int restart;
     int any;
     int in_segment;
+    int was_excited;
     for (int i = 0; i < FW_INPUT_COUNT; i++) {
         inputs[i] = learner->held[i];
     }
@@ -148,7 +163,13 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
         previous = time;
         fw_start(learner, time, inputs, row);
     }
+    was_excited = learner->excited;
     in_segment = fw_is_excited(learner, (fw_real)gap, inputs);
+    if ((was_excited != 0) && (in_segment == 0) && (fw_is_worse_than_a_start(learner, inputs) != 0)) {
+        gap = 0.0;
+        previous = time;
+        fw_start(learner, time, inputs, row);
+    }
     in_segment = ((in_segment != 0) && ((time - learner->start_time) >= FW_SETTLING_TIME)) ? 1 : 0;
     learner->learning = ((in_segment != 0) && (fw_has_settled(learner, time) != 0)) ? 1 : 0;
     for (int i = 0; i < FW_ROW_COUNT; i++) {
