@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import fifthwheel
 from fifthwheel import cli
-from fifthwheel.cli.new_vehicle import ask
+from fifthwheel.cli.vehicles.new import ask
 from fifthwheel.identify import article
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Status

@@ -16,14 +16,11 @@ from fifthwheel.cli import (  # importing a command registers it
     export,  # noqa: F401
     identify,  # noqa: F401
     live,  # noqa: F401
-    new_vehicle,  # noqa: F401
     reproduce,  # noqa: F401
-    roll_test,  # noqa: F401
     signals,  # noqa: F401
     simulate,  # noqa: F401
     states,  # noqa: F401
-    vehicle,  # noqa: F401
-    weigh,  # noqa: F401
+    vehicles,  # noqa: F401
 )
 from fifthwheel.cli.app import app
 

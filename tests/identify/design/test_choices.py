@@ -73,7 +73,7 @@ class Predictor:
 
     estimated = ("stiffness",)
     channels = ("yaw", "roll", "hitch")
-    vehicle = SimpleNamespace(units=[SimpleNamespace(name="tractor"), SimpleNamespace(name="trailer")])
+    vehicle = SimpleNamespace(units=[SimpleNamespace(name=name, axle_groups=()) for name in ("tractor", "trailer")])
     unknowns = tuple(
         SimpleNamespace(name=n)
         for n in ("stiffness", "gain", MASS_SCALE, "tractor.mass", "trailer.mass", "axle.softening", "offset")
