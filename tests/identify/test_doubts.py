@@ -28,11 +28,11 @@ class Linear:
         residual = self.y - self.jacobian @ z
         return z, float(residual @ residual + z[free] @ prior @ z[free]) / 2
 
-    def tests(self) -> list[ScoreTest]:
+    def tests(self, suspects: tuple[str, ...] = ()) -> list[ScoreTest]:
         free = [i for i, name in enumerate(NAMES) if name not in CONSIDERED]
         z = self.estimate(free)[0]
         gradient = z - self.jacobian.T @ (self.y - self.jacobian @ z)
-        return score_tests(NAMES, gradient, self.jacobian.T @ self.jacobian, CONSIDERED)
+        return score_tests(NAMES, gradient, self.jacobian.T @ self.jacobian, CONSIDERED, suspects)
 
 
 def linear(seed: int, z: tuple[float, ...] = (1.0, 0.5, -1.0, 2.0, -0.3), scale: float = 1.0) -> Linear:
@@ -73,6 +73,31 @@ def test_statistic_is_normal_if_the_assumption_holds() -> None:
         assert np.var(statistics) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 2000))
 
 
+@pytest.mark.parametrize("suspects", [(), ("e",)], ids=["", "suspect"])
+def test_usual_errors_of_all_unknowns_are_seldom_a_doubt(suspects: tuple[str, ...]) -> None:
+    """Both parts of the size have at most the variance of N(0, 1), for which 0.3 % is above 3."""
+    rng, unusual, tests = np.random.default_rng(8), 0, 0
+    for seed in range(2000):
+        z = rng.normal(size=len(NAMES))
+        z[[NAMES.index(name) for name in suspects]] = 0.0
+        problem = linear(seed, tuple(z))
+        sizes = [test.size for test in problem.tests(suspects)]
+        unusual, tests = unusual + sum(size > 3 for size in sizes), tests + len(sizes)
+    assert 0 < unusual / tests < 2 * 0.0027
+
+
+def test_a_usual_error_of_a_strong_cause_is_no_doubt_about_a_weak_one() -> None:
+    """b acts on the measurements as d does, but a tenth as much: the error of d is nearly one of b of ten sigmas."""
+    problem = linear(4)
+    problem.jacobian[:, 1] = 0.1 * problem.jacobian[:, 3] + 0.02 * problem.jacobian[:, 1]
+    problem.y = problem.jacobian @ np.array([0.0, 0.0, 0.0, 1.5, 0.0])
+    tests = {test.name: test for test in problem.tests()}
+    assert abs(tests["b"].implied) > 5
+    assert most_likely(list(tests.values())) == []
+    problem.y *= 4
+    assert most_likely(problem.tests())[0].name == "d"
+
+
 def test_without_information_there_is_no_test() -> None:
     """d has no effect on the logs; the effect of e is that of the estimated a, which its prior hardly restricts."""
     problem = linear(1)
@@ -106,10 +131,10 @@ def test_the_statistic_is_at_least_twice_the_implied_change(scale: float) -> Non
 
 def test_causes_that_are_as_likely_as_the_first() -> None:
     """At least 85 % of the largest |t| among changes above 3 prior sigmas."""
-    first = ScoreTest(name="first", statistic=-10.0, implied=-6.0, shifts=np.zeros(1))
+    first = ScoreTest(name="first", statistic=-10.0, implied=-6.0, size=6.0, shifts=np.zeros(1))
     near = replace(first, name="near", statistic=8.5)
     far = replace(first, name="far", statistic=8.499)
-    usual = replace(first, name="usual", statistic=12.0, implied=3.0)
-    least = replace(first, name="least", statistic=-9.0, implied=-3.001)
+    usual = replace(first, name="usual", statistic=12.0, size=3.0)
+    least = replace(first, name="least", statistic=-9.0, size=3.001)
     assert [test.name for test in most_likely([usual, first, least, near, far])] == ["first", "least", "near"]
     assert most_likely([usual]) == []

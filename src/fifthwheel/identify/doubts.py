@@ -9,6 +9,12 @@ information H of the logs at the estimate, and with the covariance P = (I + H_ff
 t is N(0, 1) if the assumption holds, z_c is the change that the logs imply, in standard deviations of the prior, and
 -P H_fc z_c is the change of the estimates that goes with it. g_f is 0 at the minimum of the cost; it is not if part of
 gradient and information is left to other unknowns.
+
+The other considered unknowns are not 0 either. If all have their priors N(0, 1), and I is the information matrix of
+all of them after f, the scores have the covariance I + I I, and z_c has the variance v_c = (I + I I)_cc / (1 + I_c)^2.
+For a weak cause that acts like a strong one v_c is large: a usual error of the strong cause implies a large z_c.
+Estimated beside all others, -((1 + I)^-1 s)_c, the change of a cause has a variance below 1. A change is unusual if one
+of both is. A suspect, which is an error that logs usually do not have, is 0 in the tests of the others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,8 +28,8 @@ from fifthwheel._types import Array
 STRONG_SCORE = 9.0
 """|t| from which the model does not describe the logs: then every estimate is doubtful."""
 UNUSUAL_CHANGE = 3.0
-"""|z_c| of an implied change that its prior does not explain. Its |t| = |z_c| (1 + I_c) / sqrt(I_c) is at least twice
-as large: above 6, because the whitened residuals of a real vehicle are not exactly white."""
+"""An implied change, alone in units of sqrt(v_c) or beside the others, that the priors do not explain. Alone, |t| is
+then above 6, because |t| = |z_c| (1 + I_c) / sqrt(I_c): whitened residuals of a real vehicle are not exactly white."""
 UNUSUAL_SENSOR_ERROR = 3.5
 """An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""
 UNUSUAL_ESTIMATE = 2.5
@@ -80,12 +86,18 @@ class ScoreTest:
     """t."""
     implied: float
     """z_c."""
+    size: float
+    """The larger of |z_c| / sqrt(v_c) and the change that is estimated beside the others; compare `UNUSUAL_CHANGE`."""
     shifts: Array
     """Change (k,) of all unknowns that goes with it, in prior standard deviations."""
 
 
 def score_tests(
-    names: Sequence[str], gradient: Array, information: Array, considered: Sequence[str]
+    names: Sequence[str],
+    gradient: Array,
+    information: Array,
+    considered: Sequence[str],
+    suspects: Sequence[str] = (),
 ) -> list[ScoreTest]:
     """The score test of every considered unknown, the largest |t| first.
 
@@ -94,26 +106,35 @@ def score_tests(
         gradient: of the cost, with the prior (k,).
         information: H (k, k), without the prior.
         considered: names of the considered unknowns, whose z is 0.
+        suspects: those of them that are considered in score tests only.
     """
     fixed = np.array([name in considered for name in names])
     free = ~fixed
     P = np.linalg.inv(np.eye(int(free.sum())) + information[np.ix_(free, free)])
+    towards = P @ information[np.ix_(free, fixed)]
+    remaining = information[np.ix_(fixed, fixed)] - information[np.ix_(fixed, free)] @ towards
+    scores = gradient[fixed] - towards.T @ gradient[free]
+    usual = np.array([name not in suspects for name in names])[fixed]
+    variance = np.diag(remaining) + np.square(remaining[:, usual]).sum(axis=1)  # of the scores
     tests = []
-    for c in np.flatnonzero(fixed).tolist():
-        towards = P @ information[free, c]
-        remaining = float(information[c, c] - information[c, free] @ towards)
-        if remaining <= 1e-9 * max(float(information[c, c]), 1.0):
+    for i, c in enumerate(np.flatnonzero(fixed).tolist()):
+        own = float(remaining[i, i])
+        if own <= 1e-9 * max(float(information[c, c]), 1.0):
             continue
-        score = float(gradient[c] - towards @ gradient[free])
-        implied = -score / (1 + remaining)
+        implied = -float(scores[i]) / (1 + own)
+        alone = abs(implied) / max(1.0, float(np.sqrt(variance[i])) / (1 + own))
+        together = np.flatnonzero(usual | (np.arange(len(usual)) == i))
+        joint = np.linalg.solve(np.eye(len(together)) + remaining[np.ix_(together, together)], scores[together])
+        beside = abs(float(joint[together == i][0]))
         shifts = np.zeros(len(names))
-        shifts[free], shifts[c] = -towards * implied, implied
-        statistic = -score / float(np.sqrt(remaining))
-        tests.append(ScoreTest(name=names[c], statistic=statistic, implied=implied, shifts=shifts))
+        shifts[free], shifts[c] = -towards[:, i] * implied, implied
+        statistic = -float(scores[i]) / float(np.sqrt(own))
+        size = max(alone, beside)
+        tests.append(ScoreTest(name=names[c], statistic=statistic, implied=implied, size=size, shifts=shifts))
     return sorted(tests, key=lambda test: -abs(test.statistic))
 
 
 def most_likely(tests: Sequence[ScoreTest]) -> list[ScoreTest]:
     """The tests with an unusual change that are about as likely as the first of them."""
-    unusual = [t for t in tests if abs(t.implied) > UNUSUAL_CHANGE]
+    unusual = [t for t in tests if t.size > UNUSUAL_CHANGE]
     return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]

@@ -89,8 +89,12 @@ def linearise(solution: Solution) -> Linearisation:
         sigma=np.array(sigmas) * np.abs(scale.slope(p)),
         starts=(0,),
     )
-    tests = tuple(
-        score_tests(problem.names, gradient + z - variation.gradient, information - variation.information, considered)
+    tests = score_tests(
+        problem.names,
+        gradient + z - variation.gradient,
+        information - variation.information,
+        considered,
+        [problem.names[i] for i in problem.suspects],
     )
     posterior = Posterior.from_information(
         problem.names,
@@ -99,4 +103,4 @@ def linearise(solution: Solution) -> Linearisation:
         considered=considered,
         nuisances=problem.nuisances,
     )
-    return Linearisation(posterior=posterior, history=history, tests=tests)
+    return Linearisation(posterior=posterior, history=history, tests=tuple(tests))

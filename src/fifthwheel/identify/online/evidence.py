@@ -49,6 +49,7 @@ def score_tests(problem: OnlineProblem, estimate: Estimate) -> list[ScoreTest]:
                     name=unknown.name,
                     statistic=-gradient / np.sqrt(information),
                     implied=implied,
+                    size=abs(implied),
                     shifts=estimate.B[:, i] * implied,
                 )
             )
