@@ -47,7 +47,11 @@ def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, mi
 
 def score(name: str, statistic: float, implied: float, **shifts: float) -> ScoreTest:
     return ScoreTest(
-        name=name, statistic=statistic, implied=implied, shifts=np.array([shifts.get(n, 0.0) for n in NAMES])
+        name=name,
+        statistic=statistic,
+        implied=implied,
+        size=abs(implied),
+        shifts=np.array([shifts.get(n, 0.0) for n in NAMES]),
     )
 
 

@@ -37,30 +37,34 @@ def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
 
 @pytest.mark.parametrize("gyro", [YAW, TRAILER])
 def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
-    """50 ms are five standard deviations of the latency that is considered; the cause and its size are found."""
-    result = identify([late(clean, 0.05, gyro)], truck)
+    """70 ms are seven standard deviations of the latency that is considered; the cause and its size are found.
+
+    Of 50 ms, usual errors of other assumptions explain so much that a doubt would have no ground.
+    """
+    result = identify([late(clean, 0.07, gyro)], truck)
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     cause = doubt.causes[0]
     assert cause.name == f"{gyro}.delay"
-    information = (doubt.statistic / 5) ** 2  # the prior reduces the implied change
-    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.05 * information / (1 + information), rel=0.1)}
+    information = (doubt.statistic / 7) ** 2  # the prior reduces the implied change
+    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.07 * information / (1 + information), rel=0.1)}
     assert cause.prior_sigmas == pytest.approx(cause.changes[f"{gyro}.delay"] / 0.01)
     assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
     assert set(doubt.parameters) == {e.name for e in result.parameters}  # the statistic is that of a strong doubt
 
 
 def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle) -> None:
-    record = simulate(truck, count=2, seed=1)
-    result = identify([late(record, 0.05, TRAILER)], truck)
+    record = simulate(truck, count=1, seed=3)
+    result = identify([late(record, 0.08, TRAILER)], truck)
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     assert doubt.statistic < STRONG_SCORE
     right = identify([record], truck)
     moved = {e.name: abs(right[e.name].value - e.value) / e.sigma for e in result.parameters}
     assert 1 <= len(doubt.parameters) < len(moved)
-    for name, change in moved.items():  # the implied change is about three quarters of the delay
-        if change < 0.4:
+    fraction = doubt.causes[0].changes[f"{TRAILER}.delay"] / 0.08  # of the delay is implied; the rest is its prior
+    for name, change in moved.items():
+        if change * fraction < 0.35:
             assert name not in doubt.parameters
-        if change > 0.8:
+        if change * fraction > 0.65:
             assert name in doubt.parameters
 
 
@@ -85,12 +89,12 @@ def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Reco
 
 
 def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
-    """Timestamps that count 0.96 s in a second."""
-    record = simulate(truck, manoeuvre="random", seed=1)
-    result = identify([replace(record, time=0.96 * record.time)], truck, OneStage(check=False))
+    """Timestamps that count 0.85 s in a second; at 0.9 s the logs do not contradict a combination of usual errors."""
+    record = simulate(truck, count=5, seed=1)
+    result = identify([replace(record, time=0.85 * record.time)], truck, OneStage(check=False))
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     (change,) = [cause.changes["time_base.scale"] for cause in doubt.causes if cause.name == "time_base"]
-    assert 0.006 < change < 0.06  # one linear step towards 1 / 0.96 - 1
+    assert 0.006 < change < 0.06  # one linear step towards 1 / 0.85 - 1
 
 
 def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
