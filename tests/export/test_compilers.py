@@ -44,7 +44,7 @@ def test_without_undefined_behaviour(
     for fault in FAULTS:  # the program ends with an error at undefined behaviour
         record = with_fault(lane, fault)
         states = replayed(replay, observer, record)
-        # the filter restarts again and again, which amplifies rounding; in single precision it may restart a sample later
+        # the filter restarts again and again, which amplifies rounding; in single precision it may restart later
         if fault not in (("reversed_steer", "slow") if precision else ("reversed_steer",)):
             assert_equal(states, pushed(observer, record), 1e-4 if precision else 1e-12)
 

@@ -95,7 +95,8 @@ def _over_time(
 ) -> ReportPlot:
     data = []
     for model, run in runs.items():
-        for k, (name, values) in enumerate(series(run).items()):
+        same_order = sorted(series(run).items(), key=lambda item: item[0] != "front")  # so that models share colours
+        for k, (name, values) in enumerate(same_order):
             text = f"front axle, {model}" if name == "front" else f"{name}, {model}"
             data.append(_line(text, run.time, factor * values, CYCLE[k], DASH[model]))
     return _plot(title, data, "time, s", unit, group="lane change")
