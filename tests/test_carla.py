@@ -113,6 +113,13 @@ def test_sideslip(runs: dict[str, Any], results: dict[str, Identification], log:
         assert sideslip["sideslip.semitrailer"][0] < 0.67
 
 
+def test_intervals_of_unseen_runs(runs: dict[str, Any], results: dict[str, Identification]) -> None:
+    """90 % intervals hold at least 80 % of the sideslip of each unit, though the truck is not that of the model."""
+    transfers = [(carla.Transfer.of([results[log]]), runs[other]) for log in LOGS for other in LOGS if other != log]
+    held = [[covered for _, _, covered in t.sideslip(run).values()] for t, run in transfers]  # 84 to 100
+    assert (np.array(held) >= 80).all()
+
+
 def test_explained_agrees_with_identify(runs: dict[str, Any], results: dict[str, Identification]) -> None:
     """On the log of its identification, a transfer explains what the result states."""
     for log, result in results.items():

@@ -307,10 +307,13 @@ def test_steer_delay_is_corrected(truck, lane_changes):
 
 
 def test_lower_noise_gives_lower_sigma(truck, lane_changes):
-    low_noise = ObserverSettings(noise={YAWS[0]: 1e-8, YAWS[1]: 1e-8})
-    one, other = (Observer(truck, lane_changes.signals, s).batch(lane_changes) for s in (low_noise, None))
-    assert one.sigma[YAWS[0]][-1] < 1.1e-4 < other.sigma[YAWS[0]][-1]
-    assert one.sigma["sideslip.semitrailer"][-1] < other.sigma["sideslip.semitrailer"][-1]
+    """If the sensors are as good as they are said to be; otherwise the innovations show it, and sigma rises."""
+    settings = ObserverSettings(noise={YAWS[0]: 1e-8, YAWS[1]: 1e-8})
+    usual = Observer(truck, lane_changes.signals).batch(lane_changes)
+    precise = lane_changes.with_signals({name: usual.values[name] for name in YAWS})
+    low, contradicted = (Observer(truck, r.signals, settings).batch(r) for r in (precise, lane_changes))
+    assert low.sigma[YAWS[0]][-1] < 1.1e-4 < contradicted.sigma[YAWS[0]][-1] < usual.sigma[YAWS[0]][-1]
+    assert low.sigma["sideslip.semitrailer"][-1] < usual.sigma["sideslip.semitrailer"][-1]
 
 
 def signals(*names: str) -> set[str]:

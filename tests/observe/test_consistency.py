@@ -11,6 +11,7 @@ from fifthwheel.filters.model import unpack_array
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.observe.monitor import START
 from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, assert_same, batched, pushed, put, samples
@@ -173,3 +174,15 @@ def test_largest_nis(change: dict[str, float], expected: int) -> None:
 def test_settings_out_of_range(name: str) -> None:
     with pytest.raises(SignalError, match=f"^{name}: expected above 0"):
         ObserverSettings(**{name: 0.0})
+
+
+def test_large_innovations_raise_sigma() -> None:
+    """With more noise of the yaw rates than stated, every variance is multiplied by NIS / 1.5."""
+    rng, noise = np.random.default_rng(3), 2 * np.sqrt(article_gyro_variance(("tractor",))[YAWS[0]])
+    noisy = {name: LANE_CHANGES.signals[name] + noise * rng.normal(size=len(LANE_CHANGES)) for name in YAWS}
+    o, steady = observer(gate=20.0), LANE_CHANGES.time > 5
+    actual, plain = o.batch(LANE_CHANGES.with_signals(noisy)), o.batch(LANE_CHANGES)
+    assert (actual.nis[steady] > 2).all()
+    for name in STATES:
+        factor = (actual.sigma[name] / plain.sigma[name])[steady] ** 2
+        np.testing.assert_allclose(factor, actual.nis[steady] / 1.5, rtol=1e-9)

@@ -4,6 +4,10 @@ A bank that is not estimated is considered (Schmidt 1966): measurements do not c
 is part of every variance. s is the change of the states by one standard deviation sigma of the bank b, with the gain K:
 
     s- = F s + dx-/db sigma        s = s- - K (H s- + dh/db sigma)
+
+Every reported variance is multiplied by the excess of the NIS (`monitor.excess`), as the Birge ratio scales the
+uncertainty of a least-squares fit: innovations that are larger than the filter predicts show an error of the vehicle or
+of a sensor, which the state has too.
 """
 
 from typing import NamedTuple
@@ -112,6 +116,7 @@ def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
         H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])
     ]
     monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, limit, monitor_settings)
+    excess = monitor.excess(findings[0])
     carried = ca.vertcat(step.after, pack(step.covariance), ca.vec(step.considered), monitored)
-    output = ca.vertcat(reported, *variances, kalman.channel_columns(step.channels), findings)
+    output = ca.vertcat(reported, excess * ca.vertcat(*variances), kalman.channel_columns(step.channels), findings)
     return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})

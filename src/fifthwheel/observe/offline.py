@@ -56,20 +56,25 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
             output[samples] = filtered[part.sample_indices]
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
             run = partial(smoother_pass, model, observer.report, rows)
+            excess = monitor.excess(output[samples, -2:-1])
+            own = output[samples, n : 2 * n] / excess
             if smooth:
                 start = start[: len(model.states) + packed_size(len(model.states))]
-                output[samples, : 2 * n] = run(start[None], ungated[None])[0, part.sample_indices]
+                output[samples, :n], own = np.hsplit(run(start[None], ungated[None])[0, part.sample_indices], 2)
+            of_uncertain = np.zeros_like(own)
             if pairs:
                 effects = observer.effects(part.first)
                 if smooth:
-                    variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+                    of_uncertain = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
                 else:
-                    variance, of_bank = parameter_variance(
+                    of_uncertain, of_bank = parameter_variance(
                         model, observer.report, points, effects, start, rows, ungated
                     )
-                    variance -= of_bank * (BANK in uncertain.names)  # it is part of both
-                output[samples, n : 2 * n] += variance[part.sample_indices]
-            output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
+                    if BANK in uncertain.names:  # it is part of both
+                        own = own - of_bank[part.sample_indices]
+                of_uncertain = of_uncertain[part.sample_indices]
+            # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
+            output[samples, n : 2 * n] = np.maximum(np.maximum(own * excess, own + of_uncertain), 0.0)
             del part, filtered, rows, run  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
