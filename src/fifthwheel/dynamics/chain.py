@@ -66,6 +66,7 @@ def relaxation_groups(vehicle: Vehicle) -> tuple[str, ...]:
 class Motion:
     """Motion of every unit as expressions of the state; tuples have one entry for each unit."""
 
+    u: tuple[ca.SX, ...]  # m/s, forward speed
     v: tuple[ca.SX, ...]  # m/s, lateral velocity on the roll axis under the CoG
     across: tuple[ca.SX, ...]  # m/s, lateral velocity across the heading of the first unit, v + u heading
     r: tuple[ca.SX, ...]  # rad/s, yaw rate
@@ -165,6 +166,7 @@ def motion(
         heading.append(heading[i] + x[index[f"articulation.{rear}"]])
     w = x[velocity_indices(vehicle, roll=roll)]
     return Motion(
+        u=tuple(speed for _ in units),
         v=tuple(lateral[i] @ w - speed * heading[i] for i in range(n)),
         across=tuple(lateral[i] @ w for i in range(n)),
         r=tuple(x[index[f"yaw_rate.{u.name}"]] for u in units),
@@ -212,6 +214,19 @@ def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
     return [i for i, name in enumerate(names) if SignalName.of(name).quantity in GENERALISED_VELOCITIES]
 
 
+def coupling_moments(p: Mapping[str, ca.SX], vehicle: Vehicle, motions: Motion) -> ca.SX:
+    """Generalised forces (m,) of the roll moments of all couplings, N m; with roll."""
+    n = len(vehicle.units)
+    force = ca.SX(1 + 2 * n, 1)
+    for i, coupling in enumerate(vehicle.couplings):
+        twist, rate = motions.roll[i + 1] - motions.roll[i], motions.roll_rate[i + 1] - motions.roll_rate[i]
+        moment = p[f"{coupling.name}.roll_stiffness"] * twist + p[f"{coupling.name}.roll_damping"] * rate
+        front = 1 + n + i
+        force[front] += moment
+        force[front + 1] -= moment
+    return force
+
+
 def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: bool = False) -> Equations:
     """The equations of motion of the chain.
 
@@ -244,12 +259,7 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: boo
         convective = inertia[:, 0] * (u * motions.r[0] + GRAVITY * motions.bank)
         force += J.T @ (applied - convective[:size])
     if roll:
-        for i, coupling in enumerate(vehicle.couplings):
-            twist, rate = motions.roll[i + 1] - motions.roll[i], motions.roll_rate[i + 1] - motions.roll_rate[i]
-            moment = p[f"{coupling.name}.roll_stiffness"] * twist + p[f"{coupling.name}.roll_damping"] * rate
-            front = 1 + len(vehicle.units) + i
-            force[front] += moment
-            force[front + 1] -= moment
+        force += coupling_moments(p, vehicle, motions)
     velocities = velocity_indices(vehicle, roll=roll)
     right = [ca.SX(0)] * len(names)
     for row, index in enumerate(velocities):

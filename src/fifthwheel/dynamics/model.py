@@ -14,7 +14,9 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import chain, sensors
+from fifthwheel.dynamics import chain, saturation, sensors
+from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -34,6 +36,7 @@ class ChainModel:
     roll: bool  # yaw and roll, or yaw only
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
+    tyres: TyreLaw  # saturating: with the parameters of `saturation.saturation_parameters`
     states: tuple[str, ...]  # (n,) names of x
     inputs: tuple[str, ...]  # (k,) speed and steer signals; extended: also `contact_input` and `rate_input` of each
     outputs: tuple[str, ...]  # names of y
@@ -43,7 +46,7 @@ class ChainModel:
     @property
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        return topology(self.vehicle), self.outputs, self.roll, self.free, self.bank, self.extended
+        return topology(self.vehicle), self.outputs, self.roll, self.free, self.bank, self.extended, self.tyres
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -149,9 +152,13 @@ def rate_input(steer: str) -> str:
     return f"{STEER_RATE}.{SignalName.of(steer).place}"
 
 
-def all_parameters(vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False) -> dict[str, float]:
+def all_parameters(
+    vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False, tyres: TyreLaw = "linear"
+) -> dict[str, float]:
     """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
     values = vehicle.parameters() | steer_parameters(vehicle)
+    if tyres == "saturating":
+        values |= saturation.saturation_parameters(vehicle)
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
     return values | extension_parameters(vehicle, outputs) if extended else values
@@ -174,6 +181,7 @@ def model(
     free: Sequence[str] = (),
     bank: bool = False,
     extended: bool = False,
+    tyres: TyreLaw = "linear",
 ) -> ChainModel:
     """The discrete-time model of a vehicle; vehicles of equal topology share one model.
 
@@ -184,6 +192,7 @@ def model(
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
+        tyres: law of the side forces: linear in the slip angle, or `saturation`.
 
     Raises:
         SignalError: the vehicle or the yaw-only model does not have an output.
@@ -193,9 +202,9 @@ def model(
         if name == chain.BANK and bank:
             continue
         sensors.require_available(vehicle, name, roll=roll)
-    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended)
+    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended, tyres)
     if key not in _models:
-        names = tuple(all_parameters(vehicle, outputs, extended=extended))
+        names = tuple(all_parameters(vehicle, outputs, extended=extended, tyres=tyres))
         unknown = set(free) - set(names)
         if unknown:
             raise KeyError(f"no such parameters: {sorted(unknown)}")
@@ -206,6 +215,7 @@ def model(
             roll=roll,
             bank=bank,
             extended=extended,
+            tyres=tyres,
             states=chain.state_names(vehicle, roll=roll, bank=bank),
             inputs=("speed", *steers, *extension),
             outputs=tuple(outputs),
@@ -244,15 +254,40 @@ def _build(model: ChainModel) -> _Functions:
     else:
         shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
         correction = error["gain"] * shift
-    equations = chain.equations(value, vehicle, roll=roll, bank=bank)
-    A, B = equations.state_space((d[0] + d[k]) / 2)
-    order = ORDER[roll, bool(chain.relaxation_groups(vehicle))]
-    transition = taylor(A, B, x, before + correction, after + correction, duration, order)
+    before, after_lag = before + correction, after + correction
+    speed, order = (d[0] + d[k]) / 2, ORDER[roll, bool(chain.relaxation_groups(vehicle))]
     later = ca.SX.sym("later", n)
-    rates = (A @ x + B @ (before + correction), A @ later + B @ (after + correction))
+    if model.tyres == "saturating":
+
+        def motion(state: ca.SX, forward: ca.SX, angles: ca.SX) -> LargeAngles:
+            steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}
+            return large_angles(value, vehicle, state, forward, steer, roll=roll, bank=bank)
+
+        angles = ca.SX.sym("angles", m)
+        rate = motion(x, speed, angles).rates
+        A, B, first = (
+            ca.substitute(matrix, angles, before) for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
+        )
+        rates = first, motion(later, speed, after_lag).rates
+        now = motion(x, d[k], after)
+        sensed = sensors.SensorInputs(
+            p=value,
+            vehicle=vehicle,
+            motion=now.motion,
+            acceleration=now.acceleration,
+            speed=d[k],
+            steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
+            roll=roll,
+            changing=(x, now.rates),
+        )
+    else:
+        equations = chain.equations(value, vehicle, roll=roll, bank=bank)
+        A, B = equations.state_space(speed)
+        rates = A @ x + B @ before, A @ later + B @ after_lag
+        sensed = sensors.sensor_inputs(value, vehicle, equations, x, d[k], after, roll=roll, bank=bank)
+    transition = taylor(A, x, rates[0], B @ (after_lag - before), duration, order)
     matrix = transition_matrix(A, duration, order)
 
-    sensed = sensors.sensor_inputs(value, vehicle, equations, x, d[k], after, roll=roll, bank=bank)
     steer_rate = d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m)
     sensed = sensed._replace(
         changing=(ca.vertcat(x, measured_after), ca.vertcat(sensed.changing[1], steer_rate)),
@@ -276,18 +311,18 @@ def _softened(value: Mapping[str, ca.SX], path: str, slip: ca.SX) -> ca.SX:
     return value[f"{path}.cornering_stiffness"] / (1 + value[f"{path}.softening"] * magnitude)
 
 
-def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """Taylor series of x(dt) of x' = A x + B d, where d changes linearly from `before` to `after`.
+def taylor(A: ca.SX, x: ca.SX, rate: ca.SX, change: ca.SX, dt: ca.SX, order: int) -> ca.SX:
+    """Taylor series of x(dt) of x' = rate + A (x - x(0)) + change t / dt.
 
     Args:
-        A, B: (n, n) and (n, k).
+        A: (n, n).
         x: state at the beginning of the step (n,).
-        before, after: inputs (k,).
+        rate: x' at the beginning of the step (n,).
+        change: of x' by the inputs from the beginning to the end of the step (n,), at constant x.
         dt: s.
         order: of the series.
     """
-    constant, change = B @ before, B @ (after - before)
-    term = dt * (A @ x + constant)
+    term = dt * rate
     total = x + term
     for k in range(2, order + 1):
         term = (dt / k) * (A @ term + (change if k == 2 else 0))  # one division, not one for each state

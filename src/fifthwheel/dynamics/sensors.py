@@ -80,7 +80,7 @@ def _lateral_velocity(inputs: SensorInputs, i: int, name: str) -> ca.SX:
 
 
 def _sideslip(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    return _lateral_velocity(inputs, i, name) / inputs.speed
+    return _lateral_velocity(inputs, i, name) / inputs.motion.u[i]
 
 
 def _lateral_acceleration(inputs: SensorInputs, i: int, name: str) -> ca.SX:

@@ -14,6 +14,7 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.vehicle import Vehicle
 
 
@@ -71,15 +72,19 @@ class ObservedChain:
         return np.array([values[name] for name in self.known], dtype=np.float64)
 
 
-def observed_chain(vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, estimate_bank: bool) -> ObservedChain:
+def observed_chain(
+    vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, estimate_bank: bool, tyres: TyreLaw = "linear"
+) -> ObservedChain:
     """The model of a vehicle; vehicles of equal topology share one model.
 
     Args:
         vehicle, outputs, roll: as in `dynamics.model`, also the errors.
         estimate_bank: whether the bank is a state.
+        tyres: law of the side forces.
     """
     offsets = tuple(f"{name}.offset" for name in vehicle.steer_signals())
-    return _observed_chain(dynamics.model(vehicle, outputs, roll=roll, bank=True, free=offsets), estimate_bank)
+    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=offsets, tyres=tyres)
+    return _observed_chain(chain, estimate_bank)
 
 
 @functools.cache

@@ -94,7 +94,13 @@ class Observer:
     def _model(self) -> ObserverModel:
         """The models of measured and reported signals."""
         model, report = (
-            observed_chain(self.vehicle, names, roll=self.roll, estimate_bank=self.settings.estimate_bank)
+            observed_chain(
+                self.vehicle,
+                names,
+                roll=self.roll,
+                estimate_bank=self.settings.estimate_bank,
+                tyres=self.settings.tyres,
+            )
             for names in (self.outputs, self.reported)
         )
         return ObserverModel(vehicle=self.vehicle, model=model, report=report, settings=self.settings)

@@ -9,6 +9,7 @@ from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
@@ -61,8 +62,10 @@ class ObserverModel:
 
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
-        values = dynamics.all_parameters(self.vehicle, self.model.outputs) | dict(self.settings.sensor_errors)
-        return values | {BANK: self.settings.bank_mean}
+        values = dynamics.all_parameters(self.vehicle, self.model.outputs, tyres=self.settings.tyres)
+        if self.settings.tyres == "saturating":
+            values |= {FRICTION: self.settings.friction}
+        return values | dict(self.settings.sensor_errors) | {BANK: self.settings.bank_mean}
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
         """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the
@@ -119,7 +122,7 @@ class ObserverModel:
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
         parameters, names = self.vehicle.parameters(), self.report.outputs
-        values = dynamics.all_parameters(self.vehicle, names)
+        values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyres)
         errors = {**self.settings.sensor_errors, **changed}
         values |= {name: value for name, value in errors.items() if SignalName.of(name).quantity == "steer"}
         values |= {name: value for name, value in changed.items() if name in parameters}

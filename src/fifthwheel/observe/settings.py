@@ -5,6 +5,7 @@ import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 
@@ -57,6 +58,11 @@ class ObserverSettings:
     steer_offset: float = 0.01
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
+    tyres: TyreLaw = "linear"
+    """Law of the side forces: "linear" in the slip angle, or "saturating" at the friction of the road, for lateral
+    accelerations above 3 m/s^2 and for slippery roads."""
+    friction: float = 0.8
+    """Friction of the road, for tyres that saturate: 0.8 dry, 0.6 wet, 0.3 snow."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""

@@ -1,0 +1,147 @@
+"""Equations of motion with tyres that saturate and articulation angles that are not small.
+
+The forward speed u of the first unit is given. With the generalised velocities w of `chain`, each unit i has the
+velocity (u_i, v_i) on the roll axis under its CoG, in its own axes. Behind a coupling with the articulation angle g,
+
+    u_i = u_h cos g + v_h sin g,        v_i = -u_h sin g + v_h cos g - arms,
+
+where (u_h, v_h) is the velocity of the coupling point in the axes of the unit in front. Kane's equations
+
+    sum J_i' (M_i a_i - f_i) = 0,        J_i = d(u_i, v_i, r_i, p_i) / dw,
+
+with the accelerations u_i' - r_i v_i and v_i' + r_i u_i, have no forces of the couplings and no driving force, because
+the first unit drives (T. R. Kane and D. A. Levinson, Dynamics, 1985, chapter 6). Roll angles are small. Speed changes
+slowly: u' = 0. For small angles and linear tyres the equations are those of `chain`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from fifthwheel.dynamics import chain, unit_equations
+from fifthwheel.dynamics.chain import Motion
+from fifthwheel.dynamics.saturation import group_stiffness
+from fifthwheel.names import SignalName
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class LargeAngles:
+    """Rates of the state and motion of the units, as expressions of state, speed and steer angles."""
+
+    rates: ca.SX  # x' (n,)
+    motion: Motion
+    acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
+
+
+def large_angles(
+    p: Mapping[str, ca.SX],
+    vehicle: Vehicle,
+    x: ca.SX,
+    speed: ca.SX,
+    steer: Mapping[str, ca.SX],
+    *,
+    roll: bool,
+    bank: bool = False,
+) -> LargeAngles:
+    """The equations; arguments as in `chain.motion`.
+
+    Args:
+        p: parameters by name, also those of `saturation.saturation_parameters`.
+        vehicle: units, axles and couplings; its numbers are not used.
+        x: state (n,).
+        speed: m/s.
+        steer: true angle of each steered axle by its signal, rad.
+        roll, bank: as in `chain.state_names`.
+    """
+    names, n = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units)
+    index = {name: i for i, name in enumerate(names)}
+    motion = _motion(p, vehicle, x, speed, roll=roll, bank=bank)
+    velocities = chain.velocity_indices(vehicle, roll=roll)
+    rate = ca.SX(len(names), 1)
+    articulations = [index[f"articulation.{unit.name}"] for unit in vehicle.units[1:]]
+    for i, k in enumerate(articulations):
+        rate[k] = motion.r[i + 1] - motion.r[i]
+    M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
+    convective, jacobians = list[ca.SX](), list[ca.SX]()
+    for i, unit in enumerate(vehicle.units):
+        planar = ca.vertcat(motion.u[i], motion.v[i])
+        turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
+        convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]))
+        spins = ca.vertcat(motion.r[i], motion.roll_rate[i]) if roll else motion.r[i]
+        J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
+        jacobians.append(J)
+        inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
+        applied, slips = _tyre_forces(p, vehicle, i, motion, steer)
+        for path, (alpha, lagged) in slips.items():
+            if lagged is not None:
+                rate[index[f"slip_angle.{path}"]] = motion.u[i] * (alpha - lagged) / p[f"{path}.relaxation_length"]
+        if roll:
+            body = unit_equations.roll_body(p, unit)
+            applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
+        known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
+        known[1] += GRAVITY * motion.bank
+        M += ca.mtimes([J.T, inertia, J])
+        force += J.T @ (applied - inertia @ known)
+    if roll:
+        force += chain.coupling_moments(p, vehicle, motion)
+    solved = chain.solve_positive_definite(M, force)
+    for row, k in enumerate(velocities):
+        rate[k] = solved[row]
+    for k, name in enumerate(names):
+        signal = SignalName.of(name)
+        if signal.quantity == "roll":
+            rate[k] = x[index[f"roll_rate.{signal.unit}"]]
+    acceleration = tuple(
+        (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
+    )
+    return LargeAngles(rates=ca.densify(rate), motion=motion, acceleration=acceleration)
+
+
+def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
+    """`chain.motion` with rotations in place of small angles; (u, v) are in the axes of each unit."""
+    small = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
+    forward, lateral = [speed], [small.v[0]]
+    for i, coupling in enumerate(vehicle.couplings):
+        front, rear = vehicle.units[i].name, vehicle.units[i + 1].name
+        ahead = p[f"{coupling.name}.leading_position"] - p[f"{front}.cog"]
+        behind = p[f"{coupling.name}.trailing_position"] - p[f"{rear}.cog"]
+        above_front = p[f"{coupling.name}.height"] - p[f"{front}.roll_axis_height"]
+        above_rear = p[f"{coupling.name}.height"] - p[f"{rear}.roll_axis_height"]
+        at_hitch = lateral[i] + ahead * small.r[i] - above_front * small.roll_rate[i]
+        angle = small.heading[i + 1] - small.heading[i]
+        cos, sin = ca.cos(angle), ca.sin(angle)
+        forward.append(forward[i] * cos + at_hitch * sin)
+        lateral.append(
+            at_hitch * cos - forward[i] * sin - behind * small.r[i + 1] + above_rear * small.roll_rate[i + 1]
+        )
+    return replace(small, u=tuple(forward), v=tuple(lateral))
+
+
+def _tyre_forces(
+    p: Mapping[str, ca.SX], vehicle: Vehicle, i: int, motion: Motion, steer: Mapping[str, ca.SX]
+) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]]]:
+    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i, and the slip angle of each group
+    by its path, with its lagged slip angle if it has one."""
+    unit, total = vehicle.units[i], ca.SX(3, 1)
+    slips: dict[str, tuple[ca.SX, ca.SX | None]] = {}
+    for group in unit.axle_groups:
+        path, count = unit.group_path(group), len(group.axles)
+        arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.axles]
+        angles = [steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else ca.SX(0) for axle in group.axles]
+        each = [
+            angle - ca.atan((motion.v[i] + arm * motion.r[i]) / motion.u[i])
+            for arm, angle in zip(arms, angles, strict=True)
+        ]
+        mean = sum(each, ca.SX(0)) / count
+        lagged = motion.lagged_slip.get(path)
+        slips[path] = mean, lagged
+        slip, height = mean if lagged is None else lagged, p[f"{unit.name}.roll_axis_height"]
+        stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height) / count
+        for arm, angle, own in zip(arms, angles, each, strict=True):
+            side = stiffness * (own + slip - mean)
+            lateral = side * ca.cos(angle)
+            total += ca.vertcat(-side * ca.sin(angle), lateral, arm * lateral)
+    return total, slips
