@@ -1,7 +1,7 @@
 """C99 of a symbolic step: one statement for each CasADi instruction, without loops, branches or memory of its own.
 
-The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and functions are `FW_SQRT`, `FW_EXP`, `FW_LOG` and
-`FW_ABS`, so that one text serves float and double.
+The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and functions are `FW_SQRT`, `FW_EXP`, `FW_LOG`,
+`FW_ABS`, `FW_SIN`, `FW_COS` and `FW_ATAN`, so that one text serves float and double.
 """
 
 import math
@@ -13,7 +13,15 @@ from fifthwheel.native.instructions import translate
 
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 _COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
-_FUNCTIONS = {ca.OP_SQRT: "FW_SQRT", ca.OP_FABS: "FW_ABS", ca.OP_EXP: "FW_EXP", ca.OP_LOG: "FW_LOG"}
+_FUNCTIONS = {
+    ca.OP_SQRT: "FW_SQRT",
+    ca.OP_FABS: "FW_ABS",
+    ca.OP_EXP: "FW_EXP",
+    ca.OP_LOG: "FW_LOG",
+    ca.OP_SIN: "FW_SIN",
+    ca.OP_COS: "FW_COS",
+    ca.OP_ATAN: "FW_ATAN",
+}
 ONE, ZERO = "FW_REAL(1.0)", "FW_REAL(0.0)"
 
 

@@ -4,6 +4,7 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import get_args
 
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
@@ -83,6 +84,10 @@ class ObserverSettings:
         ):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
+        if self.tyres not in get_args(TyreLaw):
+            raise SignalError(f'tyres: expected "linear" or "saturating", got {self.tyres!r}')
+        if not _is_finite(self.friction) or not 0.05 <= self.friction <= 1.5:
+            raise SignalError(f"friction: expected between 0.05 and 1.5, got {self.friction}; a dry road has 0.8")
         for name in ("hold", "process_noise", "restart_after"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")

@@ -11,12 +11,18 @@
 #define FW_EXP(value) expf(value)
 #define FW_LOG(value) logf(value)
 #define FW_ABS(value) fabsf(value)
+#define FW_SIN(value) sinf(value)
+#define FW_COS(value) cosf(value)
+#define FW_ATAN(value) atanf(value)
 #else
 #define FW_REAL(value) value
 #define FW_SQRT(value) sqrt(value)
 #define FW_EXP(value) exp(value)
 #define FW_LOG(value) log(value)
 #define FW_ABS(value) fabs(value)
+#define FW_SIN(value) sin(value)
+#define FW_COS(value) cos(value)
+#define FW_ATAN(value) atan(value)
 #endif
 
 #endif
