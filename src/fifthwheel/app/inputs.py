@@ -20,6 +20,8 @@ from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
 from fifthwheel.logs.windows import WithoutWindows
 from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import catalogue
 from fifthwheel.workflow import SignalEvidence, propose_signals, signal_evidence
 from fifthwheel.workflow.inputs import Progress, report_fraction
 
@@ -115,6 +117,12 @@ def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[fl
     stems = [path.stem for path in workspace.logs()]
     stem = workspace.log(name).stem
     return record_of(source, signal_map, name=stem if stems.count(stem) == 1 else name)
+
+
+def prepare() -> None:
+    """Import and compile what the first computation needs."""
+    truck = catalogue.get("cheng_cebon_2011")
+    signal_evidence(simulate(truck, count=1), truck)
 
 
 def propose(folder: Path, name: str) -> str:

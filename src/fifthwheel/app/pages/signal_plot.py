@@ -1,43 +1,26 @@
-"""The plot of measured and predicted signals."""
+"""The plot of a measured signal and its prediction."""
 
-from collections.abc import Iterator
-
-from fifthwheel.app.layout import plain
-from fifthwheel.plots import Axis, Band, Line, Panel, Plot
+from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import BLUE, GREY
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.workflow import SignalEvidence
 
-_PANEL = 150
-"""Height of a panel, pixels."""
+HEIGHT = 170
+"""Height of the plot of a signal, pixels."""
 _PREDICTED = "#d55e00"
 
 
-def evidence_plot(evidence: SignalEvidence) -> Plot | None:
-    """A panel for each signal; None where there is none."""
-    panels = list(_panels(evidence))
-    return Plot(panels=panels) if panels else None
-
-
-def height_of(plot: Plot) -> int:
-    """Height of the plot, pixels."""
-    return 110 + _PANEL * len(plot.panels)
-
-
-def _panels(evidence: SignalEvidence) -> Iterator[Panel]:
-    axis = Axis(label="time", unit="s")
-    for name, (time, values) in evidence.others.items():
+def signal_plot(evidence: SignalEvidence | None, signal: str) -> Plot:
+    """A signal, and what is predicted for it."""
+    items: list[Item] = []
+    if evidence is not None and signal in evidence.others:
+        time, values = evidence.others[signal]
         items = [Line(time, values, name="measured", colour=BLUE, gaps=False)]
-        yield Panel(title=plain(name), items=items, x=axis, y=Axis(unit=si_unit(name) or ""))
-    for name, channel in evidence.channels.items():
-        time = evidence.time
-        yield Panel(
-            title=plain(name),
-            items=[
-                Band(time, channel.lowest, channel.highest, name="range of the prediction", colour=GREY),
-                Line(time, channel.measured, name="measured", colour=BLUE),
-                Line(time, channel.predicted, name="predicted", colour=_PREDICTED, width=1.5),
-            ],
-            x=axis,
-            y=Axis(unit=si_unit(name) or ""),
-        )
+    elif evidence is not None and signal in evidence.channels:
+        time, channel = evidence.time, evidence.channels[signal]
+        items = [
+            Band(time, channel.lowest, channel.highest, name="range of the prediction", colour=GREY),
+            Line(time, channel.measured, name="measured", colour=BLUE),
+            Line(time, channel.predicted, name="predicted", colour=_PREDICTED, width=1.5),
+        ]
+    return Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=si_unit(signal) or ""))])

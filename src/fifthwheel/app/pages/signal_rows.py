@@ -42,14 +42,14 @@ class Editor(Protocol):
         """Remove a signal."""
 
 
-def row(editor: Editor, signal: str, channel: Channel, judge: Callable[[str], object]) -> None:
+def row(editor: Editor, signal: str, channel: Channel, *parts: Callable[[str], object]) -> None:
     """The fields of a signal.
 
     Args:
         editor: changes the map.
         signal: name of the signal.
         channel: its entry in the map.
-        judge: shows what the prediction says about a signal.
+        parts: further contents for a signal: its plot, what the prediction says.
     """
     with ui.element("section").classes("w-full") as section:
         section.props["aria-label"] = signal
@@ -74,7 +74,8 @@ def row(editor: Editor, signal: str, channel: Channel, judge: Callable[[str], ob
                 field.props["aria-label"] = f"{key} of {signal}"
             button = ui.button("Remove", on_click=partial(editor.remove, signal)).props("flat dense no-caps")
             button.props["aria-label"] = f"Remove {signal}"
-        judge(signal)
+        for part in parts:
+            part(signal)
 
 
 def _column(editor: Editor, signal: str, channel: Channel) -> None:

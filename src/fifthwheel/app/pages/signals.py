@@ -7,7 +7,7 @@ from nicegui import ui
 
 from fifthwheel.app import inputs, jobs, layout, plots
 from fifthwheel.app.pages import signal_rows
-from fifthwheel.app.pages.signal_plot import evidence_plot, height_of
+from fifthwheel.app.pages.signal_plot import HEIGHT, signal_plot
 from fifthwheel.app.workspace import SIGNALS, Workspace
 from fifthwheel.checks import Finding
 from fifthwheel.errors import FifthwheelError
@@ -45,13 +45,16 @@ class _Page:
         self.evidence: SignalEvidence | None = None
         self.error = ""
         self._latest = 0
+        self._plots: dict[str, ui.plotly] = {}
 
     def build(self) -> None:
         """Fill the page."""
+        truck = (
+            "your truck with uncertain tyres" if self.workspace.vehicle() else "usual trucks, without a vehicle file"
+        )
         ui.label(
-            "Each signal beside what speed and steer angle predict for it: the grey band is that of "
-            + ("your truck" if self.workspace.vehicle() else "usual trucks, as there is no vehicle file yet")
-            + ". Every change is written to signals.toml."
+            "Each signal (blue) beside what speed and steer angle predict for it (orange). "
+            f"The grey band is the range of {truck}. Every change is written to signals.toml."
         )
         with ui.row().classes("items-center"):
             button = ui.button("Propose a map", on_click=self.propose).props("outline dense no-caps")
@@ -59,7 +62,6 @@ class _Page:
             ui.button("Save as file", on_click=self._save).props("outline dense no-caps")
             self._busy = ui.spinner(size="1.5em").props('role=status aria-label="Computing"')
         self._findings()
-        self._plot = ui.column().classes("w-full")
         self._rows()
         signal_rows.adding(self)
         first = self.propose if self.workspace.read(SIGNALS) is None else self.compare
@@ -128,11 +130,21 @@ class _Page:
         await self.compare()
 
     def _draw(self) -> None:
-        plot = None if self.evidence is None else evidence_plot(self.evidence)
-        self._plot.clear()
-        if plot is not None:
-            with self._plot:
-                plots.show(plot, height=height_of(plot))
+        for signal, element in self._plots.items():
+            element.update_figure(self._figure(signal))
+
+    def _figure(self, signal: str) -> dict[str, Any]:
+        figure = plots.drawn(signal_plot(self.evidence, signal), height=HEIGHT)
+        figure["layout"] |= {"showlegend": False, "uirevision": signal}
+        figure["layout"]["margin"] |= {"t": 8}
+        return figure
+
+    def _course(self, signal: str) -> None:
+        """The plot of a signal."""
+        element = ui.plotly(self._figure(signal)).classes("fw-course")
+        element.props["role"] = "img"
+        element.props["aria-label"] = f"{signal} measured and predicted"
+        self._plots[signal] = element
 
     @ui.refreshable_method
     def _verdict(self, signal: str) -> None:
@@ -164,8 +176,9 @@ class _Page:
         except FifthwheelError as error:
             layout.failure(f"{error}\nCorrect signals.toml with a text editor, or propose a map.")
             return
+        self._plots.clear()
         for signal, channel in signal_map.signals.items():
-            signal_rows.row(self, signal, channel, self._verdict)
+            signal_rows.row(self, signal, channel, self._course, self._verdict)
         if signal_map.reference:
             ui.label(f"For comparison only: {', '.join(signal_map.reference)}")
 
