@@ -68,7 +68,7 @@ def main() -> None:
                     page.get_by_text("channels").first.wait_for()
                     for name in names:
                         page.goto(start.rstrip("/") + address(name))
-                        page.locator(".js-plotly-plot .plot-container").first.wait_for(timeout=60_000)
+                        page.locator(".js-plotly-plot[role=img] .plot-container").first.wait_for(timeout=60_000)
                         page.wait_for_timeout(SETTLED)
                         path = OUT / f"{name}-{form}.webp"
                         save(page.screenshot(), path)
