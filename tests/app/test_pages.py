@@ -118,12 +118,12 @@ def test_a_clock_offset_is_found_and_mended_by_one_click(browser, tmp_path):
 def test_a_reload_loses_nothing_and_changes_are_undone_by_keys(browser, tmp_path):
     with opened(browser, tmp_path / "w", example(tmp_path)) as page:
         signals(page)
-        field = section(page, TRAILER).get_by_label(f"Delay of {TRAILER}")
+        field = section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True)
         field.fill("0.2")
         page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: delay 0.2")).wait_for()
         page.reload()
-        section(page, TRAILER).get_by_label(f"Delay of {TRAILER}").wait_for()
-        assert section(page, TRAILER).get_by_label(f"Delay of {TRAILER}").input_value() == "0.200"
+        section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).wait_for()
+        assert section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.200"
         page.get_by_role("button", name="Propose a map").focus()
         page.keyboard.press("Control+z")
         page.get_by_role("button", name=re.compile(f"Redo: {TRAILER}")).wait_for()
@@ -139,11 +139,11 @@ def test_a_second_tab_shows_the_change_of_the_first(browser, tmp_path):
         signals(page)
         with tab(browser, page.url) as other:
             # the second tab of another session of the browser is a tab like any other
-            other.get_by_label(f"Delay of {TRAILER}").wait_for()
-            section(page, TRAILER).get_by_label(f"Delay of {TRAILER}").fill("0.1")
+            other.get_by_label(f"Delay of {TRAILER}", exact=True).wait_for()
+            section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).fill("0.1")
             other.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: delay 0.1")).wait_for()
-            assert other.get_by_label(f"Delay of {TRAILER}").input_value() == "0.100"
-            other.get_by_label(f"Gain of {TRAILER}").fill("2")
+            assert other.get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.100"
+            other.get_by_label(f"Gain of {TRAILER}", exact=True).fill("2")
             page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: gain 2")).wait_for()
     channel = mapped(tmp_path / "w")[TRAILER]
     assert (channel.delay, channel.gain) == (0.1, 2.0)

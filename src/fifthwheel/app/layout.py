@@ -6,9 +6,11 @@ from contextlib import contextmanager
 from functools import partial
 from importlib import import_module, resources
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode
+from weakref import WeakKeyDictionary
 
-from nicegui import events, ui
+from nicegui import Client, events, ui
 
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
@@ -104,9 +106,26 @@ def reload() -> None:
     ui.run_javascript("location.reload()")
 
 
-@ui.refreshable
-def undo_buttons(workspace: Workspace) -> None:
-    """The buttons that undo and repeat a change; refresh them after a change."""
+class _UndoButtons:
+    """The buttons that undo and repeat a change, in each tab; refresh them after a change."""
+
+    def __init__(self) -> None:
+        self._shown: WeakKeyDictionary[Client, Any] = WeakKeyDictionary()
+
+    def __call__(self, workspace: Workspace) -> None:
+        """Show them in this tab."""
+        shown = self._shown[ui.context.client] = ui.refreshable(_show_undo_buttons)
+        shown(workspace)
+
+    def refresh(self) -> None:
+        """Show in this tab what can be undone now; other tabs reload when they find the change."""
+        self._shown[ui.context.client].refresh()
+
+
+undo_buttons = _UndoButtons()
+
+
+def _show_undo_buttons(workspace: Workspace) -> None:
     for icon, word, keys, label, action in zip(
         ("undo", "redo"),
         ("Undo", "Redo"),

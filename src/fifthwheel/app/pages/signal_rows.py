@@ -79,11 +79,16 @@ def row(editor: Editor, signal: str, channel: Channel, *parts: Callable[[str], o
 
 
 def _column(editor: Editor, signal: str, channel: Channel) -> None:
-    names = list(editor.columns)
+    names = _with_numbers(editor)
     options = names if channel.column in names else [channel.column, *names]
     field = ui.select(options, value=channel.column, label="Column", with_input=True)
     field.props("dense").classes("w-64").props["aria-label"] = f"Column of {signal}"
     field.on_value_change(partial(_changed, editor, signal, "column"))
+
+
+def _with_numbers(editor: Editor) -> list[str]:
+    """Columns that may be signals."""
+    return [name for name, content in editor.columns.items() if content.alive]
 
 
 async def _changed(editor: Editor, signal: str, key: str, event: events.ValueChangeEventArguments[Any]) -> None:
@@ -140,7 +145,7 @@ def adding(editor: Editor) -> None:
         units = {SignalName.of(name).unit for name in editor.signal_map().signals} - {"", None}
         names = [name.format(unit) for unit in sorted(units or {"tractor", "semitrailer"}) for name in _NAMES]
         signal = ui.input("Signal to add", autocomplete=names).props("dense").classes("w-64")
-        column = ui.select(list(editor.columns), label="Its column", with_input=True).props("dense").classes("w-64")
+        column = ui.select(_with_numbers(editor), label="Its column", with_input=True).props("dense").classes("w-64")
 
         async def add() -> None:
             if signal.value and column.value:
