@@ -1,6 +1,7 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.assessment import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 from fifthwheel.workflow.axle_loads import (
     AxleLoadDifference,
@@ -13,7 +14,7 @@ from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
 from fifthwheel.workflow.learner import exported_learner
-from fifthwheel.workflow.log_contents import LogContents, survey_file
+from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
 from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
@@ -26,8 +27,10 @@ __all__ = [
     "SENSOR_PRIORS",
     "STATES_FILES",
     "AxleLoadDifference",
+    "ChannelEvidence",
     "IdentificationRun",
     "LogContents",
+    "SignalEvidence",
     "StatesRun",
     "WeighedVehicle",
     "axle_load_differences",
@@ -37,12 +40,14 @@ __all__ = [
     "exported_observer",
     "identification_file",
     "one_stage_settings",
+    "propose_signals",
     "read_records",
     "read_truck",
     "read_vehicle",
     "roll_tested_vehicle",
     "run_identification",
     "run_states",
+    "signal_evidence",
     "survey_file",
     "tested_numbers",
     "vehicle_text",

@@ -1,0 +1,192 @@
+"""Computation in child processes, so that the pages answer meanwhile and a cancelled job ends at once.
+
+A job belongs to the server and has a key, so that each tab, also after a reload, shows the same job.
+"""
+
+import asyncio
+import multiprocessing
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any, Literal, TypeVar
+
+from fifthwheel.errors import FifthwheelError
+
+Result = TypeVar("Result")
+
+_PROCESSES = multiprocessing.get_context("spawn")  # a fork of a process with threads may block
+_REPORT_EVERY = 0.1
+"""s between two reports of progress."""
+
+
+@dataclass(eq=False)
+class Job:
+    """A computation in a process of its own."""
+
+    key: str
+    state: Literal["running", "done", "failed", "cancelled"] = "running"
+    title: str = "starting"
+    """What it does now."""
+    fraction: float | None = None
+    """Of the work with this title that is done, 0 to 1."""
+    result: Any = None
+    error: str = ""
+    started: float = field(default_factory=time.monotonic)
+    process: Any = None
+
+    @property
+    def running(self) -> bool:
+        """Whether it has neither ended nor been cancelled."""
+        return self.state == "running"
+
+    def cancel(self) -> None:
+        """End the process at once; files that it writes appear complete or not at all."""
+        if self.running:
+            self.state = "cancelled"
+            self.process.kill()
+
+
+_jobs: dict[str, Job] = {}
+
+
+def get(key: str) -> Job | None:
+    """The last job with this key."""
+    return _jobs.get(key)
+
+
+def start(key: str, function: Callable[..., Any], *args: Any, **options: Any) -> Job:
+    """Start `function(*args, progress=..., **options)` in a process; a job with this key that runs already is returned.
+
+    Args:
+        key: names the job, such as "identify".
+        function: of a module, not of a function; receives `progress(title, done, total)`.
+        args, options: sent to the process; its result is sent back.
+    """
+    job = _jobs.get(key)
+    if job is not None and job.running:
+        return job
+    receiver, sender = _PROCESSES.Pipe(duplex=False)
+    job = Job(key)
+    job.process = _PROCESSES.Process(target=_work, args=(sender, function, args, options), name=key, daemon=True)
+    _jobs[key] = job
+    job.process.start()
+    sender.close()
+    threading.Thread(target=_follow, args=(job, receiver), name=f"job {key}", daemon=True).start()
+    return job
+
+
+def cancel_all() -> None:
+    """End all processes."""
+    for job in _jobs.values():
+        job.cancel()
+    _worker.end()
+
+
+class _Worker:
+    """A process that computes what it is asked for, so that the imports are not repeated."""
+
+    def __init__(self) -> None:
+        self._process: Any = None
+        self._pipe: Any = None
+        self._free = threading.Lock()
+
+    def ask(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
+        """The result of a function; waits until earlier computations have ended."""
+        with self._free:
+            if self._process is None:
+                self._pipe, end = _PROCESSES.Pipe()
+                self._process = _PROCESSES.Process(target=_answer, args=(end,), name="compute", daemon=True)
+                self._process.start()
+                end.close()
+            try:
+                self._pipe.send((function, args))
+                kind, content = self._pipe.recv()
+            except (EOFError, OSError):
+                self.end()
+                raise FifthwheelError("the computation was ended by the system; close other programs") from None
+        if kind == "failed":
+            raise FifthwheelError(content)
+        result: Result = content
+        return result
+
+    def end(self) -> None:
+        """End the process; the next computation starts another one."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.join()
+            self._pipe.close()
+
+
+_worker = _Worker()
+
+
+async def compute(function: Callable[..., Result], *args: Any) -> Result:
+    """The result of a function of a module, computed in a process that waits for such calls, one after the other.
+
+    Raises:
+        FifthwheelError: as the function, or the process was ended.
+    """
+    return await asyncio.to_thread(_worker.ask, function, args)
+
+
+def _answer(pipe: Connection) -> None:
+    """In the process of `compute`: answer until the server ends."""
+    while True:
+        try:
+            function, args = pipe.recv()
+        except EOFError:
+            return
+        pipe.send(_outcome(function, args, {}))
+
+
+def _outcome(function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> tuple[str, Any]:
+    """Either "done" and the result, or "failed" and a message."""
+    try:
+        return "done", function(*args, **options)
+    except FifthwheelError as error:
+        return "failed", str(error)
+    except OSError as error:
+        return "failed", f"{error.filename or 'file'}: {error.strerror or error}; check free space and rights"
+    except Exception as error:
+        traceback.print_exc()
+        return "failed", f"internal error, please report it: {type(error).__name__}: {error}"
+
+
+def _work(sender: Connection, function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> None:
+    """In the child process: compute, and send progress, then the result or the error."""
+    last, shown = 0.0, ""
+
+    def progress(title: str, done: int, total: int) -> None:
+        nonlocal last, shown
+        now = time.monotonic()
+        if title != shown or now - last > _REPORT_EVERY:
+            last, shown = now, title
+            sender.send(("progress", (title, done, total)))
+
+    sender.send(_outcome(function, args, options | {"progress": progress}))
+
+
+def _follow(job: Job, receiver: Connection) -> None:
+    """In a thread: receive what a job sends until it ends."""
+    try:
+        while True:
+            kind, content = receiver.recv()
+            if kind == "progress":
+                title, done, total = content
+                job.title, job.fraction = title, done / total if total else None
+                continue
+            if job.running:
+                job.result, job.error = (content, "") if kind == "done" else (None, content)
+                job.state = kind
+            break
+    except (EOFError, OSError):
+        if job.running:
+            job.error = "ended by the system; it may need more memory than there is"
+            job.state = "failed"
+    finally:
+        receiver.close()
+        job.process.join()

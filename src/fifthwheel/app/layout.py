@@ -1,0 +1,172 @@
+"""What all pages share: navigation, undo, errors, and the check that a tab is not stale."""
+
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module, resources
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+from weakref import WeakKeyDictionary
+
+from nicegui import Client, events, ui
+
+from fifthwheel.app.workspace import StaleError, Workspace
+from fifthwheel.errors import FifthwheelError, printable
+
+PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare")
+"""Names of the modules in `pages`, and of the pages, in the order of work; the first has the address /."""
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16">'
+    '<path d="M1 4h9v7H1zM11 6h3l1 3v2h-4z" fill="#1f5fa8"/>'
+    '<circle cx="4" cy="12" r="2"/><circle cx="12.5" cy="12" r="2"/></svg>'
+)
+_CURRENT = "document.querySelector('.fw-nav [aria-current]')"
+POLL = 1.0
+"""s between two looks for changes by other tabs."""
+
+
+def register(folder: Path) -> None:
+    """Register the pages of a workspace."""
+    style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
+    ui.add_head_html(f"<style>{style}</style>", shared=True)
+    for name in PAGES:
+        _register(name, folder)
+
+
+def _register(name: str, folder: Path) -> None:
+    module = import_module(f"fifthwheel.app.pages.{name}")
+
+    @ui.page(address(name), title=f"{name.capitalize()} - fifthwheel", language="en-US")
+    def page() -> None:
+        workspace = Workspace(folder)
+        with frame(workspace, name):
+            try:
+                module.build(workspace)
+            except FifthwheelError as error:
+                failure(str(error))
+
+
+def address(name: str) -> str:
+    """Address of a page."""
+    return "/" if name == PAGES[0] else f"/{name}"
+
+
+@contextmanager
+def frame(workspace: Workspace, name: str) -> Iterator[None]:
+    """Header and main part of a page; what is built in the block is in the main part."""
+    ui.on_exception(_show_error)
+    ui.colors(primary="#1f5fa8")
+    ui.html('<a class="fw-skip" href="#main">To the content</a>', sanitize=False)
+    with ui.header().classes("q-py-none q-px-sm items-center").style("gap: 4px"):
+        with ui.element("nav").classes("fw-nav").props('aria-label="Pages"'):
+            for number, page in enumerate(PAGES, 1):
+                link = ui.link(f"{number} {page.capitalize()}", address(page))
+                if page == name:
+                    link.props("aria-current=page")
+        undo_buttons(workspace)
+    ui.keyboard(on_key=partial(_on_key, workspace), ignore=["input", "select", "textarea"])
+    with ui.element("div").classes("fw-page").props("id=main tabindex=-1"):
+        with ui.element("h1"):
+            ui.label(name.capitalize())
+        yield
+    ui.run_javascript(f"{_CURRENT}.scrollIntoView({{inline: 'center', block: 'nearest'}})")
+    ui.timer(POLL, lambda: _reload_if_stale(workspace))
+
+
+def heading(text: str) -> None:
+    """A heading below that of the page."""
+    with ui.element("h2"):
+        ui.label(printable(text))
+
+
+def plain(text: str) -> str:
+    """A text from a file for a plot, where plotly reads markup."""
+    return printable(text).replace("<", "&lt;")
+
+
+def query(**values: str | Sequence[str]) -> str:
+    """Values as the query of an address."""
+    return urlencode(values, doseq=True)
+
+
+def failure(message: str) -> None:
+    """A message in the page; screen readers read it at once."""
+    ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
+
+
+def say(message: str) -> None:
+    """A short note that vanishes; screen readers read it."""
+    ui.notify(message, position="bottom", multi_line=True)
+
+
+def reload() -> None:
+    """Show the page anew."""
+    ui.run_javascript("location.reload()")
+
+
+class _UndoButtons:
+    """The buttons that undo and repeat a change, in each tab; refresh them after a change."""
+
+    def __init__(self) -> None:
+        self._shown: WeakKeyDictionary[Client, Any] = WeakKeyDictionary()
+
+    def __call__(self, workspace: Workspace) -> None:
+        """Show them in this tab."""
+        shown = self._shown[ui.context.client] = ui.refreshable(_show_undo_buttons)
+        shown(workspace)
+
+    def refresh(self) -> None:
+        """Show in this tab what can be undone now; other tabs reload when they find the change."""
+        self._shown[ui.context.client].refresh()
+
+
+undo_buttons = _UndoButtons()
+
+
+def _show_undo_buttons(workspace: Workspace) -> None:
+    for icon, word, keys, label, action in zip(
+        ("undo", "redo"),
+        ("Undo", "Redo"),
+        ("Ctrl+Z", "Ctrl+Y"),
+        workspace.undoable(),
+        (workspace.undo, workspace.redo),
+        strict=True,
+    ):
+        text = f"{word}: {label}" if label else f"Nothing to {word.lower()}"
+        button = ui.button(icon=icon, on_click=partial(_step, action)).props("flat dense color=white")
+        button.props["aria-label"] = text
+        button.tooltip(f"{text} ({keys})")
+
+
+def _step(action: Callable[[], str | None]) -> None:
+    if action() is not None:
+        reload()
+
+
+def _on_key(workspace: Workspace, event: events.KeyEventArguments) -> None:
+    if event.action.keydown and not event.action.repeat and (event.modifiers.ctrl or event.modifiers.meta):
+        if event.key == "z" and not event.modifiers.shift:
+            _step(workspace.undo)
+        elif event.key == "y" or (event.key == "Z" and event.modifiers.shift):
+            _step(workspace.redo)
+
+
+def _reload_if_stale(workspace: Workspace) -> None:
+    if workspace.stale:
+        workspace.seen = ""  # so that a change that arrives before the reload is refused
+        reload()
+
+
+def _show_error(error: Exception) -> None:
+    if isinstance(error, StaleError):
+        ui.notify(str(error), type="warning", timeout=8000)
+        ui.timer(2.0, reload, once=True)
+    elif isinstance(error, FifthwheelError):
+        ui.notify(str(error), type="negative", multi_line=True, timeout=10000, close_button="Close")
+    elif isinstance(error, OSError):
+        ui.notify(f"{error.filename or 'file'}: {error.strerror or error}", type="negative", close_button="Close")
+    else:
+        traceback.print_exception(error)
+        ui.notify(f"internal error: {type(error).__name__}; see the terminal", type="negative", close_button="Close")
