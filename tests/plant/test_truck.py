@@ -60,9 +60,17 @@ def lane_change() -> PlantRun:
     return Plant(TRUCK).drive(lane_changes(count=1))
 
 
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "cheng_cebon_2011_vehicle", "auburn_6x4"])
+def off_axle() -> Vehicle:
+    """A truck with full trailer whose turntable lies 0.3 m ahead of the axle of its dolly."""
+    truck = get("truck_full_trailer")
+    return truck.replace({"turntable.leading_position": truck.couplings[1].leading_position + 0.3})
+
+
+@pytest.mark.parametrize(
+    "name", ["cheng_cebon_2011", "cheng_cebon_2011_vehicle", "auburn_6x4", "a_double", "truck_full_trailer", "off_axle"]
+)
 def test_static_axle_loads(name: str):
-    truck = get(name)
+    truck = off_axle() if name == "off_axle" else get(name)
     run = Plant(truck, NO_RESISTANCE).drive(straight(duration=3.0))
     for unit in truck.units:
         for group in unit.axle_groups:
