@@ -333,6 +333,20 @@ def test_a_rollover_is_refused():
         Plant(high).drive(sine(0.12, frequency=0.15))
 
 
+def test_a_run_may_end_with_a_rollover():
+    high = TRUCK.replace({"semitrailer.payload.height": 4.5})
+    run = Plant(high).drive(sine(0.12, frequency=0.15), until_rollover=True)
+    assert 1 < run.time[-1] < 5
+    assert all(np.isfinite(values).all() for values in run.truth.values())
+    roll = np.abs(run.truth["roll.semitrailer"])
+    assert 0.55 < roll[-1] < 0.6
+    assert roll[-1] == roll.max()
+    unharmed = Plant(TRUCK).drive(sine(0.01), until_rollover=True)
+    np.testing.assert_array_equal(
+        unharmed.truth["roll.semitrailer"], Plant(TRUCK).drive(sine(0.01)).truth["roll.semitrailer"]
+    )
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -62,8 +62,13 @@ def measure(truck: Truck) -> Values:
     sets = rollover(truck)
     values = {"rollover_threshold": min(s.threshold for s in sets)}
     if len(sets) > 1:
-        values |= {f"rollover_threshold.{'+'.join(s.units)}": s.threshold for s in sets}
+        values |= {set_name(s): s.threshold for s in sets}
     return values | {f"wheel_lift.{path}": lift for s in sets for path, lift in s.lifts.items()}
+
+
+def set_name(rollover: Rollover) -> str:
+    """Name of the measure of one roll-coupled set: "rollover_threshold.dolly+trailer"."""
+    return f"rollover_threshold.{'+'.join(rollover.units)}"
 
 
 def _of_set(truck: Truck, units: list[int]) -> Rollover:
