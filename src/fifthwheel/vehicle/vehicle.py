@@ -108,7 +108,7 @@ class Vehicle(Component):
         """
         from fifthwheel.vehicle.drawing import drawing  # only a plot needs NumPy
 
-        joints = [(c.leading_position, c.trailing_position, c.height) for c in self.couplings]
+        joints = [(c.leading_position, c.trailing_position, c.height, c.kind == "drawbar_eye") for c in self.couplings]
         return drawing(self.name, self.units, joints)
 
     def __repr__(self) -> str:
