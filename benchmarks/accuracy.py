@@ -38,7 +38,6 @@ from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED, point_payload
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
 
-TRUCK = get("cheng_cebon_2011")
 RATES = ("yaw_rate", "roll_rate")
 KNOWN = OneStage(priors={}, consider={}, nuisances=False)
 """All parameters except the five estimated ones are known exactly."""
@@ -70,6 +69,13 @@ class Case:
     recursive: bool = False
     bound: bool = False
     """The model is exact, so the Cramer-Rao bound applies."""
+    vehicle: str = "cheng_cebon_2011"
+    """Name in the catalogue."""
+
+    @property
+    def truck(self) -> Vehicle:
+        """The vehicle."""
+        return get(self.vehicle)
 
 
 CASES = (
@@ -97,20 +103,24 @@ CASES = (
     Case("article 12", "Linear truck, the article's preset, 12 lane changes", article(), 12),
     Case("one-stage 5", "Linear truck, one stage, all else known, 5 lane changes", KNOWN, 5, bound=True),
     Case("two-stage nonlinear", "Nonlinear truck, two stages, 1 lane change", TwoStage(), nonlinear=True),
+    *(
+        Case(name, f"Linear {name}, all else known, 1 lane change", KNOWN, bound=True, vehicle=name)
+        for name in ("b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer")
+    ),
 )
 
 
 @cache
-def nonlinear_run(count: int, bank: float, point: bool) -> PlantRun:
+def nonlinear_run(vehicle: str, count: int, bank: float, point: bool) -> PlantRun:
     """Lane changes of the nonlinear truck; bank in rad."""
-    truck = point_payload(TRUCK) if point else TRUCK
+    truck = point_payload(get(vehicle)) if point else get(vehicle)
     return Plant(truck, Properties(bank=bank)).drive(lane_changes(count=count))
 
 
-def random_vehicle(settings: OneStage, seed: int) -> Vehicle:
+def random_vehicle(truck: Vehicle, settings: OneStage, seed: int) -> Vehicle:
     """The vehicle file with errors of all uncertain parameters, drawn from their priors."""
-    rng, values = np.random.default_rng([seed, 11]), TRUCK.parameters()
-    estimated = {*stage_1_names(TRUCK), "semitrailer.payload.height"}
+    rng, values = np.random.default_rng([seed, 11]), truck.parameters()
+    estimated = {*stage_1_names(truck), "semitrailer.payload.height"}
     tables = settings.priors, settings.consider
     changed = {}
     for name, value in values.items():
@@ -119,7 +129,7 @@ def random_vehicle(settings: OneStage, seed: int) -> Vehicle:
         is_trailer_body = (path.unit, path.component) == ("semitrailer", "sprung")
         if sigma and value > 0 and name not in estimated and not is_trailer_body:
             changed[name] = value * float(np.exp(sigma * rng.normal()))
-    return TRUCK.replace(changed)
+    return truck.replace(changed)
 
 
 def with_sensor_errors(record: Record, settings: OneStage, seed: int) -> Record:
@@ -140,9 +150,10 @@ def simulated_record(case: Case, seed: int) -> Record:
     """The measured signals of one seed."""
     if case.nonlinear:
         bank = np.radians(2) * (1 if seed % 2 else -1) if case.random_errors else 0.0
-        record = nonlinear_run(case.lane_changes, bank, case.point).record(article_sensors(TRUCK), seed=seed)
+        run = nonlinear_run(case.vehicle, case.lane_changes, bank, case.point)
+        record = run.record(article_sensors(case.truck), seed=seed)
     else:
-        record = simulate(TRUCK, count=case.lane_changes, seed=seed)
+        record = simulate(case.truck, count=case.lane_changes, seed=seed)
     if case.random_errors and isinstance(case.settings, OneStage):
         record = with_sensor_errors(record, case.settings, seed)
     return record
@@ -150,9 +161,9 @@ def simulated_record(case: Case, seed: int) -> Record:
 
 def estimate(case: Case, seed: int) -> Result:
     """Identify the truck with the data of one seed."""
-    record, assumed = simulated_record(case, seed), TRUCK
+    record, assumed = simulated_record(case, seed), case.truck
     if case.random_errors and isinstance(case.settings, OneStage):
-        assumed = random_vehicle(case.settings, seed)
+        assumed = random_vehicle(assumed, case.settings, seed)
     guess = initial_guess(assumed, seed)
     if case.recursive and isinstance(case.settings, OneStage):
         learner = Learner(guess, record.signals, case.settings)
@@ -164,8 +175,8 @@ def estimate(case: Case, seed: int) -> Result:
 
 def cramer_rao_bound(case: Case) -> dict[str, float]:
     """Cramer-Rao bound of each parameter, relative to its value, with the prior of the estimator."""
-    record = simulate(TRUCK, count=case.lane_changes, seed=0)
-    truck, values = TRUCK.with_logged_steering(record.signals, record.name), TRUCK.parameters()
+    record = simulate(case.truck, count=case.lane_changes, seed=0)
+    truck, values = case.truck.with_logged_steering(record.signals, record.name), case.truck.parameters()
     outputs = tuple(name for name in record.signals if SignalName.of(name).quantity in RATES)
     assert isinstance(case.settings, OneStage)
     settings = replace(case.settings, initial_payload_height=None, outlier=1e9)
@@ -181,9 +192,9 @@ def cramer_rao_bound(case: Case) -> dict[str, float]:
 
 def table(case: Case, results: Sequence[Result]) -> list[str]:
     """The section of a case, as lines of Markdown."""
-    truck = point_payload(TRUCK) if case.point else TRUCK
+    truck = point_payload(case.truck) if case.point else case.truck
     truth = truck.parameters() | truck.derived()
-    ranges = effective_stiffness(TRUCK, Properties(), SPEED) if case.nonlinear else {}
+    ranges = effective_stiffness(case.truck, Properties(), SPEED) if case.nonlinear else {}
     bounds = cramer_rao_bound(case) if case.bound else {}
     lines = [
         f"## {case.title}",

@@ -24,6 +24,14 @@ def test_nothing_oscillates_without_peaks():
     assert decay(time, np.exp(-time)) == 1.0
 
 
+@pytest.mark.parametrize("name", ["a_double", "truck_full_trailer", "truck_dolly_semitrailer", "b_double"])
+def test_the_decay_of_a_long_combination_begins_at_its_largest_peak(name):
+    """The motion reaches the last unit late: peaks that still grow are not part of its decay."""
+    truck = Truck(vehicle=get(name))
+    dampings = [mode.damping for mode in modes(truck.vehicle, truck.speed) if mode.frequency < 1]
+    assert 0.8 * min(dampings) < decay(*pulse_response(truck)) < max(dampings)
+
+
 def test_a_ripple_on_a_slow_decay_is_no_oscillation():
     time = np.arange(0, 10, 0.01)
     assert decay(time, np.exp(-0.1 * time) * (1 + 0.2 * np.sin(5 * time))) == 1.0

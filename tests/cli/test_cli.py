@@ -359,6 +359,9 @@ def test_a_new_vehicle_by_options(run):
     assert "fifth_wheel.leading_position" not in vehicle.assumed
     assert run("vehicle", "show", "truck.toml").code == 0
     refused(run("vehicle", "new", *NEW, "--laden", "6850 10500 22500"), r"truck\.toml: .*--force")
+    assert run("vehicle", "new", "--like", "a_double", "-o", "long.toml").code == 0
+    assert len(Vehicle.load("long.toml").units) == 4
+    refused(run("vehicle", "new", "--like", "a_double", "--load-mass", "3t", "-o", "c.toml"), "like: expected alone")
     refused(run("vehicle", "new", *NEW[2:], "-o", "b.toml"), r"tractor: expected a value, got none; give --tractor, or")
     assert not Path("b.toml").exists()
 

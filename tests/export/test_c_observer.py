@@ -178,10 +178,15 @@ def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "units", ["yaw only", *(pytest.param(n, marks=pytest.mark.slow) for n in ("three units", "relaxation lengths"))]
+    "units",
+    [
+        "yaw only",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("three units", "four units", "relaxation lengths")),
+    ],
 )
 def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
-    train = {"three units": b_double(), "relaxation lengths": vehicle.get("cheng_cebon_2011")}.get(units, truck)
+    catalogue = {"four units": "a_double", "relaxation lengths": "cheng_cebon_2011"}
+    train = vehicle.get(catalogue[units]) if units in catalogue else b_double() if units == "three units" else truck
     record = simulate(train, count=1, seed=1)
     signals = {n: v for n, v in record.signals.items() if units != "yaw only" or not n.startswith("roll_rate")}
     record = Record(time=record.time, signals=signals, name=units)

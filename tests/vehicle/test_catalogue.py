@@ -85,6 +85,61 @@ def test_laden_and_unladen_auburn_differ_only_in_what_depends_on_the_payload() -
     assert different == {f"semitrailer.{word}" for word in ("mass", "cog", "yaw_inertia", "sprung.roll_yaw_product")}
 
 
+SEMITRAILER = "semitrailer"
+PARTS = {
+    ("b_double", "lead"): [
+        (4800, -4.0, 9.3, 0.0),
+        (13000, -2.6, 6.1, 2.11),
+        *[(700, x, 0.0, 0.0) for x in (-5.2, -6.5, -7.8)],
+    ],
+    ("truck_full_trailer", "trailer"): [(3000, -2.6, 7.7, 0.0), (11500, -2.6, 7.2, 2.4), (700, -5.1, 0.0, 0.0)],
+}
+"""Mass, position, length and width of uniform parts, kg and m, as in the comments of the files."""
+
+
+@pytest.mark.parametrize(("name", "unit_name"), list(PARTS))
+def test_chosen_units_are_the_sums_of_their_parts(name: str, unit_name: str) -> None:
+    unit, parts = catalogue.get(name).unit(unit_name), PARTS[name, unit_name]
+    mass = sum(m for m, *_ in parts)
+    cog = sum(m * x for m, x, *_ in parts) / mass
+    assert unit.mass == mass
+    assert unit.cog == pytest.approx(cog, abs=5e-4)
+    inertia = sum(m * (x - cog) ** 2 + m * (length**2 + width**2) / 12 for m, x, length, width in parts)
+    assert unit.yaw_inertia == pytest.approx(inertia, abs=0.5)
+    sprung = [(m, x) for m, x, length, _ in parts if length]
+    sprung_cog = sum(m * x for m, x in sprung) / sum(m for m, _ in sprung)
+    lever = catalogue.get(name).derived()[f"{unit_name}.cog_height"] - unit.roll_axis_height
+    product = unit.laden_sprung_mass * (sprung_cog - cog) * lever
+    assert unit.sprung.roll_yaw_product == pytest.approx(product, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds", "mass"),
+    [
+        ("b_double", ["fifth_wheel", "fifth_wheel"], 62.0),
+        ("a_double", ["fifth_wheel", "drawbar_eye", "fifth_wheel"], 78.3),
+        ("truck_dolly_semitrailer", ["drawbar_eye", "fifth_wheel"], 61.2),
+        ("truck_full_trailer", ["drawbar_eye", "turntable"], 39.2),
+    ],
+)
+def test_long_combinations(name: str, kinds: list[str], mass: float) -> None:
+    """Couplings, mass, and tyres by the coefficients of the article at the static loads."""
+    vehicle, article = catalogue.get(name), ARTICLE.parameters()
+    assert [c.kind for c in vehicle.couplings] == kinds
+    assert sum(unit.mass for unit in vehicle.units) == pytest.approx(mass * 1000, abs=100)
+    trailer = vehicle.units[-1]
+    if trailer.name in (SEMITRAILER, "second"):
+        same = {p: v for p, v in article.items() if p.startswith(f"{SEMITRAILER}.")}
+        ours = vehicle.parameters()
+        assert {p: ours[p.replace(SEMITRAILER, trailer.name)] for p in same} == pytest.approx(same, rel=1e-8)
+    for path, load in vehicle.axle_loads().items():
+        if path.split(".")[0] in (SEMITRAILER, "first", "second"):
+            continue
+        coefficient = 7.0 if "." in path else 5.7
+        stiffness = vehicle.parameters()[f"{path}.cornering_stiffness"]
+        assert stiffness == pytest.approx(coefficient * load, abs=2500), path
+
+
 @pytest.mark.parametrize("name", catalogue.names())
 def test_every_entry_is_complete(name: str) -> None:
     vehicle = catalogue.get(name)

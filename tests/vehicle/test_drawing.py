@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.plots import Area, Points
+from fifthwheel.plots import Area, Line, Points
 from fifthwheel.vehicle import Vehicle, catalogue, get
 
 
@@ -32,6 +32,17 @@ def test_axles_couplings_and_cog_are_at_their_places():
     assert heights == pytest.approx([value for path, value in truck.derived().items() if path.endswith("cog_height")])
     (payload,) = [item for item in side.items if isinstance(item, Area) and item.name == "payload"]
     assert np.ptp(payload.y) == pytest.approx(truck.parameters()["semitrailer.payload.height"])
+
+
+def test_a_dolly_has_a_drawbar():
+    """Its frame is above its axles, and does not reach the eye; every unit has its own colour."""
+    truck = get("a_double")
+    (side, top), eye = truck.plot().panels, truck.couplings[0].leading_position + truck.couplings[1].leading_position
+    frames = {item.name: item for panel in (side,) for item in panel.items if isinstance(item, Area) and item.name}
+    assert frames["dolly"].x.max() < eye - 2
+    assert len({frames[unit.name].colour for unit in truck.units}) == 4
+    drawbar = [item for item in (*side.items, *top.items) if isinstance(item, Line) and eye in np.round(item.x, 9)]
+    assert len(drawbar) == 3
 
 
 def test_a_vehicle_reads_and_writes_itself(tmp_path):

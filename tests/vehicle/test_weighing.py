@@ -72,10 +72,10 @@ def test_impossible_loads_are_refused(change: dict[str, float], message: str) ->
         with_axle_loads(ARTICLE, ARTICLE.axle_loads() | change)
 
 
-def test_other_vehicles_are_refused() -> None:
+def test_a_single_unit_is_determined_by_its_loads() -> None:
     alone = Vehicle(name="alone", units=ARTICLE.units[:1])
-    with pytest.raises(VehicleError, match="alone: expected a tractor with two axle groups"):
-        with_axle_loads(alone, alone.axle_loads())
+    truth = alone.replace({"tractor.mass": 7500.0, "tractor.sprung.mass": 5600.0, "tractor.cog": -1.2})
+    assert with_axle_loads(alone, truth.axle_loads()).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
 
 
 @given(mass=st.floats(100, 30e3), cog=st.floats(-7.5, -1))
@@ -85,3 +85,46 @@ def test_without_the_front_axle(mass: float, cog: float) -> None:
     assert with_axle_loads(ARTICLE, loads).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
     with pytest.raises(VehicleError, match=r"tractor.drive: expected more than the tractor's own"):
         with_axle_loads(ARTICLE, loads | {"tractor.drive": 1e3})
+
+
+LONG = ["b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer"]
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_combinations_have_the_weighed_loads(name: str) -> None:
+    """Loads of payloads 20 % lighter and 0.3 m further back: the result has these loads, and so the same total mass."""
+    vehicle = catalogue.get(name)
+    values = {}
+    for unit in vehicle.units:
+        if unit.payload:
+            values[f"{unit.name}.payload.mass"] = 0.8 * unit.payload.mass
+            values[f"{unit.name}.mass"] = unit.mass - 0.2 * unit.payload.mass
+            values[f"{unit.name}.cog"] = unit.cog - 0.1
+    truth = vehicle.replace(values)
+    weighed = with_axle_loads(vehicle, truth.axle_loads())
+    assert weighed.axle_loads() == pytest.approx(truth.axle_loads(), rel=1e-9)
+    assert sum(u.mass for u in weighed.units) == pytest.approx(sum(u.mass for u in truth.units), rel=1e-9)
+    for ours, true in zip(weighed.units, truth.units, strict=True):
+        assert ours.mass == pytest.approx(true.mass, rel=0.06), true.name
+        assert ours.mass - ours.laden_sprung_mass == pytest.approx(true.mass - true.laden_sprung_mass)
+
+
+def test_a_rigid_truck_is_determined_by_two_loads() -> None:
+    """A full trailer puts no load on its truck, so that the truck alone has two unknowns and two loads."""
+    vehicle = catalogue.get("truck_full_trailer")
+    truck = vehicle.units[0]
+    assert truck.payload
+    truth = vehicle.replace(
+        {"truck.mass": truck.mass - 3000, "truck.payload.mass": truck.payload.mass - 3000, "truck.cog": -3.2}
+    )
+    weighed = with_axle_loads(vehicle, truth.axle_loads()).units[0]
+    assert (weighed.mass, weighed.cog) == pytest.approx((truck.mass - 3000, -3.2), rel=1e-9)
+
+
+def test_a_long_combination_needs_all_loads() -> None:
+    vehicle = catalogue.get("b_double")
+    loads = vehicle.axle_loads()
+    with pytest.raises(VehicleError, match=r"lead: expected a load > 0 N, got None"):
+        with_axle_loads(vehicle, {path: load for path, load in loads.items() if path != "lead"})
+    with pytest.raises(VehicleError, match=r"unladen_tractor: expected none for b_double"):
+        with_axle_loads(vehicle, loads, unladen_tractor={})

@@ -157,8 +157,7 @@ def swept_path(truck: Truck, run: LowSpeedTurn) -> float:
 def edges(truck: Truck, run: LowSpeedTurn) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Station and distance from the road line, m, of points on the inner side (to the left) and the outer side."""
     inner, outer = [], []
-    for i, (unit, reference) in enumerate(zip(truck.vehicle.units, _references(truck), strict=True)):
-        front = reference + (truck.body.front_overhang if not i else 0.0)
+    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
         last = i == len(truck.vehicle.units) - 1
         rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if last else 0.0)
         axis = np.exp(1j * run.headings[:, i : i + 1])

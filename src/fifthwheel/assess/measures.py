@@ -100,7 +100,8 @@ MEASURES: Mapping[str, Measure] = {
         limits=(Limit(level="all", sense="at most", value=0.8),),
     ),
 }
-"""Measures by name; "wheel_lift" stands for "wheel_lift.<axle group>"."""
+"""Measures by name; "wheel_lift" stands for "wheel_lift.<axle group>", and "rollover_threshold" also for
+"rollover_threshold.<units>" of each roll-coupled set of units, such as "rollover_threshold.dolly+trailer"."""
 
 
 def definition(name: str) -> Measure:
@@ -110,5 +111,5 @@ def definition(name: str) -> Measure:
 
 def title(name: str) -> str:
     """The title of a measure by its full name: "wheel lift, tractor.drive"."""
-    group = name.partition(".")[2]
-    return f"{definition(name).title}, {group}" if group else definition(name).title
+    part = name.partition(".")[2].replace("+", " + ")
+    return f"{definition(name).title}, {part}" if part else definition(name).title

@@ -2,17 +2,22 @@
 
 A driver steers it through the lane change; a pulse of the steer angle and a steady turn follow open loop and on a path.
 Its tyres saturate, its axles and springs are in three dimensions; its half track is that of the assessed body.
+
+Static rollover threshold: on a circle the speed rises until a unit rolls over; the road has so much friction that the
+truck does not slide before. The threshold is the lateral acceleration speed^2 / radius at the end. The rise is slow, so
+that it exceeds the static threshold by about 0.01 g.
 """
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess import lane_change, steady_turn, yaw_damping
+from fifthwheel.assess import lane_change, rollover, steady_turn, yaw_damping
 from fifthwheel.assess.lane_change import LaneChange
 from fifthwheel.assess.truck import Series, Truck, Values
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius
 from fifthwheel.plant import Plant, Properties
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Unit
 
 RATE = 100.0
@@ -21,6 +26,10 @@ TURN = 30.0
 """Duration of the steady turn, s."""
 PULSE = np.radians(2.0)
 """Steer angle of the pulse, rad."""
+ROLLOVER_RADIUS, ROLLOVER_RATE, GRIP = 150.0, 0.005, 3.0
+"""Of the turn with rising speed: radius, m, rate of the lateral acceleration, g/s, factor on the friction."""
+ROLLOVER_RANGE = (0.75, 1.35)
+"""Lateral acceleration of that turn as a fraction of the threshold of the linear springs."""
 
 
 def measures(truck: Truck) -> tuple[Values, dict[str, LaneChange], tuple[str, ...]]:
@@ -44,7 +53,34 @@ def measures(truck: Truck) -> tuple[Values, dict[str, LaneChange], tuple[str, ..
         values["steady_off_tracking"] = steady_off_tracking(truck, plant)
     except FifthwheelError as error:
         notes.append(f"nonlinear truck, steady turn: {error}")
+    try:
+        values |= rollover_threshold(truck)
+    except FifthwheelError as error:
+        notes.append(f"nonlinear truck, rollover: {error}")
     return values, runs, tuple(notes)
+
+
+def rollover_threshold(truck: Truck) -> Values:
+    """The threshold, g, of the truck and of the roll-coupled set of units that rolls over first.
+
+    Raises:
+        VehicleError: no unit rolls over in `ROLLOVER_RANGE`.
+    """
+    sets = rollover.rollover(truck)
+    low, high = (fraction * min(s.threshold for s in sets) for fraction in ROLLOVER_RANGE)
+    start, end = (np.sqrt(a * STANDARD_GRAVITY * ROLLOVER_RADIUS) for a in (low, high))
+    rise = (high - low) / ROLLOVER_RATE  # s
+    entry = 2.0 + start**2 / ROLLOVER_RADIUS  # straight ahead, and the clothoid, s
+    course = constant_radius(
+        radius=ROLLOVER_RADIUS, speed=start, acceleration=(end - start) / rise, duration=entry + rise
+    )
+    plant = Plant(truck.vehicle, Properties(half_track=truck.body.half_track, friction=GRIP))
+    run = plant.drive(course, rate=RATE, until_rollover=True)
+    if run.time[-1] > course.duration - 1:
+        raise VehicleError(f"{truck.vehicle.name}: does not roll over up to {high:.2f} g")
+    threshold = float(run.truth["speed"][-1] ** 2 / ROLLOVER_RADIUS / STANDARD_GRAVITY)
+    first = max(sets, key=lambda s: max(abs(run.truth[f"roll.{name}"][-1]) for name in s.units))
+    return {"rollover_threshold": threshold, rollover.set_name(first): threshold}
 
 
 def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:

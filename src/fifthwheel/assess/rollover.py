@@ -34,6 +34,7 @@ from fifthwheel.vehicle import laden
 class Rollover:
     """Accelerations of a roll-coupled set of units, as fractions of g."""
 
+    units: tuple[str, ...]
     threshold: float
     lifts: dict[str, float]
     """Acceleration at which the inner wheels of an axle group lift, by its path; without groups that never lift."""
@@ -57,11 +58,17 @@ def rollover(truck: Truck) -> tuple[Rollover, ...]:
 
 
 def measure(truck: Truck) -> Values:
-    """The threshold of the whole truck, and the acceleration at which each axle group lifts."""
+    """The threshold of the truck and of each roll-coupled set, and the acceleration at which each axle group lifts."""
     sets = rollover(truck)
-    return {"rollover_threshold": min(s.threshold for s in sets)} | {
-        f"wheel_lift.{path}": lift for s in sets for path, lift in s.lifts.items()
-    }
+    values = {"rollover_threshold": min(s.threshold for s in sets)}
+    if len(sets) > 1:
+        values |= {set_name(s): s.threshold for s in sets}
+    return values | {f"wheel_lift.{path}": lift for s in sets for path, lift in s.lifts.items()}
+
+
+def set_name(rollover: Rollover) -> str:
+    """Name of the measure of one roll-coupled set: "rollover_threshold.dolly+trailer"."""
+    return f"rollover_threshold.{'+'.join(rollover.units)}"
 
 
 def _of_set(truck: Truck, units: list[int]) -> Rollover:
@@ -91,7 +98,7 @@ def _of_set(truck: Truck, units: list[int]) -> Rollover:
             accelerations = np.array([a for a, _ in history])
             angles = np.array([phi for _, phi in history])
             roll = {truck.vehicle.units[i].name: (accelerations, angles[:, k]) for i, k in index.items()}
-            return Rollover(threshold=reached, lifts=lifts, roll=roll)
+            return Rollover(units=tuple(roll), threshold=reached, lifts=lifts, roll=roll)
         by_a, at_rest = np.linalg.solve(S, slope), np.linalg.solve(S, constant)
         rate = stiffness * by_a[row] + side
         with np.errstate(divide="ignore"):

@@ -129,6 +129,15 @@ class Truck:
         """The last axle of the last unit."""
         return min(self.vehicle.units[-1].axles, key=lambda axle: axle.position)
 
+    def front_ends(self) -> list[float]:
+        """x of the front end of the body of every unit, m: that of a dolly is at its first axle, as a drawbar is
+        narrow."""
+        ends = [self.front_axle.position + self.body.front_overhang]
+        for coupling, unit in zip(self.vehicle.couplings, self.vehicle.units[1:], strict=True):
+            is_dolly = coupling.kind == "drawbar_eye"
+            ends.append(max(axle.position for axle in unit.axles) if is_dolly else coupling.trailing_position)
+        return ends
+
     def groups(self) -> list[tuple[int, Unit, AxleGroup, str]]:
         """Index of the unit, unit, axle group and its path, front to rear."""
         return [

@@ -3,8 +3,9 @@
 An oscillation is one of yaw if at least half of its participation factors belong to yaw-plane states: those other than
 roll angles and roll rates (G. Verghese, I. Perez-Arriaga, F. Schweppe, IEEE Trans. PAS-101, 1982). The measure is the
 lowest damping ratio among them. After the pulse (ISO 14791, pulse input), the logarithmic decrement d of successive
-peaks of the last articulation angle, half a period apart, gives the damping ratio d / sqrt(pi^2 + d^2). The first peak
-is left out if three or more exist: it contains the fast response to the pulse itself.
+peaks of the last articulation angle, half a period apart, gives the damping ratio d / sqrt(pi^2 + d^2). The decay
+begins at the largest peak: in a long combination smaller ones precede it, until the motion reaches the last unit. The
+largest peak is left out if three or more exist: it contains the fast response to the pulse itself.
 """
 
 import numpy as np
@@ -86,6 +87,7 @@ def decay(time: Array, response: Array) -> float:
     turning = free[np.flatnonzero(np.diff(np.sign(np.diff(free)))) + 1]
     half_waves = np.split(np.abs(turning), np.flatnonzero(np.diff(np.sign(turning))) + 1)
     peaks = np.array([np.max(half_wave, initial=0.0) for half_wave in half_waves])
+    peaks = peaks[np.argmax(peaks) :] if len(peaks) else peaks
     peaks = peaks[peaks > SMALLEST_PEAK * np.max(np.abs(response))]
     if len(peaks) < 2:
         return 1.0

@@ -14,7 +14,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify import parameters
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage
-from fifthwheel.names import ACCELEROMETER
+from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.record.signal_names import is_input
@@ -131,6 +131,13 @@ def prepare_dataset(
     records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)
+    for unit in unmeasured_units(yaw, steered):
+        if not isinstance(settings, OneStage):
+            raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")
+        notes.append(
+            f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The motion of the {unit} follows from the"
+            " units in front and behind; its own parameters may not be identifiable."
+        )
     return Dataset(
         records=records,
         logs=logs,
@@ -148,16 +155,22 @@ def usable_channels(records: Sequence[Record], vehicle: Vehicle) -> tuple[tuple[
     """The measured yaw rates and articulation angles, and the measured roll rates.
 
     Raises:
-        SignalError: a unit has neither a yaw rate nor an articulation angle in any log.
+        SignalError: the first or the last unit has neither a yaw rate nor an articulation angle in any log.
     """
     units = [unit.name for unit in vehicle.units]
     logged = {name for record in records for name in record.signals}
     yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
     present = tuple(name for name in yaw if name in logged)
-    for u in units:
+    for u in (units[0], units[-1]):
         if f"yaw_rate.{u}" not in present and f"articulation.{u}" not in present:
             raise SignalError(f"yaw_rate.{u}: in none of the logs; map the yaw rate gyro of the {u} to it")
     return present, tuple(f"roll_rate.{u}" for u in units if f"roll_rate.{u}" in logged)
+
+
+def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
+    """Units with neither a yaw rate nor an articulation angle among the channels, such as a dolly, front to rear."""
+    measured = {SignalName.of(name).unit for name in channels}
+    return tuple(unit.name for unit in vehicle.units if unit.name not in measured)
 
 
 def lateral_accelerations(logged: Container[str], vehicle: Vehicle) -> tuple[str, ...]:

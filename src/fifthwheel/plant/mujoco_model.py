@@ -1,7 +1,8 @@
 """The MuJoCo model of the truck in XML: units behind couplings, axles below units, wheels on axles.
 
 The first unit has six degrees of freedom. The frame of a unit has the origin of the vehicle file and lies on the
-ground. A coupling rotates in pitch, roll (with the spring K_12) and yaw. An axle moves along the vertical axis of its
+ground. A coupling rotates in pitch, roll (with the spring K_12) and yaw; a turntable does not pitch, and the hinged
+drawbar in front of it lets the eye move up and down on the dolly. An axle moves along the vertical axis of its
 body and rolls about the roll centre of its suspension; its wheels spin. The forces of tyres, air and road come from
 outside, see tyre_forces.py.
 """
@@ -11,7 +12,7 @@ from xml.etree import ElementTree as Xml
 from fifthwheel.plant.bodies import BeamAxle, SprungBody
 from fifthwheel.plant.properties import Properties
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Coupling, Vehicle
 
 SIDES = {"left": 1.0, "right": -1.0}
 """Sign of y of the wheels."""
@@ -35,13 +36,9 @@ def model_xml(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
         if i == 0:
             Xml.SubElement(element, "freejoint", name=body.name)
         else:
-            coupling = vehicle.couplings[i - 1]
-            position = f"{coupling.trailing_position!r} 0 {coupling.height!r}"
-            _add_hinge(element, f"{coupling.name}.pitch", "0 1 0", position)
-            _add_hinge(
-                element, f"{coupling.name}.roll", "1 0 0", position, coupling.roll_stiffness, coupling.roll_damping
+            _add_coupling(
+                element, vehicle.couplings[i - 1], is_hinged=not all(c.pitches for c in vehicle.couplings[i : i + 1])
             )
-            _add_hinge(element, f"{coupling.name}.yaw", "0 0 1", position)
         rear = element
         if i == 0 and properties.frame_torsion is not None:
             rear = _add_halves(element, body, properties.frame_torsion, unit.roll_axis_height)
@@ -63,6 +60,17 @@ def model_xml(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
             Xml.SubElement(sensors, "jointvel", joint=f"{axle.name}.{side}")
     root.append(sensors)
     return Xml.tostring(root, encoding="unicode")
+
+
+def _add_coupling(body: Xml.Element, coupling: Coupling, *, is_hinged: bool) -> None:
+    """The joints of a unit to the unit in front; `is_hinged` for a drawbar that is hinged in pitch to its dolly."""
+    position = f"{coupling.trailing_position!r} 0 {coupling.height!r}"
+    if is_hinged:
+        Xml.SubElement(body, "joint", name=f"{coupling.name}.lift", type="slide", axis="0 0 1")
+    if coupling.pitches:
+        _add_hinge(body, f"{coupling.name}.pitch", "0 1 0", position)
+    _add_hinge(body, f"{coupling.name}.roll", "1 0 0", position, coupling.roll_stiffness, coupling.roll_damping)
+    _add_hinge(body, f"{coupling.name}.yaw", "0 0 1", position)
 
 
 def _add_axle(parent: Xml.Element, axle: BeamAxle, properties: Properties) -> None:

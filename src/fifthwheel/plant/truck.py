@@ -19,7 +19,7 @@ from fifthwheel.plant.driver import Driver, Pose
 from fifthwheel.plant.mujoco_model import SIDES, model_xml
 from fifthwheel.plant.properties import Properties
 from fifthwheel.plant.sensors import Sensor, article_sensors, measure
-from fifthwheel.plant.truth import Samples, true_signals
+from fifthwheel.plant.truth import ROLLOVER_ANGLE, Samples, true_signals
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -94,7 +94,13 @@ class Plant:
         return Multibody.of(self.vehicle, self.properties)
 
     def drive(
-        self, course: Course, *, rate: float = 100.0, name: str | None = None, progress: Progress | None = None
+        self,
+        course: Course,
+        *,
+        rate: float = 100.0,
+        name: str | None = None,
+        progress: Progress | None = None,
+        until_rollover: bool = False,
     ) -> PlantRun:
         """Drive along a course.
 
@@ -103,10 +109,12 @@ class Plant:
             rate: sampling rate of the result, Hz; 1000 Hz divided by a whole number.
             name: name of the run; by default that of the course.
             progress: called once per second of the run.
+            until_rollover: the run ends before a unit rolls over, which then is no error.
 
         Raises:
             FifthwheelError: MuJoCo is not installed.
-            SignalError: the rate does not divide 1000 Hz; the truck rolls over, jackknifes or stops.
+            SignalError: the rate does not divide 1000 Hz; the truck rolls over, jackknifes or stops; it rolls over in
+                its first second.
         """
         steps = round(1 / (rate * TIME_STEP))  # per sample
         if steps < 1 or not math.isclose(steps * rate * TIME_STEP, 1):
@@ -122,12 +130,17 @@ class Plant:
                 if progress and k % 1000 == 0:
                     progress("simulating", max(k, 0), count * steps)
             simulation.sense()
+            if until_rollover and simulation.rolls_over:
+                count = max(k // steps, 0)
+                break
             if k >= 0 and k % steps == 0:
                 sensed[k // steps] = simulation.sample
                 wheels[k // steps] = simulation.wheel_outputs
             simulation.step()
+        if count < rate:
+            raise SignalError(f"{course.name}: expected a run of 1 s or more, the truck rolls over; reduce its speed")
         time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
-        truth = true_signals(time, Samples(sensed, wheels), self.vehicle, self.properties, layout)
+        truth = true_signals(time, Samples(sensed[:count], wheels[:count]), self.vehicle, self.properties, layout)
         return PlantRun(
             vehicle=self.vehicle, properties=self.properties, time=time, truth=truth, name=name or course.name
         )
@@ -219,6 +232,7 @@ class Simulation:
         self._steer = self.sample[layout.sensed :]
         self._wrench = self.output[: 6 * layout.rows].reshape(-1, 6)
         self._steer_increment = np.zeros(len(layout.steered))  # per time step, rad
+        self._bodies = list(layout.bodies)
         self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
         self._start_speed = float(course.speed[0])
         self.speed_controller = SpeedController.of(plant, self._start_speed)
@@ -259,6 +273,11 @@ class Simulation:
         self._step1(self.model, self.data)
         self._sensed[:] = self.data.sensordata
         self._run_forces(1, 1, *self._pointers)
+
+    @property
+    def rolls_over(self) -> bool:
+        """Whether the vertical axis of a unit is inclined by more than the rollover angle."""
+        return bool(self.data.xmat[self._bodies, 8].min() < math.cos(ROLLOVER_ANGLE))
 
     def step(self) -> None:
         """Integrate one time step."""

@@ -15,28 +15,40 @@ class Body(NamedTuple):
     cog: float  # m
     groups: Mapping[str, float]
     """Position of each axle group, the mean of its axles, m, by its path."""
+    has_front_support: bool = True
+    """Whether the coupling in front carries vertical load; a hinged drawbar carries none."""
 
 
-def static_axle_loads(units: Sequence[Body], couplings: Sequence[tuple[float, float]]) -> dict[str, float]:
+class Joint(NamedTuple):
+    """What the static loads depend on of a coupling."""
+
+    leading: float  # m, on the unit in front
+    trailing: float  # m, on the unit behind
+    pitches: bool = True  # whether it is free in pitch
+
+
+def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[str, float]:
     """Vertical load of each axle group, N, by its path, front to rear, on level ground.
 
     The supports of a unit are its axle groups, at the mean position of their axles, and its front coupling. They carry
-    its weight and the load of the unit behind. The moments are solved from the last unit to the first.
+    its weight and the load of the unit behind. The moments are solved from the last unit to the first. Two units whose
+    joint is not free in pitch are one body, with the axle groups of both as its supports.
 
     Args:
         units: front to rear.
-        couplings: leading and trailing position of each coupling, m.
+        joints: the couplings, front to rear.
 
     Raises:
         VehicleError: a unit does not have exactly two supports at two positions, so its loads are not determined.
     """
+    units, joints = _joined(units, joints)
     loads: dict[str, float] = {}
     coupling_load, coupling_position = 0.0, 0.0  # load of the unit behind on this unit, N, and its x, m
     for i in reversed(range(len(units))):
         unit = units[i]
         supports = dict(unit.groups)
-        if i:
-            supports = {"": couplings[i - 1][1], **supports}
+        if i and unit.has_front_support:
+            supports = {"": joints[i - 1].trailing, **supports}
         if len(supports) != 2:
             raise VehicleError(
                 f"{unit.name}: expected two supports among its front coupling and its axle groups, got {len(supports)};"
@@ -49,6 +61,28 @@ def static_axle_loads(units: Sequence[Body], couplings: Sequence[tuple[float, fl
         first_load = (weight * (unit.cog - b) + coupling_load * (coupling_position - b)) / (a - b)
         unit_loads = {first: first_load, second: weight + coupling_load - first_load}
         if i:
-            coupling_load, coupling_position = unit_loads.pop(""), couplings[i - 1][0]
+            coupling_load, coupling_position = unit_loads.pop("", 0.0), joints[i - 1].leading
         loads = unit_loads | loads
     return loads
+
+
+def _joined(units: Sequence[Body], joints: Sequence[Joint]) -> tuple[list[Body], list[Joint]]:
+    """The bodies that pitch on their own, and the joints between them."""
+    bodies, between = list(units), list(joints)
+    for i in reversed(range(len(between))):
+        joint = between[i]
+        if joint.pitches:
+            continue
+        front, rear, shift = bodies[i], bodies.pop(i + 1), joint.leading - joint.trailing
+        del between[i]
+        mass = front.mass + rear.mass
+        bodies[i] = Body(
+            name=front.name,
+            mass=mass,
+            cog=(front.mass * front.cog + rear.mass * (rear.cog + shift)) / mass,
+            groups={**front.groups, **{path: x + shift for path, x in rear.groups.items()}},
+            has_front_support=False,
+        )
+        if i < len(between):
+            between[i] = between[i]._replace(leading=between[i].leading + shift)
+    return bodies, between

@@ -1,16 +1,53 @@
 """The joint between two units."""
 
-from pydantic import Field
+from typing import Any, Literal, Self
 
+from pydantic import Field, model_validator
+
+from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.component import Component, Name, NonNegative, Number
+
+CouplingKind = Literal["fifth_wheel", "drawbar_eye", "turntable"]
 
 
 class Coupling(Component):
-    """A fifth wheel or a drawbar eye between a unit and the unit behind it; it transmits side force and roll moment."""
+    """The joint between a unit and the unit behind it; it transmits side force, and every kind is free in yaw.
+
+    A fifth wheel is free in pitch and carries roll moment: its plate pivots about a lateral axis. A drawbar eye is free
+    in pitch and roll. A turntable joins the dolly of a full trailer and its body: its ball race is free in yaw only, so
+    the two are one body in pitch. The drawbar in front of such a dolly is hinged; its eye carries no vertical load.
+
+    Source: R. D. Ervin and Y. Guy, The influence of weights and dimensions on the stability and control of heavy-duty
+    trucks in Canada, UMTRI-86-35 (1986): roll-coupled and roll-decoupled units.
+    """
 
     name: Name = "fifth_wheel"
+    kind: CouplingKind = Field(default="fifth_wheel", description="Which rotations are free.")
     leading_position: Number = Field(description="x on the unit in front, from that unit's origin, m.")
     trailing_position: Number = Field(description="x on the unit behind, from that unit's origin, m.")
     height: NonNegative = Field(description="Above the ground, m.")
     roll_stiffness: NonNegative = Field(description="Between the two sprung bodies, N m/rad; 0 for a drawbar eye.")
     roll_damping: NonNegative = Field(default=0.0, description="Between the two sprung bodies, N m s/rad.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _free_in_roll(cls, data: Any) -> Any:
+        match data:
+            case {"kind": "drawbar_eye"}:
+                return {"roll_stiffness": 0.0, **data}
+        return data
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for key in ("roll_stiffness", "roll_damping"):
+            if self.kind == "drawbar_eye" and getattr(self, key):
+                raise VehicleError(
+                    f"{key}: expected 0 for a drawbar eye, which is free in roll, got {getattr(self, key):g}; remove"
+                    f" it, or give another kind"
+                )
+        return self
+
+    @property
+    def pitches(self) -> bool:
+        """Whether it is free in pitch."""
+        return self.kind != "turntable"

@@ -9,8 +9,8 @@ from fifthwheel.plots.palette import BLUE, CYCLE, DARK, GREY, ORANGE, VERMILLION
 from fifthwheel.vehicle.payload import laden_cog_height
 from fifthwheel.vehicle.unit import Unit
 
-Joint = tuple[float, float, float]
-"""x on the unit in front, x on the unit behind, height above the ground, m."""
+Joint = tuple[float, float, float, bool]
+"""x on the unit in front, x on the unit behind, height above the ground, m; whether it is a drawbar eye."""
 
 WHEEL_RADIUS, WHEEL_WIDTH, TRACK = 0.5, 0.3, 2.0
 """Symbols of the wheels, m."""
@@ -18,6 +18,8 @@ OVERHANG = 0.8
 """Of the drawn body beyond the outermost axle or coupling, m."""
 FRAME, FLOOR = 0.9, 1.2
 """Height of the drawn frame, and of a floor that the file does not give, m."""
+UNITS = tuple(colour for colour in CYCLE if colour not in (ORANGE, DARK))
+"""Colours of the units; that of the payload and that of the axles are others."""
 _CIRCLE = np.linspace(0, 2 * np.pi, 33)
 
 
@@ -30,20 +32,25 @@ def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint]) -> Plot:
         joints: couplings from front to rear.
     """
     origins = [0.0]
-    for leading, trailing, _ in joints:
+    for leading, trailing, *_ in joints:
         origins.append(origins[-1] + leading - trailing)
     side: list[Item] = []
     top: list[Item] = []
     for k, (unit, origin) in enumerate(zip(units, origins, strict=True)):
         couplings = [joints[k - 1][1]] * (k > 0) + [joint[0] for joint in joints[k : k + 1]]
-        ends = [axle.position for axle in unit.axles] + couplings
+        colour, axles = UNITS[k % len(UNITS)], [axle.position for axle in unit.axles]
+        ends = axles + couplings
+        if k and joints[k - 1][3]:  # a dolly: a drawbar in front of its frame
+            eye, ends = origin + joints[k - 1][1], axles
+            frame = [origin + max(axles) + OVERHANG] * 2
+            side.append(Line([eye, frame[0]], [joints[k - 1][2], FRAME], colour=colour, width=3))
+            top += [Line([eye, x], [0, y], colour=colour, width=2) for x, y in zip(frame, (-0.5, 0.5), strict=True)]
         rear, front = origin + min(ends) - OVERHANG, origin + max(ends) + OVERHANG
-        colour = CYCLE[k % 3]
         side += [*_side(unit, origin, rear, front, colour), Label((rear + front) / 2, -0.35, unit.name)]
         top += _top(unit, origin, rear, front, colour)
     joint_x = [origin + joint[0] for origin, joint in zip(origins, joints, strict=False)]
     if joints:
-        heights = [height for _, _, height in joints]
+        heights = [height for _, _, height, _ in joints]
         side.append(Points(joint_x, heights, name="coupling", colour=DARK, marker="square", size=8))
         top.append(Points(joint_x, np.zeros(len(joints)), name="coupling", colour=DARK, marker="square", size=8))
     ends_of_ground = [x for item in side if isinstance(item, Area) for x in (np.min(item.x), np.max(item.x))]

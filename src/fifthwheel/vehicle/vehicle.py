@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.vehicle import toml_format
-from fifthwheel.vehicle.axle_loads import Body, static_axle_loads
+from fifthwheel.vehicle.axle_loads import Body, Joint, static_axle_loads
 from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.coupling import Coupling
@@ -108,7 +108,7 @@ class Vehicle(Component):
         """
         from fifthwheel.vehicle.drawing import drawing  # only a plot needs NumPy
 
-        joints = [(c.leading_position, c.trailing_position, c.height) for c in self.couplings]
+        joints = [(c.leading_position, c.trailing_position, c.height, c.kind == "drawbar_eye") for c in self.couplings]
         return drawing(self.name, self.units, joints)
 
     def __repr__(self) -> str:
@@ -137,6 +137,12 @@ class Vehicle(Component):
             )
             x, last = coupling.trailing_position, min(axle.position for axle in rear.axles)
             _require_within(f"{coupling.name}.trailing_position", x, last, last + MAX_COUPLING_LEAD)
+        for i, coupling in enumerate(self.couplings):
+            if not coupling.pitches and (i == 0 or self.couplings[i - 1].kind != "drawbar_eye"):
+                raise VehicleError(
+                    f"{coupling.name}.kind: expected a drawbar_eye in front of the unit before a turntable, which is"
+                    " the dolly of a full trailer; correct the kind of one of the two couplings"
+                )
         for unit in self.units:
             supports = self._supports(unit)
             if not min(supports) <= unit.cog <= max(supports):
@@ -300,7 +306,8 @@ class Vehicle(Component):
             Body(unit.name, unit.mass, unit.cog, {unit.group_path(group): group.position for group in unit.axle_groups})
             for unit in self.units
         ]
-        return static_axle_loads(bodies, [(c.leading_position, c.trailing_position) for c in self.couplings])
+        joints = [Joint(c.leading_position, c.trailing_position, c.pitches) for c in self.couplings]
+        return static_axle_loads(bodies, joints)
 
     @property
     def wheelbase(self) -> float:

@@ -372,3 +372,27 @@ def test_any_name_gives_a_signal_with_a_fitting_unit_or_none(name, unit):
 def test_signals_of_a_single_unit_have_no_towed_unit():
     assert classify_column("hitch", None).signal(["tractor"]) == "articulation.tractor"
     assert {SignalName.of(signal).unit for *_, signal in TABLE if signal} == {"", *UNITS}
+
+
+LONG = ("tractor", "first", "dolly", "second")
+
+
+@pytest.mark.parametrize(
+    ("column", "signal"),
+    [
+        ("Dolly yaw rate [deg/s]", "yaw_rate.dolly"),
+        ("gz_first", "yaw_rate.first"),
+        ("yaw_rate_3", "yaw_rate.dolly"),
+        ("imu2_gyro_x", "roll_rate.first"),
+        ("articulation_dolly", "articulation.dolly"),
+        ("articulation_angle", "articulation.second"),
+        ("trailer_yaw_rate", "yaw_rate.second"),
+        ("tractor_ay", "lateral_acceleration.tractor"),
+        ("yaw_rate", "yaw_rate.tractor"),
+    ],
+)
+def test_columns_of_a_long_combination(column: str, signal: str) -> None:
+    """By the name of the unit, else its number, else the last unit for a trailer."""
+    hint = classify_column(column, None)
+    assert hint is not None
+    assert hint.signal(LONG) == signal

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     "--laden '6850 10500 22500' --solo '5200 2000' --empty '5400 3900 5700' --load-height '1.3 m +- 0.1 m'",
     "fifthwheel vehicle new --tractor tractor_6x4 --trailer semitrailer_2 --wheelbase 4.6m --fifth-wheel 5.2m "
     "--trailer-wheelbase 12.2m --tractor-tare 9.1t --trailer-tare 6.2t --load-mass 17t --out depot_12.toml",
+    "fifthwheel vehicle new --like a_double --out depot_13.toml",
     of=vehicle_app,
 )
 def new(
@@ -58,6 +59,10 @@ def new(
     floor_height: Annotated[str | None, typer.Option(help="Height of the floor above the ground.")] = None,
     load_shape: Annotated[str | None, typer.Option(help="uniform or point. Default: uniform.")] = None,
     trailer_tyres: Annotated[str | None, typer.Option(help="single or twin.")] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(help="A long combination of the catalogue to start from, such as a_double."),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Vehicle file to write.")] = Path("truck.toml"),
     force: ForceFileOption = False,
 ) -> None:
@@ -65,13 +70,22 @@ def new(
 
     Asks for what the options do not give, if one of --tractor, --trailer, --wheelbase and --trailer-wheelbase is
     missing. Numbers have a unit, and may have a standard deviation: '7.7 m +- 2 cm'. Vehicle classes give what nobody
-    knows, with its uncertainty.
+    knows, with its uncertainty. For a vehicle with more units, --like writes a file to edit.
     """
+    from fifthwheel.errors import VehicleError
+    from fifthwheel.vehicle.classes.template import template
     from fifthwheel.workflow.new_vehicle import new_vehicle
     from fifthwheel.workflow.vehicle_questions import QUESTIONS, describe
 
     answers = {q.key: context.params[q.key] for q in QUESTIONS if context.params[q.key] is not None}
+    if like and (answers or slip):
+        raise VehicleError("like: expected alone, got other options too; edit the file that it writes")
     with reserved(out, force=force):
+        if like:
+            with atomic_write(out) as temporary:
+                temporary.write_text(template(like), encoding="utf-8")
+            terminal.print_files({"vehicle": out})
+            return
         if sys.stdin.isatty() and any(q.required and q.key not in answers for q in QUESTIONS):
             answers = ask([q for q in QUESTIONS if not (slip and q.is_slip)], answers)
         text = new_vehicle(describe(answers, slip=slip, accuracy=accuracy))

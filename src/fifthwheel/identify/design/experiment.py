@@ -213,7 +213,7 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
     for name in channels:
         if name not in possible:
             raise SignalError(f"{name}: not a channel that a fit uses; choose from {', '.join(possible)}")
-    for unit in (unit.name for unit in vehicle.units):
+    for unit in (vehicle.units[0].name, vehicle.units[-1].name):
         if not {f"yaw_rate.{unit}", f"articulation.{unit}"} & set(channels):
             raise SignalError(
                 f"yaw_rate.{unit}: not among the channels; a fit needs a measurement of the {unit}'s yaw motion, add it"

@@ -32,6 +32,10 @@ class ColumnHint:
     """The unit at the end of the name: km/h of v_kmh."""
     side: str = ""
     """Place of a wheel or axle: "front.left", "rear"."""
+    words: str = ""
+    """Words of the name and its source, with "_" before, between and after them."""
+    number: int | None = None
+    """The unit's number in the name, from 1."""
 
     def signal(self, units: Sequence[str]) -> str | None:
         """The signal of a vehicle with these units, front to rear; None where a proposal does not use the quantity."""
@@ -39,13 +43,22 @@ class ColumnHint:
             return None
         if self.quantity == "speed":
             return "speed"
-        towed = self.trailing or (self.quantity == "articulation" and len(units) > 1)
-        unit = units[-1] if towed else units[0]
+        unit = self._unit(units)
         if self.quantity == "steer":
             return f"steer.{unit}.front" if unit == units[0] else f"steer.{unit}"
         if self.quantity in ("wheel_speed", "axle_load") and self.side:
             return f"{self.quantity}.{unit}.{self.side}"
         return f"{self.quantity}.{unit}"
+
+    def _unit(self, units: Sequence[str]) -> str:
+        """The unit that the name contains, else the one with its number, else the last one for a towed unit."""
+        is_articulation = self.quantity == "articulation" and len(units) > 1
+        named = [unit for unit in units[is_articulation:] if f"_{unit}_" in self.words]
+        if len(named) == 1:
+            return named[0]
+        if len(units) > 2 and self.number and self.number <= len(units) and not is_articulation:
+            return units[self.number - 1]
+        return units[-1] if self.trailing or is_articulation else units[0]
 
 
 # Patterns are searched in names of small letters with "_" before, between and after the words: "_yaw_rate_lkw_".
@@ -114,7 +127,7 @@ _UNIT_ENDINGS = {
 
 _TOWED = re.compile("trailer|semi|_(trl|anh|auflieger|sattelanh[a-z]*|st|towed|rear_unit)_|(ebs|rge)2\\d")
 _LEADING = re.compile("tractor|truck|zugm|motor_?wagen|towing|_(trk|szm|cab|chassis|front_unit)_")
-_NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[12])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[12])_")
+_NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
 _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "wheel", "channel", "can", "bus", "sensor")
 """Words before a number that does not count the units of a vehicle."""
 _STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw)_|lenkrad|hand|column")
@@ -137,7 +150,7 @@ def classify_columns(units: Mapping[str, str | None]) -> dict[str, ColumnHint]:
     by_name = {named_unit(split_source(column)[0])[0]: hint for column, hint in hints.items()}
     for name, hint in by_name.items():
         original = by_name.get(re.sub("_?1$", "", name), hint)
-        hints[hint.column] = replace(hint, trailing=original.trailing)
+        hints[hint.column] = replace(hint, trailing=original.trailing, number=original.number)
     return hints
 
 
@@ -154,10 +167,13 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
         if not _fits(unit or ending, quantity):
             continue
         is_steering_wheel = bool(_STEERING_WHEEL.search(words)) and not _ROAD_WHEEL.search(words)
+        place, number = f"{words}{normalised_name(source)}_", _unit_number(words)
         return ColumnHint(
             column=column,
             quantity=quantity,
-            trailing=_is_trailing(words, normalised_name(source)),
+            trailing=_is_trailing(place, number),
+            words=place,
+            number=number,
             unit=ending,
             steering_wheel=quantity == "steer" and is_steering_wheel,
             side=".".join(side for side, tokens in _SIDES.items() if tokens & set(base.split("_"))),
@@ -165,14 +181,19 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
     return None
 
 
-def _is_trailing(words: str, source: str) -> bool | None:
-    """Whether a name belongs to a towed unit, by its words, its source or the number of a unit."""
-    place = f"{words}{source}_"
+def _unit_number(words: str) -> int | None:
+    """The number of a unit in the words of a name."""
     number = _NUMBER.search(words)
-    counted = (number["number"] or number["device"]) if number and number["before"] not in _NOT_A_UNIT_NUMBER else None
-    if _TOWED.search(place) or counted == "2":
+    if number is None or number["before"] in _NOT_A_UNIT_NUMBER:
+        return None
+    return int(number["number"] or number["device"])
+
+
+def _is_trailing(place: str, number: int | None) -> bool | None:
+    """Whether a name belongs to a towed unit, by the words of its name and source, or by the number of a unit."""
+    if _TOWED.search(place) or number == 2:
         return True
-    return False if _LEADING.search(place) or counted == "1" else None
+    return False if _LEADING.search(place) or number == 1 else None
 
 
 def named_unit(name: str) -> tuple[str, str | None]:

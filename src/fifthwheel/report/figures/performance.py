@@ -54,17 +54,15 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> ReportPlot:
     data: list[Figure] = []
     shown = int(np.argmax(np.append(run.origins[:, -1].imag > RADIUS + SHOWN, True))) or len(run.steer)
     width, last = truck.body.width, len(truck.vehicle.units) - 1
-    for i, unit in enumerate(truck.vehicle.units):
+    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
         rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if i == last else 0.0)
-        front = truck.front_axle.position + truck.body.front_overhang if not i else 0.0
-        front = front if not i else truck.vehicle.couplings[i - 1].trailing_position
         corners = np.array([front + 0.5j * width, rear + 0.5j * width, rear - 0.5j * width, front - 0.5j * width])
         outline: list[complex] = []
         for row in np.linspace(0, shown - 1, OUTLINES).astype(int):
             points = run.origins[row, i] + np.append(corners, corners[0]) * np.exp(1j * run.headings[row, i])
             outline += [*points.tolist(), complex(np.nan, np.nan)]
         x, y = ([None if np.isnan(v) else round(v, 3) for v in part] for part in _parts(np.array(outline)))
-        data.append(primitives.polyline(unit.name, x, y, CYCLE[i], 1.2))
+        data.append(primitives.polyline(unit.name, x, y, CYCLE[i % len(CYCLE)], 1.2))
     for name, i, position in (
         ("first axle", 0, truck.front_axle.position),
         ("last axle", last, truck.rear_axle.position),
@@ -81,7 +79,7 @@ def roll_by_acceleration(sets: tuple[Rollover, ...]) -> ReportPlot:
     """Roll angle of each unit against the lateral acceleration of a steady turn, with the lift of each axle group."""
     data = []
     for k, (name, (acceleration, roll)) in enumerate(item for s in sets for item in s.roll.items()):
-        data.append(_line(name, acceleration, np.degrees(roll), CYCLE[k], "solid"))
+        data.append(_line(name, acceleration, np.degrees(roll), CYCLE[k % len(CYCLE)], "solid"))
     shapes = [primitives.vertical(lift) for s in sets for lift in s.lifts.values()]
     return _plot("roll in a steady turn", data, "lateral acceleration, g", "roll, deg", shapes=shapes)
 

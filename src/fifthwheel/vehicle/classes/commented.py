@@ -34,7 +34,8 @@ def commented_toml(vehicle: Vehicle, sources: Mapping[str, str]) -> str:
     for unit in vehicle.units:
         lines += ["", "[[unit]]", *_unit(unit, numbers)]
     for coupling in vehicle.couplings:
-        lines += ["", "[[coupling]]", f'name = "{coupling.name}"', *numbers.lines(coupling.name, type(coupling))]
+        lines += ["", "[[coupling]]", f'name = "{coupling.name}"', f'kind = "{coupling.kind}"']
+        lines += numbers.lines(coupling.name, type(coupling))
     return "\n".join([*lines, ""])
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.vehicle.axle_loads import Body, static_axle_loads
+from fifthwheel.vehicle.axle_loads import Body, Joint, static_axle_loads
 from fifthwheel.vehicle.classes.figures import DAMPING_TIME, LOAD_EXPONENT, RELAXATION_LENGTH, Figure
 from fifthwheel.vehicle.classes.table import CLASSES, VehicleClass
 
@@ -83,6 +83,7 @@ def _complete_coupling(completion: _Completion, coupling: Table | None, kind: Ve
     if coupling is None or kind.coupling is None:
         return
     path = coupling.setdefault("name", "fifth_wheel")
+    coupling.setdefault("kind", kind.coupling.kind)
     coupling.setdefault("trailing_position", 0.0)
     completion.figure(coupling, path, "height", kind.coupling.height)
     completion.figure(coupling, path, "roll_stiffness", kind.coupling.roll_stiffness)
@@ -207,7 +208,8 @@ def _axle_loads(units: list[Table], couplings: list[Table]) -> dict[str, float]:
         )
     for coupling in couplings:
         _require(coupling, ("leading_position", "trailing_position"), coupling.get("name", "fifth_wheel"))
-    return static_axle_loads(bodies, [(c["leading_position"], c["trailing_position"]) for c in couplings])
+    joints = [Joint(c["leading_position"], c["trailing_position"], c.get("kind") != "turntable") for c in couplings]
+    return static_axle_loads(bodies, joints)
 
 
 def _group_path(unit: Table, group: Table) -> str:

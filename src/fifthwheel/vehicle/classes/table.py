@@ -12,6 +12,7 @@ from fifthwheel.vehicle.classes.figures import (
     AxleFigures,
     Figure,
 )
+from fifthwheel.vehicle.coupling import CouplingKind
 
 
 class BodyFigures(NamedTuple):
@@ -28,6 +29,7 @@ class CouplingFigures(NamedTuple):
 
     height: Figure  # m
     roll_stiffness: Figure  # N m/rad
+    kind: CouplingKind = "fifth_wheel"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,13 @@ FIFTH_WHEEL = CouplingFigures(
     roll_stiffness=Figure(3300e3, 1200e3, "article 3000 (chosen), GOPS 3550 kN m/rad; Kraz rigid in roll"),
 )
 DRAWBAR_EYE = CouplingFigures(
-    height=Figure(0.6, 0.15, "chosen"), roll_stiffness=Figure(0.0, 0.0, "a drawbar eye carries no roll moment")
+    height=Figure(0.6, 0.15, "chosen"),
+    roll_stiffness=Figure(0.0, 0.0, "a drawbar eye carries no roll moment"),
+    kind="drawbar_eye",
+)
+TURNTABLE = FIFTH_WHEEL._replace(
+    roll_stiffness=Figure(3300e3, 1500e3, f"as a fifth wheel, wider: {FIFTH_WHEEL.roll_stiffness.source}"),
+    kind="turntable",
 )
 TRACTOR = BodyFigures(
     yaw_gyration=Figure(0.45, 0.05, "Auburn and Kraz 0.41, article 0.47 and 0.48 of the wheelbase; GOPS 0.63"),
@@ -178,7 +186,7 @@ CLASSES: Mapping[str, VehicleClass] = {
         tare=Figure(4500, 1000, "chosen: a two-axle semitrailer (Auburn) without its landing legs"),
         cog=Figure(0.5, 0.1, "chosen: the load lies between turntable and axles"),
         body=TRAILER._replace(yaw_gyration=Figure(0.45, 0.08, f"as a semitrailer: {TRAILER.yaw_gyration.source}")),
-        coupling=FIFTH_WHEEL,
+        coupling=TURNTABLE,
     ),
 }
 """By the name that a vehicle file gives as `class`."""

@@ -1,4 +1,4 @@
-"""Masses and CoG positions of a tractor-semitrailer from its measured static axle loads."""
+"""Masses and CoG positions of a vehicle from its measured static axle loads."""
 
 from collections.abc import Mapping
 
@@ -6,6 +6,7 @@ from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
+from fifthwheel.vehicle.weighing.chain_masses import nearest_masses
 
 
 def with_axle_loads(
@@ -22,8 +23,11 @@ def with_axle_loads(
     sprung body of a unit without payload. Yaw and roll inertias do not change, because loads contain no information on
     them. The road is level and the vehicle is stationary.
 
+    The loads of other vehicles do not determine all masses and CoG positions: `chain_masses.nearest_masses` then
+    changes those of the file as little as possible. All axle groups have to be weighed.
+
     Args:
-        vehicle: a tractor with two axle groups and a trailer with one.
+        vehicle: a tractor with two axle groups and a trailer with one, or any other vehicle.
         loads: load of each group by its path, N, as in `Vehicle.axle_loads`. The load of a front axle on steel springs
             may be missing; the coupling load then follows from the drive axles and the tractor's CoG in the file.
         unladen_tractor: loads of the tractor's two groups without the trailer, N. If given, they set the tractor's mass
@@ -32,15 +36,17 @@ def with_axle_loads(
             tractor axles.
 
     Raises:
-        VehicleError: the vehicle has other axle groups, a load is missing, unknown or not positive, or the loads
-            contradict the file.
+        VehicleError: a load is missing, unknown or not positive, or the loads contradict the file.
     """
     paths = tuple(vehicle.axle_loads())
     if [len(unit.axle_groups) for unit in vehicle.units] != [2, 1]:
-        raise VehicleError(
-            f"{vehicle.name}: expected a tractor with two axle groups and a trailer with one; set the masses and CoG"
-            " positions of other vehicles by hand"
-        )
+        if unladen_tractor is not None:
+            raise VehicleError(
+                f"unladen_tractor: expected none for {vehicle.name}, which is no tractor with two axle groups and a"
+                " trailer with one; write the tractor's mass and CoG into the vehicle file"
+            )
+        _check_loads(loads, paths)
+        return nearest_masses(vehicle, loads)
     tractor, trailer = vehicle.units
     front, drive, bogie = paths
     _check_loads(loads, (front, drive, bogie), optional=front)
