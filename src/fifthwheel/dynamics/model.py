@@ -227,6 +227,7 @@ def _build(model: ChainModel) -> _Functions:
     measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
     duration = dt * value[TIME_SCALE] if extended else dt
+    factors = dict(chain.LINEAR_TYRES)
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
     if extended:
         play, late = ca.vertcat(*[value[f"{name}.play"] for name in steers]), error["gain"] * error["delay"]
@@ -240,11 +241,14 @@ def _build(model: ChainModel) -> _Functions:
         correction = ca.SX.zeros(m)
         steer = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
         slip = chain.slip_angles(value, vehicle, x, d[k], steer, roll=roll)
-        value |= {f"{path}.cornering_stiffness": _softened(value, path, alpha) for path, alpha in slip.items()}
+        factors = {
+            f"{path}.cornering_stiffness": _softening(value[f"{path}.softening"], alpha) for path, alpha in slip.items()
+        }
     else:
         shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
         correction = error["gain"] * shift
-    equations = chain.equations(value, vehicle, roll=roll, bank=bank)
+    equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
+    value |= {name: value[name] * factor for name, factor in factors.items()}
     A, B = equations.state_space((d[0] + d[k]) / 2)
     order = ORDER[roll, bool(chain.relaxation_groups(vehicle))]
     transition = taylor(A, B, x, before + correction, after + correction, duration, order)
@@ -270,10 +274,9 @@ SMOOTHING = 0.001
 """Slip angle below which softening is smooth, rad."""
 
 
-def _softened(value: Mapping[str, ca.SX], path: str, slip: ca.SX) -> ca.SX:
-    """C / (1 + softening |slip|) of an axle group."""
-    magnitude = ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING
-    return value[f"{path}.cornering_stiffness"] / (1 + value[f"{path}.softening"] * magnitude)
+def _softening(rate: ca.SX, slip: ca.SX) -> ca.SX:
+    """1 / (1 + rate |slip|), the factor of the cornering stiffness of an axle group."""
+    return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
 
 
 def taylor(A: ca.SX, B: ca.SX, x: ca.SX, before: ca.SX, after: ca.SX, dt: ca.SX, order: int) -> ca.SX:
