@@ -49,9 +49,7 @@ def main() -> None:
     from fifthwheel.errors import FifthwheelError
 
     gc.set_threshold(100_000)  # the objects of imported modules and of records make no cycles
-    os.environ.setdefault(
-        "PYDANTIC_DISABLE_PLUGINS", "__all__"
-    )  # the search for them is slow
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them is slow
     previous = {number: signal.signal(number, _exit_at_once) for number in (signal.SIGINT, signal.SIGTERM)}
     if len(sys.argv) == 1:
         sys.argv.append("--help")

@@ -64,10 +64,10 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
                 if smooth:
                     variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
                 else:
-                    variance, of_bank = parameter_variance(
-                        model, observer.report, points, effects, start, rows, ungated
+                    with_bank = BANK in uncertain.names
+                    variance = parameter_variance(
+                        model, observer.report, points, effects, start, rows, ungated, with_bank=with_bank
                     )
-                    variance -= of_bank * (BANK in uncertain.names)  # it is part of both
                 output[samples, n : 2 * n] += variance[part.sample_indices]
             output[samples, n : 2 * n] = np.maximum(output[samples, n : 2 * n], 0.0)
             del part, filtered, rows, run  # the memory of a long record
