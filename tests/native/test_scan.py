@@ -226,6 +226,14 @@ def test_values_that_depend_only_on_constants_are_before_the_loop() -> None:
     assert "@llvm.sin" in loop
 
 
+def test_divisions_by_one_number_share_its_reciprocal() -> None:
+    x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
+    step = ca.Function("divide", [x, u, ca.SX.sym("c", 1)], [x / u, 3 * x[::-1] / u])
+    assert llvm_ir.module(step).count("fdiv") == 1
+    _, output = Scan(step)(np.array([1.0, 2.0, 4.0]), np.array([[0.7]]), np.zeros(1))
+    np.testing.assert_allclose(output[0], np.array([12.0, 6.0, 3.0]) / 0.7, rtol=1e-15)
+
+
 def test_constants_changed_between_calls_take_effect(scan: Scan) -> None:
     carry, sample, constant = (array[0] for array in random_inputs(1, 40))
     first = scan(carry, sample, constant)
