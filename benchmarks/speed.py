@@ -241,7 +241,8 @@ print(json.dumps([status, wall, cpu, usage.ru_maxrss / 1024]))
 
 
 def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> ProcessCost:
-    """Cost of a process; that of the fastest of several runs."""
+    """Cost of a process; that of the fastest of several runs. Python keeps the bytecode of modules, as by default."""
+    environment = {"PYTHONDONTWRITEBYTECODE": "", **environment}
     command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "fifthwheel", *arguments]
 
     def once() -> ProcessCost:

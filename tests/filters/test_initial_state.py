@@ -7,6 +7,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from fifthwheel import dynamics
 from fifthwheel.filters.initial_state import (
     INITIAL_SIGMA,
+    initial_factor,
     initial_state,
     random_steer_covariance,
     steady_initial_state,
@@ -83,3 +84,10 @@ def test_the_covariance_is_that_of_steering_of_each_state_and_of_the_bank(bank):
         assert np.abs(effect[:n]).max() > 0.01 * bank
         expected = np.pad(expected, (0, 1)) + np.outer(effect, effect)
     np.testing.assert_allclose(P, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_one_column_of_the_factor_moves_the_bank():
+    _, P0 = initial_state(TRUCK, FIRST, {}, roll=True, steer_sigma=0.01, bank=0.02)
+    factor = initial_factor(P0)
+    np.testing.assert_allclose(factor @ factor.T, P0, rtol=1e-12, atol=1e-18)
+    np.testing.assert_array_equal(factor[-1] != 0, np.arange(len(P0)) == len(P0) - 1)

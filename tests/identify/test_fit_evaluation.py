@@ -117,6 +117,20 @@ def test_a_log_that_outlasts_the_response_to_its_initial_state(
     assert min(fit.explained for fit in result) > 0.9999
 
 
+def test_only_the_response_to_the_bank_lasts(steered: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    record, lengths = response(steered, count=6), []
+
+    def counted(*arguments) -> tuple[np.ndarray, np.ndarray]:
+        lengths.append(len(arguments[2]))
+        return linear_response(*arguments)
+
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)
+    monkeypatch.setattr(fit_evaluation, "linear_response", counted)
+    model = dynamics.model(steered, OUTPUTS, roll=True, bank=True)
+    free_run_fits(model, steered, LogData(name="a", segments=[record]), [], values={}, identified_on=True)
+    assert lengths.count(len(record)) == 3  # of the initial state, of none, of the bank
+
+
 def test_a_channel_that_is_missing_or_constant_has_no_fit(steered: Vehicle) -> None:
     record = response(steered)
     zero, missing = np.zeros(len(record)), np.full(len(record), np.nan)

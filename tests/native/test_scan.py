@@ -10,8 +10,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from llvmlite import binding as llvm
 
 from fifthwheel.native import Scan, compile_in_background, llvm_ir
+from fifthwheel.native import scan as native_scan
 from tests.native.conftest import Array, interpreted, max_difference, oscillator, times
 
 STEP = oscillator()
@@ -224,6 +226,25 @@ def test_values_that_depend_only_on_constants_are_before_the_loop() -> None:
     assert "@llvm.exp" in before
     assert "@llvm.exp" not in loop.split("\ndone:\n")[0]
     assert "@llvm.sin" in loop
+
+
+def test_divisions_by_one_number_share_its_reciprocal() -> None:
+    x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
+    step = ca.Function("divide", [x, u, ca.SX.sym("c", 1)], [x / u, 3 * x[::-1] / u])
+    assert llvm_ir.module(step).count("fdiv") == 1
+    _, output = Scan(step)(np.array([1.0, 2.0, 4.0]), np.array([[0.7]]), np.zeros(1))
+    np.testing.assert_allclose(output[0], np.array([12.0, 6.0, 3.0]) / 0.7, rtol=1e-15)
+
+
+def test_a_compilation_restores_the_passes_of_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
+    options: list[str] = []
+    monkeypatch.setattr(llvm, "set_option", lambda _, option: options.append(option))
+    native_scan._compile(llvm_ir.module(STEP))
+    assert options[len(options) // 2 :] == [
+        "--enable-misched=true",
+        "--disable-machine-licm=false",
+        "--disable-machine-sink=false",
+    ]
 
 
 def test_constants_changed_between_calls_take_effect(scan: Scan) -> None:

@@ -188,6 +188,13 @@ def test_every_verdict_has_its_mark(every_verdict, result, tmp_path):
         assert f'<span class="{name}"><span class="mark">{mark}</span>{spoken_verdict(name)}</span>' in text
 
 
+def test_a_library_is_compressed_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(tmp_path / "cache"))
+    first = page._plotly.__wrapped__()
+    monkeypatch.setattr(page, "compressed", lambda data: pytest.fail("compressed again"))
+    assert page._plotly.__wrapped__() == first
+
+
 def test_an_error_leaves_the_old_page(tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     path.write_text("old")

@@ -1,5 +1,6 @@
 """The command line, one module for each command. Slow imports wait until a command needs them."""
 
+import gc
 import os
 import signal
 import sys
@@ -48,6 +49,8 @@ def main() -> None:
     """Entry point. Exit code 0: the command ran; 2: wrong input or usage; 130: interrupted; 143: terminated."""
     from fifthwheel.errors import FifthwheelError
 
+    gc.set_threshold(100_000)  # the objects of imported modules and of records make no cycles
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them is slow
     previous = {number: signal.signal(number, _exit_at_once) for number in (signal.SIGINT, signal.SIGTERM)}
     if len(sys.argv) == 1:
         sys.argv.append("--help")
@@ -60,6 +63,7 @@ def main() -> None:
     except OSError as error:
         _refuse(f"{error.filename or 'file'}: {error.strerror or error}; check path, permissions and free space")
     finally:
+        gc.freeze()  # at its end the interpreter would search all objects for cycles
         for number, handler in previous.items():
             signal.signal(number, handler)
 

@@ -27,15 +27,20 @@ class Matrices:
 
 
 @dataclass(frozen=True)
-class _Structure:
+class Structure:
     """The structure of a vehicle; equal for vehicles of equal topology."""
 
     vehicle: Vehicle = field(compare=False)
     identity: tuple[object, ...]
 
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> "Structure":
+        """The structure of a vehicle."""
+        return cls(vehicle, topology(vehicle))
+
 
 @compiled(Scan)
-def _function(structure: _Structure, roll: bool, bank: bool) -> ca.Function:
+def _function(structure: Structure, roll: bool, bank: bool) -> ca.Function:
     """sample = speed; constant = parameters; output = [E, F, G, A, B], by columns. There is no carry."""
     vehicle = structure.vehicle
     names = tuple(vehicle.parameters())
@@ -67,7 +72,7 @@ def matrices(
     values = vehicle.parameters() | dict(changed or {})
     states, k = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.steer_signals())
     n = len(states)
-    scan = _function(_Structure(vehicle, topology(vehicle)), roll, bank)
+    scan = _function(Structure.of(vehicle), roll, bank)
     _, output = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
     E, F, G, A, B = np.split(output[0], np.cumsum([n * n, n * n, n * k, n * n]))
     E, F, G, A, B = (matrix.reshape(n, -1, order="F") for matrix in (E, F, G, A, B))

@@ -80,7 +80,11 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """E x' = A x + B d with A = A0 + A1/u + A2 u and B = B0 + B2 u, symbolic in the parameters."""
+    """E x' = A x + B d with A = A0 + A1/u + A2 u and B = B0 + B2 u, symbolic in the parameters.
+
+    The matrices are linear in the symbols `factors`. E^-1 is applied to what each of them multiplies, so that this
+    product depends on parameters only, where the values of the factors change from sample to sample.
+    """
 
     mass: ca.SX  # (m, m), of the m generalised velocities, symmetric positive definite
     A0: ca.SX  # (n, n)
@@ -89,6 +93,7 @@ class Equations:
     B0: ca.SX  # (n, k), k steered axles
     B2: ca.SX
     velocities: tuple[int, ...]  # (m,) indices of the generalised velocities in the state
+    factors: tuple[tuple[ca.SX, ca.SX], ...]  # symbols, each with its value
 
     def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
         """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s."""
@@ -105,12 +110,21 @@ class Equations:
         return E
 
     def _solve_E(self, right: ca.SX) -> ca.SX:
-        """E^-1 right."""
+        """E^-1 right, with the values of the factors."""
+        total = ca.SX(*right.shape)
+        for symbol, value in self.factors:
+            total += value * self._solved(ca.reshape(ca.jacobian(right, symbol), right.shape))
+            right = ca.substitute(right, symbol, 0)
+        return ca.sparsify(total + self._solved(right))
+
+    def _solved(self, right: ca.SX) -> ca.SX:
+        """E^-1 right, without factors."""
+        right = ca.sparsify(right)
         solved = ca.SX(right)
         solution = solve_positive_definite(self.mass, right[list(self.velocities), :])
         for i, row in enumerate(self.velocities):
             solved[row, :] = solution[i, :]
-        return ca.sparsify(solved)
+        return solved
 
 
 def solve_positive_definite(M: ca.SX, right: ca.SX) -> ca.SX:
@@ -227,7 +241,18 @@ def coupling_moments(p: Mapping[str, ca.SX], vehicle: Vehicle, motions: Motion) 
     return force
 
 
-def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: bool = False) -> Equations:
+LINEAR_TYRES: Mapping[str, ca.SX] = {}
+"""No factors of cornering stiffnesses."""
+
+
+def equations(
+    p: Mapping[str, ca.SX],
+    vehicle: Vehicle,
+    *,
+    roll: bool,
+    bank: bool = False,
+    stiffness_factors: Mapping[str, ca.SX] = LINEAR_TYRES,
+) -> Equations:
     """The equations of motion of the chain.
 
     Args:
@@ -235,7 +260,10 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: boo
         vehicle: units, axles and couplings; its numbers are not used.
         roll: yaw and roll (the article's 5 degrees of freedom for two units), or yaw only (3).
         bank: whether the bank of the road is a state.
+        stiffness_factors: by parameter, factors of cornering stiffnesses that may depend on the state.
     """
+    symbols = {name: ca.SX.sym(name) for name in stiffness_factors}
+    p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
     names = state_names(vehicle, roll=roll, bank=bank)
     x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
     steer = {name: ca.SX.sym(name) for name in vehicle.steer_signals()}
@@ -283,4 +311,13 @@ def equations(p: Mapping[str, ca.SX], vehicle: Vehicle, *, roll: bool, bank: boo
     zero = ca.vertcat(u, inverse_speed), ca.DM([0, 0])
     A0, B0 = (ca.substitute(matrix, *zero) for matrix in (by_state, by_steer))
     A0, A1, A2, B0, B2 = (ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, B0, B2))
-    return Equations(mass=M, A0=A0, A1=A1, A2=A2, B0=B0, B2=B2, velocities=tuple(velocities))
+    return Equations(
+        mass=M,
+        A0=A0,
+        A1=A1,
+        A2=A2,
+        B0=B0,
+        B2=B2,
+        velocities=tuple(velocities),
+        factors=tuple((symbol, stiffness_factors[name]) for name, symbol in symbols.items()),
+    )

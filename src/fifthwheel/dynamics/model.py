@@ -237,6 +237,7 @@ def _build(model: ChainModel) -> _Functions:
     measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
     duration = dt * value[TIME_SCALE] if extended else dt
+    factors = dict(chain.LINEAR_TYRES)
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
     if extended:
         play, late = ca.vertcat(*[value[f"{name}.play"] for name in steers]), error["gain"] * error["delay"]
@@ -250,14 +251,18 @@ def _build(model: ChainModel) -> _Functions:
         correction = ca.SX.zeros(m)
         steer = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
         slip = chain.slip_angles(value, vehicle, x, d[k], steer, roll=roll)
-        value |= {f"{path}.cornering_stiffness": _softened(value, path, alpha) for path, alpha in slip.items()}
+        factors = {
+            f"{path}.cornering_stiffness": _softening(value[f"{path}.softening"], alpha) for path, alpha in slip.items()
+        }
     else:
         shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
         correction = error["gain"] * shift
-    before, after_lag = before + correction, after + correction
+    start, end = before + correction, after + correction
     speed, order = (d[0] + d[k]) / 2, ORDER[roll, bool(chain.relaxation_groups(vehicle))]
+    softened = {name: value[name] * factor for name, factor in factors.items()}
     later = ca.SX.sym("later", n)
     if model.tyres == "saturating":
+        value |= softened
 
         def motion(state: ca.SX, forward: ca.SX, angles: ca.SX) -> LargeAngles:
             steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}
@@ -266,9 +271,9 @@ def _build(model: ChainModel) -> _Functions:
         angles = ca.SX.sym("angles", m)
         rate = motion(x, speed, angles).rates
         A, B, first = (
-            ca.substitute(matrix, angles, before) for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
+            ca.substitute(matrix, angles, start) for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
         )
-        rates = first, motion(later, speed, after_lag).rates
+        rates = first, motion(later, speed, end).rates
         now = motion(x, d[k], after)
         sensed = sensors.SensorInputs(
             p=value,
@@ -281,11 +286,12 @@ def _build(model: ChainModel) -> _Functions:
             changing=(x, now.rates),
         )
     else:
-        equations = chain.equations(value, vehicle, roll=roll, bank=bank)
+        equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
+        value |= softened
         A, B = equations.state_space(speed)
-        rates = A @ x + B @ before, A @ later + B @ after_lag
+        rates = A @ x + B @ start, A @ later + B @ end
         sensed = sensors.sensor_inputs(value, vehicle, equations, x, d[k], after, roll=roll, bank=bank)
-    transition = taylor(A, x, rates[0], B @ (after_lag - before), duration, order)
+    transition = taylor(A, x, rates[0], B @ (end - start), duration, order)
     matrix = transition_matrix(A, duration, order)
 
     steer_rate = d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m)
@@ -305,10 +311,9 @@ SMOOTHING = 0.001
 """Slip angle below which softening is smooth, rad."""
 
 
-def _softened(value: Mapping[str, ca.SX], path: str, slip: ca.SX) -> ca.SX:
-    """C / (1 + softening |slip|) of an axle group."""
-    magnitude = ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING
-    return value[f"{path}.cornering_stiffness"] / (1 + value[f"{path}.softening"] * magnitude)
+def _softening(rate: ca.SX, slip: ca.SX) -> ca.SX:
+    """1 / (1 + rate |slip|), the factor of the cornering stiffness of an axle group."""
+    return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
 
 
 def taylor(A: ca.SX, x: ca.SX, rate: ca.SX, change: ca.SX, dt: ca.SX, order: int) -> ca.SX:

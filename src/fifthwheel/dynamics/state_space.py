@@ -16,11 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
-from fifthwheel.dynamics.analysis import matrices
-from fifthwheel.dynamics.model import all_parameters, topology
+from fifthwheel.dynamics.analysis import Structure, matrices
+from fifthwheel.dynamics.model import all_parameters
 from fifthwheel.dynamics.unit_equations import group_roll
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.names import SignalName
+from fifthwheel.native import Scan, compiled
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import AxleGroup, Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
@@ -189,8 +190,10 @@ def linear_system(
     names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
     m = matrices(vehicle, speed, roll=roll)
     values = all_parameters(vehicle, [name for name in names if _is_sensor(name, m.states)])
-    C, D = (np.array(matrix) for matrix in _output_function(vehicle, names, roll)(list(values.values()), speed))
+    scan = _output_function(Structure.of(vehicle), names, roll)
+    _, both = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
     inputs = vehicle.steer_signals()
+    C, D = np.split(both.reshape(len(names), len(m.states) + len(inputs), order="F"), [len(m.states)], axis=1)
     return LinearSystem(
         vehicle=vehicle.name,
         speed=speed,
@@ -199,8 +202,8 @@ def linear_system(
         outputs=names,
         A=m.A,
         B=m.B.reshape(len(m.states), len(inputs)),
-        C=C.reshape(len(names), len(m.states)),
-        D=D.reshape(len(names), len(inputs)),
+        C=C,
+        D=D,
     )
 
 
@@ -223,25 +226,21 @@ def _unit(name: str) -> str:
     return "m/s^2" if quantity == COG_ACCELERATION else si_unit(name) or "1"
 
 
-_functions: dict[tuple[object, ...], ca.Function] = {}
-
-
-def _output_function(vehicle: Vehicle, outputs: tuple[str, ...], roll: bool) -> ca.Function:
-    """(parameters, speed) -> (C, D), one function for all vehicles of equal topology."""
-    key = (topology(vehicle), outputs, roll)
-    if key not in _functions:
-        states = chain.state_names(vehicle, roll=roll)
-        names = tuple(all_parameters(vehicle, [name for name in outputs if _is_sensor(name, states)]))
-        symbols, u = ca.SX.sym("p", len(names)), ca.SX.sym("u")
-        p = dict(zip(names, ca.vertsplit(symbols), strict=True))
-        x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
-        sensed = sensors.sensor_inputs(p, vehicle, chain.equations(p, vehicle, roll=roll), x, u, d, roll=roll)
-        slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
-        y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
-        stacked = ca.vertcat(*y) if y else ca.SX(0, 1)
-        both = [ca.densify(ca.jacobian(stacked, by)) for by in (x, d)]
-        _functions[key] = ca.Function("outputs", [symbols, u], both, {"cse": True})
-    return _functions[key]
+@compiled(Scan)
+def _output_function(structure: Structure, outputs: tuple[str, ...], roll: bool) -> ca.Function:
+    """sample = speed; constant = parameters; output = [C, D], by columns. There is no carry."""
+    vehicle = structure.vehicle
+    states = chain.state_names(vehicle, roll=roll)
+    names = tuple(all_parameters(vehicle, [name for name in outputs if _is_sensor(name, states)]))
+    symbols, u, nothing = ca.SX.sym("p", len(names)), ca.SX.sym("u"), ca.SX.sym("nothing", 0)
+    p = dict(zip(names, ca.vertsplit(symbols), strict=True))
+    x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
+    sensed = sensors.sensor_inputs(p, vehicle, chain.equations(p, vehicle, roll=roll), x, u, d, roll=roll)
+    slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
+    y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
+    stacked = ca.vertcat(*y) if y else ca.SX(0, 1)
+    both = ca.vec(ca.densify(ca.jacobian(stacked, ca.vertcat(x, d))))
+    return ca.Function("outputs", [nothing, u, symbols], [nothing, both], {"cse": True})
 
 
 def _output(name: str, sensed: sensors.SensorInputs, slip: Mapping[str, ca.SX]) -> ca.SX:

@@ -109,6 +109,14 @@ def initial_state(
     return np.append(x0, 0.0), np.pad(P0, (0, 1)) + np.outer(effect, effect)
 
 
+def initial_factor(covariance: Array) -> Array:
+    """Upper triangular L (n, n) with L L' = covariance of `initial_state`.
+
+    Only its last column moves the bank: the effect of all others decays.
+    """
+    return np.asarray(np.linalg.cholesky(covariance[::-1, ::-1])[::-1, ::-1])
+
+
 def initial_covariance(m: dynamics.Matrices, steer_sigma: float) -> Array:
     """Covariance (n, n) of the states about a steady state, without the bank; arguments as in `initial_state`."""
     floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:-1]])

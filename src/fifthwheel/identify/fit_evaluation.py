@@ -20,7 +20,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import linear_response
 from fifthwheel.filters import variances
-from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_state
+from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_factor, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
 from fifthwheel.identify.dataset import Dataset, LogData, speed_range
 from fifthwheel.identify.parameters import Unknown
@@ -191,7 +191,7 @@ def _free_run(
     first = {name: float(v[0]) for name, v in inputs.items()}
     bank = INITIAL_SIGMA["bank"] if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
-    own, shared = _unit_responses(model, p, segment.time, inputs, np.asarray(np.linalg.cholesky(P0)), unknowns)
+    own, shared = _unit_responses(model, p, segment.time, inputs, initial_factor(P0), unknowns)
     missing = np.full(len(segment.time), np.nan)
     return _FreeRun(
         time=segment.time,

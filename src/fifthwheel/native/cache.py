@@ -1,7 +1,8 @@
-"""Cache of compiled code on disk, so that a step is compiled only once.
+"""Cache of compiled code on disk, so that a step is compiled only once; also of other constant results.
 
-An entry is used only if its key identifies the step, the processor and the compiler, its digest matches its content,
-and no other user can have written it. An entry that fails a check is ignored and written again.
+An entry is used only if its key identifies all that determines it, such as the step, the processor and the compiler,
+its digest matches its content, and no other user can have written it. An entry that fails a check is ignored and
+written again.
 """
 
 import functools
@@ -68,7 +69,7 @@ def _private(path: Path) -> bool:
 
 
 def read(key: bytes) -> bytes | None:
-    """Object code of a key (32 bytes); None if there is no valid entry."""
+    """Content of the entry of a key (32 bytes), such as object code; None if there is no valid entry."""
     cache_folder = folder()
     if cache_folder is None:
         return None
@@ -84,7 +85,7 @@ def read(key: bytes) -> bytes | None:
 
 
 def write(key: bytes, code: bytes) -> None:
-    """Store object code under a key. A disk that is full or read-only is not an error."""
+    """Store a content under a key. A disk that is full or read-only is not an error."""
     cache_folder = folder()
     if cache_folder is None:
         return

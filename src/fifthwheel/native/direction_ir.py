@@ -80,7 +80,6 @@ class _Divider:
         self.nominal, self.directions = Emitter(step.name(), 1), Emitter(step.name(), lanes)
         self.registers: dict[int, Register] = {}  # of instructions, each in its own loop
         self.passed: dict[str, Register] = {}  # registers of `directions` by the registers of `nominal`
-        self.reciprocals: dict[str, Register] = {}
         self.shared: list[str] = []
         self.fixed: list[str] = []
         self.absorbed = self._absorbed()
@@ -147,16 +146,9 @@ class _Divider:
         if op in _SUMS:
             return self._sum(number)
         if op == ca.OP_DIV and not self.instructions[operands[1]].varies:
-            factors = [self.vector(operands[0]), self._reciprocal(operands[1])]
-            return self.directions.operation(ca.OP_MUL, factors)
+            reciprocal = self._pass(self.nominal.reciprocal(self.registers[operands[1]]))
+            return self.directions.operation(ca.OP_MUL, [self.vector(operands[0]), reciprocal])
         return self.directions.operation(op, [self.vector(i) for i in operands])
-
-    def _reciprocal(self, number: int) -> Register:
-        """One over a value that does not vary, in `directions`."""
-        name = self.registers[number][0]
-        if name not in self.reciprocals:
-            self.reciprocals[name] = self.nominal.operation(ca.OP_INV, [self.registers[number]])
-        return self._pass(self.reciprocals[name])
 
     def _sum(self, number: int) -> Register:
         """Write a sum of all its terms, positive single terms first."""

@@ -13,7 +13,7 @@ import casadi as ca
 
 from fifthwheel.native.instructions import translate
 
-_BINARY = {ca.OP_ADD: "fadd contract", ca.OP_SUB: "fsub contract", ca.OP_MUL: "fmul contract", ca.OP_DIV: "fdiv"}
+_BINARY = {ca.OP_ADD: "fadd contract", ca.OP_SUB: "fsub contract", ca.OP_MUL: "fmul contract"}
 _COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
 _INTRINSIC = {
     ca.OP_SQRT: "sqrt",
@@ -55,6 +55,7 @@ class Emitter:
         self.once: list[str] = []  # lines before the loop
         self.loop: list[str] = []  # lines in the loop
         self.intrinsics: set[str] = set()
+        self.reciprocals: dict[str, Register] = {}  # of registers
         self.count = 0
 
     def constant(self, value: float) -> str:
@@ -112,6 +113,13 @@ class Emitter:
             vector, _ = self.emit(f"insertelement {self.type} {vector}, double {result}, i32 {lane}", invariant)
         return vector, invariant
 
+    def reciprocal(self, register: Register) -> Register:
+        """One over a register. All its divisions share it: a division takes as long as several products."""
+        name, invariant = register
+        if name not in self.reciprocals:
+            self.reciprocals[name] = self.emit(f"fdiv {self.type} {self.constant(1.0)}, {name}", invariant)
+        return self.reciprocals[name]
+
     def operation(self, op: int, arguments: Sequence[Register]) -> Register:
         """Write an operation on registers.
 
@@ -141,7 +149,9 @@ class Emitter:
         if op == ca.OP_TWICE:
             return self.emit(f"fadd contract {self.type} {a}, {a}", invariant)
         if op == ca.OP_INV:
-            return self.emit(f"fdiv {self.type} {self.constant(1.0)}, {a}", invariant)
+            return self.reciprocal(arguments[0])
+        if op == ca.OP_DIV:
+            return self.operation(ca.OP_MUL, [arguments[0], self.reciprocal(arguments[1])])
         if op == ca.OP_ASSIGN:
             return arguments[0]
         if op == ca.OP_IF_ELSE_ZERO:

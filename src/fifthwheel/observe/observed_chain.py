@@ -6,11 +6,13 @@ The offsets are states. The bank is a state if measurements are to correct it, o
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
@@ -28,14 +30,35 @@ class ObservedChain:
     chain: ChainModel
     estimates_bank: bool
     """Whether the bank is a state, the last one of the chain; otherwise it is the last parameter of c."""
-    transition: ca.Function
-    observation: ca.Function
-    state_jacobian: ca.Function
 
     @property
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
         return "observed chain", self.chain.identity, self.estimates_bank
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int, int]:
+        """Numbers of elements of x, d, p, c and y."""
+        return len(self.states), 2 * len(self.inputs), 0, len(self.known), len(self.outputs)
+
+    @property
+    def transition(self) -> ca.Function:
+        """(x, dt, d, p, c) -> x+, the state dt seconds later."""
+        return self._functions.transition
+
+    @property
+    def observation(self) -> ca.Function:
+        """(x, d, p, c) -> y"""
+        return self._functions.observation
+
+    @property
+    def state_jacobian(self) -> ca.Function:
+        """(x, dt, d, p, c) -> dx+/dx (n, n)."""
+        return self._functions.state_jacobian
+
+    @lazy
+    def _functions(self) -> "_Functions":
+        return _build(self)
 
     @property
     def roll(self) -> bool:
@@ -89,7 +112,21 @@ def observed_chain(
 
 @functools.cache
 def _observed_chain(chain: ChainModel, estimate_bank: bool) -> ObservedChain:
-    n, m = len(chain.states) - (not estimate_bank), len(chain.free)
+    return ObservedChain(chain=chain, estimates_bank=estimate_bank)
+
+
+class _Functions(NamedTuple):
+    """The functions of a model."""
+
+    transition: ca.Function
+    observation: ca.Function
+    state_jacobian: ca.Function
+
+
+def _build(model: ObservedChain) -> _Functions:
+    """Build the symbolic functions."""
+    chain, considered = model.chain, not model.estimates_bank
+    n, m = len(chain.states) - considered, len(chain.free)
     x, dt, d, p, c = (
         ca.SX.sym(name, size)
         for name, size in (
@@ -97,7 +134,7 @@ def _observed_chain(chain: ChainModel, estimate_bank: bool) -> ObservedChain:
             ("dt", 1),
             ("d", 2 * len(chain.inputs)),
             ("p", 0),
-            ("c", len(chain.known) + (not estimate_bank)),
+            ("c", len(chain.known) + considered),
         )
     )
     state, offsets, known = ca.vertcat(x[:n], c[len(chain.known) :]), x[n:], c[: len(chain.known)]
@@ -106,9 +143,7 @@ def _observed_chain(chain: ChainModel, estimate_bank: bool) -> ObservedChain:
     F = ca.blockcat([[F, ca.jacobian(later, offsets)], [ca.SX(m, n), ca.SX.eye(m)]])
     y = chain.observation(state, d, offsets, known)
     arguments = [x, dt, d, p, c]
-    return ObservedChain(
-        chain=chain,
-        estimates_bank=estimate_bank,
+    return _Functions(
         transition=ca.Function("transition", arguments, [ca.vertcat(later, offsets)]),
         observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
         state_jacobian=ca.Function("state_jacobian", arguments, [F]),

@@ -67,14 +67,20 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
                 if smooth:
                     of_uncertain = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
                 else:
-                    of_uncertain, of_bank = parameter_variance(
-                        model, observer.report, points, effects, start, rows, ungated
+                    of_uncertain = parameter_variance(
+                        model,
+                        observer.report,
+                        points,
+                        effects,
+                        start,
+                        rows,
+                        ungated,
+                        with_bank=BANK in uncertain.names,
                     )
-                    if BANK in uncertain.names:  # it is part of both
-                        own = own - of_bank[part.sample_indices]
                 of_uncertain = of_uncertain[part.sample_indices]
             # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
-            output[samples, n : 2 * n] = np.maximum(np.maximum(own * excess, own + of_uncertain), 0.0)
+            total = np.maximum(own + of_uncertain, 0.0)
+            output[samples, n : 2 * n] = np.maximum(total, excess * np.minimum(own, total))
             del part, filtered, rows, run  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)

@@ -92,8 +92,10 @@ def parameter_variance(
     start: Array,
     rows: Array,
     constant: Array,
-) -> tuple[Array, Array]:
-    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters, and that over the bank.
+    *,
+    with_bank: bool,
+) -> Array:
+    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters.
 
     Args:
         model, report: of the measured and of the reported signals.
@@ -102,14 +104,15 @@ def parameter_variance(
         start: [x, P, s] before the first row; it does not depend on the other parameters, because P is wide enough.
         rows: (N, n_sample); their weights determine the samples that are used.
         constant: of `observer_step`, with an infinite gate.
+        with_bank: whether the bank is one of the parameters; then the variance is without that of the filter, which
+            considers the bank itself.
     """
     scan, directions = sensitivity_step(model, report), parameter_directions(model, report, points)
-    variances, of_bank, carry, constant = [], [], start, constant[: scan.sizes[2]]
-    carry_dot = points.unknowns @ effects
+    carry, constant, carry_dot = start, constant[: scan.sizes[2]], points.unknowns @ effects
+    variance = np.empty((len(rows), len(report.outputs)))
     for first in range(0, len(rows), CHUNK):
-        chunk = rows[first : first + CHUNK]
-        result = scan(carry, chunk, constant, carry_dot, directions, threads=os.cpu_count() or 1)
-        variances.append(np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot))
-        of_bank.append(result.output)
+        chunk = slice(first, first + CHUNK)
+        result = scan(carry, rows[chunk], constant, carry_dot, directions, threads=os.cpu_count() or 1)
+        variance[chunk] = np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot) - with_bank * result.output
         carry, carry_dot = result.carry, result.carry_dot
-    return np.concatenate(variances), np.concatenate(of_bank)
+    return variance

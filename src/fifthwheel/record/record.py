@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._extras import require
 from fifthwheel._html import block
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.plots import Plot
@@ -87,7 +88,7 @@ class Record:
         """First and last instant, s."""
         return float(self.time[0]), float(self.time[-1])
 
-    @property
+    @lazy
     def rate(self) -> float:
         """Sampling rate, Hz: one over the typical step."""
         return 1 / typical_step(self.time)

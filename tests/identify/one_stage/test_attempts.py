@@ -14,16 +14,21 @@ NOT = Verdict.NOT_EXCITED
 
 @pytest.mark.parametrize("stable", [True, False])
 def test_the_set_may_shrink_once_and_then_only_grows(stable: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first set is that at the initial values, without considered unknowns; empty for an unstable vehicle."""
+    """The first set is that at the initial values, without considered unknowns and by part of long logs.
+
+    It is empty for an unstable vehicle.
+    """
     found = [{"a": NOT, "b": NOT}, {"a": NOT}, {"c": NOT}, {}]
     asked: list[tuple[list[str], float, bool]] = []
 
     def uninformed(_, problem: SimpleNamespace, z: np.ndarray, *, noise_only: bool = False) -> dict[str, Verdict]:
         asked.append((sorted(problem.uninformed), float(z[0]), noise_only))
+        assert noise_only == problem.short
         return found[len(asked) - 1 + (not stable)]
 
     def problem(_, logs: tuple, uninformed: dict) -> SimpleNamespace:
-        return SimpleNamespace(logs=logs, uninformed=uninformed)
+        short = SimpleNamespace(logs=logs, uninformed=uninformed, short=True)
+        return SimpleNamespace(logs=logs, uninformed=uninformed, short=False, shortened=lambda _: short)
 
     monkeypatch.setattr(_Estimator, "_problem", problem)
     monkeypatch.setattr(_Estimator, "_initial", lambda *_: np.array([0.0 if stable else 0.5]))

@@ -46,6 +46,13 @@ def gone(pid: int, seconds: float = 5.0) -> bool:
     return False
 
 
+def test_the_child_imports_only_what_reads():
+    """Every import delays the first file."""
+    code = f"import sys; {isolated._START.split(';')[0]}; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"pydantic", "casadi", "pyarrow.parquet", "fifthwheel.vehicle"} & {*modules}
+
+
 def test_a_reader_that_was_started_before_reads_the_next_file(log):
     """Only one waits, and another one is started if it has ended."""
     isolated._end_idle_children()

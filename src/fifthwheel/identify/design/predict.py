@@ -184,7 +184,7 @@ class InformationPredictor:
                 places = np.ix_(block.indices, block.indices)
                 for c, name in enumerate(self.channels):
                     used = in_block[:, c] if present[c] else in_block.any(axis=1)
-                    scaled = block.jacobian[used, c] / np.sqrt(block.variance[used, c])[:, None]
+                    scaled = block.jacobian[:, c] * (used / np.sqrt(block.variance[:, c]))[:, None]
                     information[name][places] += scaled.T @ scaled
         if not all(np.isfinite(matrix).all() for matrix in information.values()):
             raise VehicleError(

@@ -93,12 +93,12 @@ class _Estimator:
     def solve(self, progress: Progress) -> Solution:
         """Estimate all unknowns, again and again until the set of uninformed parameters no longer changes.
 
-        The first set is that at the initial values; it is empty if that vehicle is unstable. After the first estimation
-        a parameter may leave it; from then on the set only grows.
+        The first set is that at the initial values, by part of long logs; it is empty if that vehicle is unstable.
+        After the first estimation a parameter may leave it; from then on the set only grows.
         """
         problem = self._problem(self.dataset.logs, {})
-        initial = self._initial(problem)
-        uninformed = {} if initial.any() else self._uninformed(problem, initial, noise_only=True)
+        initial, early = self._initial(problem), problem.shortened(EARLY_SAMPLES)
+        uninformed = {} if initial.any() else self._uninformed(early, initial, noise_only=True)
         for attempt in itertools.count():
             problem = self._problem(problem.logs, uninformed)
             minimum = self._minimise(problem, progress)

@@ -36,7 +36,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.dual import Scaling
-from fifthwheel.filters.initial_state import initial_state
+from fifthwheel.filters.initial_state import initial_factor, initial_state
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
@@ -363,7 +363,7 @@ class Problem:
     @cached_property
     def _initial_factors(self) -> list[list[Array]]:
         """For each segment of each log: factor L (n, n) of the prior covariance of the initial state with the vehicle
-        as given, upper triangular. Its last column is the effect of the bank."""
+        as given. Its last column is the effect of the bank."""
         return [[self._initial_factor(segment) for segment in log.segments] for log in self.logs]
 
     def _initial_factor(self, segment: Record) -> Array:
@@ -371,7 +371,7 @@ class Problem:
         first = {name: float(v[0]) for name, v in inputs.items()}
         bank = self.settings.bank_prior if self.model.bank else None
         _, P0 = initial_state(self.vehicle, first, {}, roll=self.model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
-        return np.asarray(np.linalg.cholesky(P0[::-1, ::-1])[::-1, ::-1])
+        return initial_factor(P0)
 
     def _step_rows(self, i: int, j: int, values: Mapping[str, float]) -> StepRows:
         """Rows of a segment at the present errors of the steering; kept until these change."""

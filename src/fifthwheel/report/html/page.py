@@ -4,15 +4,16 @@ Plots and plotly.js are compressed (deflate) in base64; the browser decompresses
 """
 
 import base64
+import functools
 import json
 import zlib
 from collections.abc import Sequence
-from functools import cache
 from html import escape
 from importlib import resources
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.native import cache
 from fifthwheel.report.figures.primitives import ReportPlot
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -66,13 +67,19 @@ def _data_script(key: str, data: bytes) -> bytes:
     return b'<script type="application/octet-stream" id="%b">%b</script>\n' % (key.encode(), data)
 
 
-@cache
+@functools.cache
 def _plotly() -> bytes:
-    """The plotly.js of the installed plotly, compressed."""
-    return compressed((resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes())
+    """The plotly.js of the installed plotly, compressed; a cache on disk has it from an earlier report."""
+    script = (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    key = cache.DIGEST(b"plotly.js, deflate %d\n" % LEVEL + script).digest()
+    result = cache.read(key)
+    if result is None:
+        result = compressed(script)
+        cache.write(key, result)
+    return result
 
 
-@cache
+@functools.cache
 def _asset(name: str) -> bytes:
     return (resources.files(__package__) / name).read_bytes()
 
