@@ -61,26 +61,19 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
             if smooth:
                 start = start[: len(model.states) + packed_size(len(model.states))]
                 output[samples, :n], own = np.hsplit(run(start[None], ungated[None])[0, part.sample_indices], 2)
-            of_uncertain = np.zeros_like(own)
+                output[samples, n : 2 * n] = own * excess
             if pairs:
-                effects = observer.effects(part.first)
-                if smooth:
-                    of_uncertain = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
-                else:
-                    of_uncertain = parameter_variance(
-                        model,
-                        observer.report,
-                        points,
-                        effects,
-                        start,
-                        rows,
-                        ungated,
-                        with_bank=BANK in uncertain.names,
+                effects, with_bank = observer.effects(part.first), BANK in uncertain.names
+                variance = (
+                    sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+                    if smooth
+                    else parameter_variance(
+                        model, observer.report, points, effects, start, rows, ungated, with_bank=with_bank
                     )
-                of_uncertain = of_uncertain[part.sample_indices]
-            # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
-            total = np.maximum(own + of_uncertain, 0.0)
-            output[samples, n : 2 * n] = np.maximum(total, excess * np.minimum(own, total))
+                )
+                total = np.maximum(own + variance[part.sample_indices], 0.0)
+                # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
+                output[samples, n : 2 * n] = np.maximum(total, excess * np.minimum(own, total))
             del part, filtered, rows, run  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
