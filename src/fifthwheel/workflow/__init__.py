@@ -9,12 +9,12 @@ from fifthwheel.workflow.axle_loads import (
     weigh_by_slip,
     weigh_vehicle,
 )
+from fifthwheel.workflow.comparison import compare_runs, write_comparison
 from fifthwheel.workflow.design import design_run
+from fifthwheel.workflow.exported import exported_learner, exported_observer
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
-from fifthwheel.workflow.learner import exported_learner
 from fifthwheel.workflow.log_contents import LogContents, survey_file
-from fifthwheel.workflow.observer import exported_observer
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
 from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
@@ -32,6 +32,7 @@ __all__ = [
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
+    "compare_runs",
     "design_run",
     "exported_learner",
     "exported_observer",
@@ -49,5 +50,6 @@ __all__ = [
     "weigh_by_slip",
     "weigh_vehicle",
     "write_assessment",
+    "write_comparison",
     "write_results",
 ]
