@@ -16,6 +16,7 @@ ROOMS = (
     "_callable",
     "_lazy",
     "_types",
+    "_addresses",
     "errors",
     "_extras",
     "_html",
@@ -45,6 +46,7 @@ ROOMS = (
     "report",
     "workflow",
     "live",
+    "app",
     "studies",
     "cli",
 )

@@ -21,6 +21,7 @@ from fifthwheel.cli import (  # importing a command registers it
     simulate,  # noqa: F401
     states,  # noqa: F401
     vehicles,  # noqa: F401
+    workbench,  # noqa: F401
 )
 from fifthwheel.cli.app import app
 

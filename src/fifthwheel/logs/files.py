@@ -12,7 +12,7 @@ from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.signal_map import SignalMap
-from fifthwheel.logs.source import ReadProgress, no_progress
+from fifthwheel.logs.source import LogSource, ReadProgress, no_progress
 from fifthwheel.record.record import Record
 from fifthwheel.record.signal_names import REFERENCE, header, split_header
 
@@ -42,16 +42,22 @@ def read_log(
         Record('run', 6000 samples, 0 to 59.99 s at 100 Hz: speed, steer.tractor.front, yaw_rate.tractor)
     """
     path = Path(path)
-    given = signals or SignalMap()
-    with open_log(path, given.databases, progress) as log:
-        complete = given.completed(log.columns)
-        if not complete.signals and not complete.reference:
-            raise SignalError(
-                f"{log.name}: no column has the name of a signal, the columns are {_listed(log.columns)}; map columns "
-                "to signals in a signals.toml, which `fifthwheel signals` proposes:\n"
-                f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
-            )
-        return assemble(log, complete, name=printable(name or path.stem), progress=progress)
+    with open_log(path, signals.databases if signals else (), progress) as log:
+        return record_of(log, signals, name=name or path.stem, progress=progress)
+
+
+def record_of(
+    log: LogSource, signals: SignalMap | None = None, *, name: str, progress: ReadProgress = no_progress
+) -> Record:
+    """The record in an open log; arguments and errors as in `read_log`."""
+    complete = (signals or SignalMap()).completed(log.columns)
+    if not complete.signals and not complete.reference:
+        raise SignalError(
+            f"{log.name}: no column has the name of a signal, the columns are {_listed(log.columns)}; map columns "
+            "to signals in a signals.toml, which `fifthwheel signals` proposes:\n"
+            f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
+        )
+    return assemble(log, complete, name=printable(name), progress=progress)
 
 
 def _listed(names: Iterable[str], limit: int = 40) -> str:

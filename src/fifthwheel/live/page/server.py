@@ -1,10 +1,5 @@
-"""The web server of the page. It loads nothing from elsewhere, and answers only to addresses, not to names.
+"""The web server of the page. It loads nothing from elsewhere, and answers only to addresses, not to names."""
 
-A page of another site can reach a server on this computer by a name that it points here (DNS rebinding). The header
-Host then has that name; therefore only addresses and localhost are accepted there.
-"""
-
-import ipaddress
 import json
 import threading
 from functools import cached_property
@@ -13,8 +8,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from socket import socket
 from typing import Any
-from urllib.parse import urlsplit
 
+from fifthwheel._addresses import is_address
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.live.node import Output
 from fifthwheel.live.page.geometry import geometry
@@ -122,7 +117,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a request."""
-        if not _is_address(self.headers.get("Host", "")):
+        if not is_address(self.headers.get("Host", "")):
             self._answer(
                 b"Use the address of this computer, such as 127.0.0.1.\n", status=HTTPStatus.MISDIRECTED_REQUEST
             )
@@ -168,12 +163,3 @@ class _Handler(BaseHTTPRequestHandler):
     def _event(self, text: str) -> None:
         self.wfile.write(text.encode())
         self.wfile.flush()
-
-
-def _is_address(host: str) -> bool:
-    """Whether a header Host names this computer by an address, or as localhost."""
-    try:
-        name = urlsplit(f"//{host}").hostname or ""
-        return name == "localhost" or bool(ipaddress.ip_address(name))
-    except ValueError:
-        return False

@@ -1,0 +1,129 @@
+"""The logs, the map and the vehicle of a workspace as data; these functions are for `jobs`, because they take long."""
+
+import hashlib
+import json
+import secrets
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fifthwheel.app.workspace import HIDDEN, Workspace
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.logs.files import record_of
+from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey, survey_log
+from fifthwheel.logs.readers import open_log
+from fifthwheel.logs.source import Column
+from fifthwheel.logs.stored import StoredLog, store_log
+from fifthwheel.logs.windows import WithoutWindows
+from fifthwheel.record import Record
+from fifthwheel.workflow.inputs import Progress, report_fraction
+
+_SURVEY = "survey.json"
+
+
+def _silent(title: str, done: int, total: int) -> None:
+    """Ignores the progress."""
+
+
+def stored_folder(workspace: Workspace, name: str) -> Path:
+    """Where the samples of a log are stored; another folder when the log or a database changes."""
+    described = [_described(path) for path in (workspace.log(name), *workspace.databases())]
+    key = hashlib.sha256(json.dumps(described).encode()).hexdigest()[:16]
+    return workspace.folder / HIDDEN / "logs" / f"{name}-{key}"
+
+
+def store(folder: Path, name: str, progress: Progress = _silent) -> None:
+    """Read a log, and store its samples and its survey, unless they are there already.
+
+    Args:
+        folder: of the workspace.
+        name: of the log.
+        progress: called with a title, the work done and the total.
+
+    Raises:
+        SignalError: the log cannot be read.
+        OSError: there is no space.
+    """
+    workspace = Workspace(folder)
+    final = stored_folder(workspace, name)
+    if final.exists():
+        return
+    for old in final.parent.glob("*") if final.parent.exists() else ():
+        if old.name.rpartition("-")[0] == name or old.suffix == ".part":
+            shutil.rmtree(old, ignore_errors=True)
+    temporary = final.with_name(f"{final.name[-16:]}{secrets.token_hex(4)}.part")
+    temporary.mkdir(parents=True)
+    try:
+        with open_log(
+            workspace.log(name), workspace.databases(), partial(report_fraction, progress, f"reading {name}")
+        ) as log:
+            store_log(log, temporary, partial(report_fraction, progress, f"reading {name}"))
+        survey = survey_log(StoredLog(temporary), partial(report_fraction, progress, f"surveying {name}"))
+        (temporary / _SURVEY).write_text(json.dumps(asdict(survey)), encoding="utf-8")
+        temporary.rename(final)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def opened(workspace: Workspace, name: str) -> StoredLog:
+    """The stored samples of a log; SignalError where it has not been read yet."""
+    try:
+        return StoredLog(stored_folder(workspace, name))
+    except OSError:
+        raise SignalError(f"{name}: not read yet; open the page Log, which reads it") from None
+
+
+def survey(workspace: Workspace, name: str) -> LogSurvey:
+    """The survey of a stored log."""
+    path = stored_folder(workspace, name) / _SURVEY
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    contents = {
+        column: ColumnContent(**{**part, "column": Column(**part["column"])})
+        for column, part in content["contents"].items()
+    }
+    return LogSurvey(**{**content, "contents": contents, "notes": tuple(content["notes"])})
+
+
+def record(folder: Path, name: str, progress: Progress = _silent) -> Record:
+    """The record of a log by signals.toml, without the excluded windows; errors as in `read_log`."""
+    workspace = Workspace(folder)
+    store(folder, name, progress)
+    signal_map = workspace.signal_map()
+    windows = workspace.choices().of(name).exclude
+    log = opened(workspace, name)
+    time = signal_map.time.column if signal_map and signal_map.time else None
+    source = WithoutWindows(log, windows, time) if windows else log
+    stems = [path.stem for path in workspace.logs()]
+    stem = workspace.log(name).stem
+    return record_of(source, signal_map, name=stem if stems.count(stem) == 1 else name)
+
+
+def used_logs(workspace: Workspace) -> list[str]:
+    """Names of the logs that are used."""
+    choices = workspace.choices()
+    return [path.name for path in workspace.logs() if choices.of(path.name).use]
+
+
+def records(folder: Path, names: Sequence[str] | None = None, progress: Progress = _silent) -> list[Record]:
+    """The records of some logs, by default of those that are used.
+
+    Args:
+        folder: of the workspace.
+        names: of the logs.
+        progress: called with a title, the work done and the total.
+
+    Raises:
+        FifthwheelError: no log is used, or one cannot be used; the message names it.
+    """
+    chosen = used_logs(Workspace(folder)) if names is None else list(names)
+    if not chosen:
+        raise FifthwheelError("no log is used; drop one on the page Log, or tick it there")
+    return [record(folder, name, progress) for name in chosen]
+
+
+def _described(path: Path) -> tuple[str, int, int]:
+    content = path.stat()
+    return path.name, content.st_size, content.st_mtime_ns

@@ -1,0 +1,128 @@
+"""What all pages share: navigation, undo, errors, and the check that a tab is not stale."""
+
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module, resources
+from pathlib import Path
+
+from nicegui import ui
+
+from fifthwheel.app.workspace import StaleError, Workspace
+from fifthwheel.errors import FifthwheelError
+
+PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare")
+"""Names of the modules in `pages`, and of the pages, in the order of work; the first has the address /."""
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16">'
+    '<path d="M1 4h9v7H1zM11 6h3l1 3v2h-4z" fill="#1f5fa8"/>'
+    '<circle cx="4" cy="12" r="2"/><circle cx="12.5" cy="12" r="2"/></svg>'
+)
+POLL = 1.0
+"""s between two looks for changes by other tabs."""
+
+
+def register(folder: Path) -> None:
+    """Register the pages of a workspace."""
+    style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
+    ui.add_head_html(f"<style>{style}</style>", shared=True)
+    for name in PAGES:
+        _register(name, folder)
+
+
+def _register(name: str, folder: Path) -> None:
+    module = import_module(f"fifthwheel.app.pages.{name}")
+
+    @ui.page(address(name), title=f"{name.capitalize()} - fifthwheel", language="en-US")
+    def page() -> None:
+        workspace = Workspace(folder)
+        with frame(workspace, name):
+            try:
+                module.build(workspace)
+            except FifthwheelError as error:
+                failure(str(error))
+
+
+def address(name: str) -> str:
+    """Address of a page."""
+    return "/" if name == PAGES[0] else f"/{name}"
+
+
+@contextmanager
+def frame(workspace: Workspace, name: str) -> Iterator[None]:
+    """Header and main part of a page; what is built in the block is in the main part."""
+    ui.on_exception(_show_error)
+    ui.colors(primary="#1f5fa8")
+    ui.html('<a class="fw-skip" href="#main">To the content</a>', sanitize=False)
+    with ui.header().classes("q-py-none q-px-sm items-center").style("gap: 4px"):
+        with ui.element("nav").classes("fw-nav").props('aria-label="Pages"'):
+            for number, page in enumerate(PAGES, 1):
+                link = ui.link(f"{number} {page.capitalize()}", address(page))
+                if page == name:
+                    link.props("aria-current=page")
+        _undo_buttons(workspace)
+    with ui.element("main").classes("fw-page").props("id=main tabindex=-1"):
+        ui.element("h1").props["innerHTML"] = name.capitalize()
+        yield
+    ui.timer(POLL, lambda: _reload_if_stale(workspace))
+
+
+def failure(message: str) -> None:
+    """A message in the page; screen readers read it at once."""
+    ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
+
+
+def say(message: str) -> None:
+    """A short note that vanishes; screen readers read it."""
+    ui.notify(message, position="bottom", multi_line=True)
+
+
+def reload() -> None:
+    """Show the page anew."""
+    ui.run_javascript("location.reload()")
+
+
+def _undo_buttons(workspace: Workspace) -> None:
+    undoable, repeatable = workspace.undoable()
+
+    def step(action: Callable[[], str | None]) -> None:
+        if action() is not None:
+            reload()
+
+    for icon, word, keys, label, action in (
+        ("undo", "Undo", "Ctrl+Z", undoable, workspace.undo),
+        ("redo", "Redo", "Ctrl+Y", repeatable, workspace.redo),
+    ):
+        text = f"{word} {label}" if label else f"Nothing to {word.lower()}"
+        button = ui.button(icon=icon, on_click=lambda action=action: step(action)).props("flat dense color=white")
+        button.props["aria-label"] = text
+        button.tooltip(f"{text} ({keys})")
+    ui.keyboard(on_key=lambda event: _on_key(event, workspace, step))
+
+
+def _on_key(event: object, workspace: Workspace, step: Callable[[Callable[[], str | None]], None]) -> None:
+    action, key, modifiers = event.action, event.key, event.modifiers  # type: ignore[attr-defined]
+    if action.keydown and not action.repeat and (modifiers.ctrl or modifiers.meta):
+        if key == "z" and not modifiers.shift:
+            step(workspace.undo)
+        elif key == "y" or (key == "Z" and modifiers.shift):
+            step(workspace.redo)
+
+
+def _reload_if_stale(workspace: Workspace) -> None:
+    if workspace.stale:
+        workspace.seen = ""  # so that a change that arrives before the reload is refused
+        reload()
+
+
+def _show_error(error: Exception) -> None:
+    if isinstance(error, StaleError):
+        ui.notify(str(error), type="warning", timeout=8000)
+        ui.timer(2.0, reload, once=True)
+    elif isinstance(error, FifthwheelError):
+        ui.notify(str(error), type="negative", multi_line=True, timeout=10000, close_button="Close")
+    elif isinstance(error, OSError):
+        ui.notify(f"{error.filename or 'file'}: {error.strerror or error}", type="negative", close_button="Close")
+    else:
+        traceback.print_exception(error)
+        ui.notify(f"internal error: {type(error).__name__}; see the terminal", type="negative", close_button="Close")

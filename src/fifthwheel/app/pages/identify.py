@@ -1,0 +1,7 @@
+"""Identification: settings, progress and report."""
+
+from fifthwheel.app.workspace import Workspace
+
+
+def build(workspace: Workspace) -> None:
+    """Fill the page."""

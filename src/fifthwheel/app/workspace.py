@@ -1,0 +1,276 @@
+"""The folder of a workbench: its files, and their versions for undo. Two tabs do not overwrite each other."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic.locks import held
+from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.input_files import parse_toml, read_json, read_toml
+from fifthwheel.logs import SignalMap
+from fifthwheel.vehicle import Vehicle
+
+SIGNALS, VEHICLE, CHOICES = "signals.toml", "vehicle.toml", "workspace.toml"
+DOCUMENTS = (SIGNALS, VEHICLE, CHOICES)
+"""Files that a user changes in the pages; each change can be undone."""
+DATABASES = (".dbc", ".arxml")
+"""Endings of files that decode CAN frames."""
+HIDDEN = ".workbench"
+"""Folder of what the workbench needs besides the user's files."""
+MAX_CHANGES = 100
+"""Changes that can be undone."""
+MAX_NAME = 120
+"""Characters of the name of a dropped file."""
+
+
+class StaleError(FifthwheelError):
+    """The files have changed since this tab has read them."""
+
+
+class LogChoice(BaseModel):
+    """What is used of a log."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    use: bool = True
+    exclude: tuple[tuple[float, float], ...] = ()
+    """Windows that are left out: first and last instant by the timestamps of the log, s."""
+
+
+class Choices(BaseModel):
+    """The contents of workspace.toml."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    logs: dict[str, LogChoice] = Field(default_factory=dict)
+    """By name of the log."""
+    identify: dict[str, Any] = Field(default_factory=dict)
+    """Settings of the identification, by option of the command line."""
+
+    def of(self, log: str) -> LogChoice:
+        """The choice for a log."""
+        return self.logs.get(log, LogChoice())
+
+    def with_log(self, log: str, **changes: Any) -> "Choices":
+        """The choices with those of one log changed."""
+        return self.model_copy(update={"logs": {**self.logs, log: self.of(log).model_copy(update=changes)}})
+
+
+class Workspace:
+    """The files of a workbench, as one tab sees them.
+
+    Args:
+        folder: made if it is missing.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        for name in ("logs", "databases", "runs", HIDDEN):
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
+        self.seen = self._stamp()
+        """Stamp of the state that this tab shows."""
+
+    # Files that are dropped
+
+    def logs(self) -> list[Path]:
+        """The logs, by name."""
+        return _files(self.folder / "logs")
+
+    def databases(self) -> list[Path]:
+        """DBC and ARXML files, by name."""
+        return _files(self.folder / "databases")
+
+    def log(self, name: str) -> Path:
+        """The log of this name; FifthwheelError where the workspace has none."""
+        return _named(name, self.logs(), "log")
+
+    def place_for(self, name: str) -> Path:
+        """A path for a dropped file that does not exist yet; databases have a folder of their own.
+
+        Args:
+            name: as the browser gives it; only its last part is used.
+        """
+        plain = printable(name.replace("\\", "/").rpartition("/")[2]).strip().lstrip(".")[-MAX_NAME:]
+        if not plain:
+            raise FifthwheelError("the file has no name; rename it, then drop it again")
+        path = self.folder / ("databases" if Path(plain).suffix.lower() in DATABASES else "logs") / plain
+        count = 1
+        while path.exists():
+            count += 1
+            path = path.with_name(f"{Path(plain).stem} ({count}){Path(plain).suffix}")
+        return path
+
+    def remove_log(self, name: str) -> None:
+        """Remove a log and what is stored of it."""
+        self.log(name).unlink()
+        for stored in (self.folder / HIDDEN).glob("logs/*"):
+            if stored.name.rpartition("-")[0] == name:
+                shutil.rmtree(stored, ignore_errors=True)
+
+    # Results
+
+    def runs(self) -> list[Path]:
+        """Result folders, the newest first."""
+        folders = [path for path in (self.folder / "runs").iterdir() if path.is_dir() and not path.name.startswith(".")]
+        return sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)
+
+    def run(self, name: str) -> Path:
+        """The result folder of this name; FifthwheelError where the workspace has none."""
+        return _named(name, self.runs(), "run")
+
+    # Documents
+
+    def read(self, name: str) -> str | None:
+        """The text of a document, or None."""
+        assert name in DOCUMENTS
+        path = self.folder / name
+        return read_toml(path) if path.exists() else None
+
+    def choices(self) -> Choices:
+        """The choices; FifthwheelError for a workspace.toml that is not accepted."""
+        text = self.read(CHOICES)
+        try:
+            return Choices.model_validate(parse_toml(text)) if text else Choices()
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise FifthwheelError(f"{CHOICES}: {where}: {first['msg']}; correct or delete it") from None
+
+    def signal_map(self) -> SignalMap | None:
+        """The signal map, or None; SignalError where it is not accepted."""
+        return SignalMap.load(self.folder / SIGNALS) if (self.folder / SIGNALS).exists() else None
+
+    def vehicle(self) -> Vehicle | None:
+        """The vehicle, or None; VehicleError where the file is not accepted."""
+        return Vehicle.load(self.folder / VEHICLE) if (self.folder / VEHICLE).exists() else None
+
+    def write_choices(self, choices: Choices, label: str) -> None:
+        """Write the choices as `write` does."""
+        self.write({CHOICES: tomli_w.dumps(choices.model_dump(mode="json", exclude_defaults=True))}, label)
+
+    def write(self, documents: Mapping[str, str | None], label: str) -> None:
+        """Write documents so that the change can be undone.
+
+        Args:
+            documents: text by name; None removes the document.
+            label: what the change does, such as "exclude 3 to 5 s", for undo.
+
+        Raises:
+            StaleError: another tab or program has changed the documents since this tab has read them.
+        """
+        with self._changing() as state:
+            files = {name: [self.read(name), text] for name, text in documents.items()}
+            changes = state["changes"][: state["position"]][1 - MAX_CHANGES :]
+            state |= {"changes": [*changes, {"label": label, "files": files}], "position": len(changes) + 1}
+            self._apply(state, documents)
+
+    def undo(self) -> str | None:
+        """Undo the last change; its label, or None where there is none. Errors as in `write`."""
+        return self._step(-1)
+
+    def redo(self) -> str | None:
+        """Repeat the change that was undone last; its label, or None. Errors as in `write`."""
+        return self._step(1)
+
+    def undoable(self) -> tuple[str | None, str | None]:
+        """Labels of the changes that `undo` and `redo` would concern."""
+        state = self._state()
+        changes, position = state["changes"], state["position"]
+        return (
+            changes[position - 1]["label"] if position > 0 else None,
+            changes[position]["label"] if position < len(changes) else None,
+        )
+
+    @property
+    def stale(self) -> bool:
+        """Whether the documents are not those any more that this tab shows."""
+        return self._stamp() != self.seen
+
+    @property
+    def version(self) -> int:
+        """Number of changes, undone and repeated ones included."""
+        return int(self._state()["version"])
+
+    def _step(self, direction: int) -> str | None:
+        with self._changing() as state:
+            position = state["position"] + min(direction, 0)
+            if not 0 <= position < len(state["changes"]):
+                return None
+            change = state["changes"][position]
+            before, after = (0, 1) if direction > 0 else (1, 0)
+            for name, texts in change["files"].items():
+                if self.read(name) != texts[before]:
+                    raise FifthwheelError(
+                        f"{name}: changed by another program since {change['label']!r}; undo it there"
+                    )
+            state["position"] += direction
+            self._apply(state, {name: texts[after] for name, texts in change["files"].items()})
+            return str(change["label"])
+
+    def _apply(self, state: dict[str, Any], documents: Mapping[str, str | None]) -> None:
+        """Write the state, then the documents: a process that is killed between the two loses no document."""
+        state["version"] += 1
+        _write(self._state_file, json.dumps(state))
+        for name, text in documents.items():
+            if text is None:
+                (self.folder / name).unlink(missing_ok=True)
+            else:
+                _write(self.folder / name, text)
+        self.seen = self._stamp()
+
+    @contextmanager
+    def _changing(self) -> Iterator[dict[str, Any]]:
+        """The state, under the lock of the workspace; StaleError where the tab is stale."""
+        with held(self.folder / HIDDEN / "lock", subject=self.folder):
+            if self.stale:
+                raise StaleError("changed in another tab or program; repeat your change in the new state")
+            yield self._state()
+
+    @property
+    def _state_file(self) -> Path:
+        return self.folder / HIDDEN / "state.json"
+
+    def _state(self) -> dict[str, Any]:
+        empty: dict[str, Any] = {"version": 0, "position": 0, "changes": []}
+        try:
+            state = read_json(self._state_file) if self._state_file.exists() else empty
+            return {key: state[key] for key in empty}
+        except (FifthwheelError, KeyError, TypeError):
+            return empty  # the documents are intact, only undo is lost
+
+    def _stamp(self) -> str:
+        """Digest of the state and the documents."""
+        digest = hashlib.sha256()
+        for path in (self._state_file, *(self.folder / name for name in DOCUMENTS)):
+            content = path.read_bytes() if path.exists() else b""
+            digest.update(b"%d " % len(content) + content)
+        return digest.hexdigest()
+
+
+def _write(path: Path, text: str) -> None:
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _files(folder: Path) -> list[Path]:
+    """Files by name, without hidden ones; links that lead nowhere are left out."""
+    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+
+
+def _named(name: str, paths: list[Path], kind: str) -> Path:
+    """The path of this name among the given ones, so that no name leads elsewhere."""
+    for path in paths:
+        if path.name == name:
+            return path
+    raise FifthwheelError(f"{printable(name)}: no such {kind} in the workspace; reload the page")
