@@ -33,6 +33,7 @@ class Form(StrEnum):
     "fifthwheel identify run.csv --vehicle truck.toml",
     "fifthwheel identify bend.csv ramp.csv -v truck.toml -s signals.toml -o result",
     "fifthwheel identify run.csv -v truck.toml --validate other.csv",
+    "fifthwheel identify run.csv -v truck.toml --exclude 12.5..14",
     "fifthwheel identify run.csv -v truck.toml --fix tractor.front.cornering_stiffness",
     "fifthwheel identify run.csv -v truck.toml --free tractor.yaw_inertia --consider roll_stiffness=5%",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
@@ -44,6 +45,7 @@ def identify(
     vehicle: options.VehicleOption,
     signals: options.SignalsOption = None,
     allow_outside: options.AllowOutsideOption = False,
+    exclude: options.ExcludeOption = None,
     out: options.OutOption = Path("fifthwheel-out"),
     method: Annotated[
         Method,
@@ -115,7 +117,7 @@ def identify(
     inputs = [*logs, *(validate or [])]
     read = [*inputs, Path(vehicle), *(path for path in (signals, suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
-        records = terminal.load_records(inputs, signals, allow_outside=allow_outside)
+        records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         terminal.warn_of_axle_loads(truck, records)
         with terminal.progress_bar(quiet=as_json) as progress:
             run = run_identification(

@@ -31,6 +31,14 @@ AllowOutsideOption = Annotated[
     bool,
     typer.Option("--allow-outside", help="Read databases that --signals names outside of the folder of the map."),
 ]
+ExcludeOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--exclude",
+        help="FIRST..LAST: leave out this window of all logs, s, such as 12.5..14; LOG=FIRST..LAST of one log, by its "
+        "name without ending. May be repeated.",
+    ),
+]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; created if it does not exist.")]
 ForceOption = Annotated[
     bool,
@@ -207,6 +215,24 @@ def considered_sigmas(texts: list[str] | None) -> dict[str, float]:
         return value
 
     return named_values("--consider", texts, "NAME=FRACTION, such as roll_stiffness=10%", sigma)
+
+
+def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
+    """ "FIRST..LAST" or "LOG=FIRST..LAST" as windows, s, by the name of the log; "" for all logs."""
+    from fifthwheel.errors import FifthwheelError
+
+    result: dict[str, list[tuple[float, float]]] = {}
+    for text in texts or []:
+        log, _, window = text.rpartition("=")
+        first, separator, last = window.partition("..")
+        try:
+            ends = float(first), float(last)
+        except ValueError:
+            separator = ""
+        if not separator:
+            raise FifthwheelError(f"--exclude {text}: expected FIRST..LAST in s, such as 12.5..14, or LOG=FIRST..LAST")
+        result.setdefault(log, []).append(ends)
+    return result
 
 
 def sensor_sigmas(texts: list[str] | None) -> dict[str, float]:

@@ -5,6 +5,7 @@ from fifthwheel.diagnose.cautions import Caution, CautionKind, identification_ca
 from fifthwheel.diagnose.comparison import ComparedParameter, Comparison, Difference, compare
 from fifthwheel.diagnose.fit_quality import FitQuality, PredictedLog, fit_quality, predicted_logs
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
+from fifthwheel.diagnose.log_prediction import LogPrediction
 from fifthwheel.diagnose.run_summary import RunSummary, summarise_records, summarise_runs
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states
 from fifthwheel.diagnose.variance_budget import VarianceTerm, variance_budget
@@ -17,6 +18,7 @@ __all__ = [
     "Comparison",
     "Difference",
     "FitQuality",
+    "LogPrediction",
     "ParameterInformation",
     "PredictedLog",
     "RunSummary",
