@@ -1,15 +1,17 @@
 """What all pages share: navigation, undo, errors, and the check that a tab is not stale."""
 
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module, resources
 from pathlib import Path
+from urllib.parse import urlencode
 
-from nicegui import ui
+from nicegui import events, ui
 
 from fifthwheel.app.workspace import StaleError, Workspace
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, printable
 
 PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare")
 """Names of the modules in `pages`, and of the pages, in the order of work; the first has the address /."""
@@ -60,11 +62,29 @@ def frame(workspace: Workspace, name: str) -> Iterator[None]:
                 link = ui.link(f"{number} {page.capitalize()}", address(page))
                 if page == name:
                     link.props("aria-current=page")
-        _undo_buttons(workspace)
+        undo_buttons(workspace)
+    ui.keyboard(on_key=partial(_on_key, workspace))
     with ui.element("main").classes("fw-page").props("id=main tabindex=-1"):
-        ui.element("h1").props["innerHTML"] = name.capitalize()
+        with ui.element("h1"):
+            ui.label(name.capitalize())
         yield
     ui.timer(POLL, lambda: _reload_if_stale(workspace))
+
+
+def heading(text: str) -> None:
+    """A heading below that of the page."""
+    with ui.element("h2"):
+        ui.label(printable(text))
+
+
+def plain(text: str) -> str:
+    """A text from a file for a plot, where plotly reads markup."""
+    return printable(text).replace("<", "&lt;")
+
+
+def query(**values: str | Sequence[str]) -> str:
+    """Values as the query of an address."""
+    return urlencode(values, doseq=True)
 
 
 def failure(message: str) -> None:
@@ -82,31 +102,34 @@ def reload() -> None:
     ui.run_javascript("location.reload()")
 
 
-def _undo_buttons(workspace: Workspace) -> None:
-    undoable, repeatable = workspace.undoable()
-
-    def step(action: Callable[[], str | None]) -> None:
-        if action() is not None:
-            reload()
-
-    for icon, word, keys, label, action in (
-        ("undo", "Undo", "Ctrl+Z", undoable, workspace.undo),
-        ("redo", "Redo", "Ctrl+Y", repeatable, workspace.redo),
+@ui.refreshable
+def undo_buttons(workspace: Workspace) -> None:
+    """The buttons that undo and repeat a change; refresh them after a change."""
+    for icon, word, keys, label, action in zip(
+        ("undo", "redo"),
+        ("Undo", "Redo"),
+        ("Ctrl+Z", "Ctrl+Y"),
+        workspace.undoable(),
+        (workspace.undo, workspace.redo),
+        strict=True,
     ):
-        text = f"{word} {label}" if label else f"Nothing to {word.lower()}"
-        button = ui.button(icon=icon, on_click=lambda action=action: step(action)).props("flat dense color=white")
+        text = f"{word}: {label}" if label else f"Nothing to {word.lower()}"
+        button = ui.button(icon=icon, on_click=partial(_step, action)).props("flat dense color=white")
         button.props["aria-label"] = text
         button.tooltip(f"{text} ({keys})")
-    ui.keyboard(on_key=lambda event: _on_key(event, workspace, step))
 
 
-def _on_key(event: object, workspace: Workspace, step: Callable[[Callable[[], str | None]], None]) -> None:
-    action, key, modifiers = event.action, event.key, event.modifiers  # type: ignore[attr-defined]
-    if action.keydown and not action.repeat and (modifiers.ctrl or modifiers.meta):
-        if key == "z" and not modifiers.shift:
-            step(workspace.undo)
-        elif key == "y" or (key == "Z" and modifiers.shift):
-            step(workspace.redo)
+def _step(action: Callable[[], str | None]) -> None:
+    if action() is not None:
+        reload()
+
+
+def _on_key(workspace: Workspace, event: events.KeyEventArguments) -> None:
+    if event.action.keydown and not event.action.repeat and (event.modifiers.ctrl or event.modifiers.meta):
+        if event.key == "z" and not event.modifiers.shift:
+            _step(workspace.undo)
+        elif event.key == "y" or (event.key == "Z" and event.modifiers.shift):
+            _step(workspace.redo)
 
 
 def _reload_if_stale(workspace: Workspace) -> None:

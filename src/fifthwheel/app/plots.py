@@ -7,7 +7,8 @@ from nicegui import ui
 from fifthwheel.plots import Plot
 from fifthwheel.plots.plotly_figure import figure
 
-CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["lasso2d", "toImage"]}
+_UNUSED_BUTTONS = ["zoom2d", "select2d", "lasso2d", "toImage"]
+CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": _UNUSED_BUTTONS}
 
 
 def show(plot: Plot, *, height: int = 300) -> ui.plotly:

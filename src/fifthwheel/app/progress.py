@@ -10,7 +10,7 @@ POLL = 0.3
 """s"""
 
 
-def show(key: str, on_end: Callable[[jobs.Job], None]) -> None:
+def show(key: str, on_end: Callable[[jobs.Job], object]) -> None:
     """Show a job while it runs, with a button that cancels it.
 
     Args:

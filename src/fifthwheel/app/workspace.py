@@ -111,6 +111,14 @@ class Workspace:
             path = path.with_name(f"{Path(plain).stem} ({count}){Path(plain).suffix}")
         return path
 
+    def require_space(self, size: int) -> None:
+        """Refuse a file of this size, bytes, if the disk has less than three times of it; samples are stored too."""
+        free = shutil.disk_usage(self.folder).free
+        if free < 3 * size:
+            raise FifthwheelError(
+                f"{self.folder}: {free / 1e9:.1f} GB free, {3 * size / 1e9:.1f} GB needed; delete other files"
+            )
+
     def remove_log(self, name: str) -> None:
         """Remove a log and what is stored of it."""
         self.log(name).unlink()

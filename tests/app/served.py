@@ -1,0 +1,64 @@
+"""A workbench in a process of its own, and Chromium without a window in front of it."""
+
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import pytest
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+HARMLESS = ("unrecognized GUI edit",)
+"""Messages of plotly.js on its own selections."""
+
+
+@contextmanager
+def served(folder, *options):
+    """The address of a workbench of a folder."""
+    command = [sys.executable, "-m", "fifthwheel", "app", str(folder), "--port", "0", "--no-browser", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        address = process.stdout.readline().strip()
+        assert address.startswith("http://"), address + process.stdout.read()
+        yield address
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        print(process.stdout.read())
+
+
+@contextmanager
+def chromium():
+    """Chromium; the test is skipped where it or playwright is missing."""
+    api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install 'fifthwheel[test]'")
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium: apt-get install chromium")
+    with api.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextmanager
+def tab(browser, address, width=1400, height=1000):
+    """A tab; at the end, no script has failed and nothing was asked of another host."""
+    context = browser.new_context(viewport={"width": width, "height": height})
+    page = context.new_page()
+    page.set_default_timeout(20_000)
+    faults, hosts = [], set()
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+    page.on("request", lambda request: hosts.add(urlsplit(request.url).hostname))
+    page.on("websocket", lambda socket: hosts.add(urlsplit(socket.url).hostname))
+    page.goto(address)
+    yield page
+    context.close()
+    assert hosts <= {"127.0.0.1", None}
+    assert not [fault for fault in faults if not any(text in fault for text in HARMLESS)]
