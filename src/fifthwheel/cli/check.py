@@ -46,13 +46,18 @@ def check(
     ones.
     """
     from fifthwheel.identify.design.assess import assess_information
-    from fifthwheel.workflow import read_vehicle
+    from fifthwheel.workflow import IdentifyOptions, read_vehicle
 
     truck = read_vehicle(vehicle)
-    settings = options.one_stage(
-        truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor
+    chosen = IdentifyOptions(
+        fix=fix or (),
+        free=free or (),
+        prior=prior or (),
+        consider=consider or (),
+        any_load=any_load,
+        sensor=sensor or (),
     )
-    truck, settings = options.with_suspension(truck, settings, suspension_from)
+    truck, settings = chosen.one_stage(truck, options.chosen_identification(suspension_from))
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_axle_loads(truck, records)

@@ -1,8 +1,6 @@
 """fifthwheel identify"""
 
 import sys
-from collections.abc import Mapping
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -92,28 +90,33 @@ def identify(
     from fifthwheel.logs import start_reader
 
     start_reader()
-    from fifthwheel.identify import OneStage, TwoStage, article
     from fifthwheel.report import provenance_of_run, show_identification
     from fifthwheel.report.figures.static import checked_format
-    from fifthwheel.workflow import IDENTIFICATION_FILES, read_vehicle, run_identification, vehicle_text, write_results
+    from fifthwheel.workflow import (
+        IDENTIFICATION_FILES,
+        IdentifyOptions,
+        read_vehicle,
+        run_identification,
+        vehicle_text,
+        write_results,
+    )
 
     if figures:
         checked_format(figures)
     truck = read_vehicle(vehicle)
-    if method is Method.one_stage:
-        _refuse_options("two-stage", {"--passes": passes})
-        base = OneStage(check=check, form="output_error" if form is Form.output_error else "prediction_error")
-        one_stage = options.one_stage(
-            truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor, base=base
-        )
-        settings: OneStage | TwoStage
-        truck, settings = options.with_suspension(truck, one_stage, suspension_from)
-    else:
-        lists = {"--free": free, "--prior": prior, "--consider": consider, "--sensor": sensor}
-        flags = {"--any-load": any_load, "--form": form is Form.prediction_error, "--suspension-from": suspension_from}
-        _refuse_options("one-stage", {**lists, **flags})
-        preset = article() if method is Method.article else TwoStage()
-        settings = replace(preset, fixed=tuple(fix or ()), check=check, passes=passes or preset.passes)
+    chosen = IdentifyOptions(
+        method=method,
+        form=form,
+        fix=fix or (),
+        free=free or (),
+        prior=prior or (),
+        consider=consider or (),
+        sensor=sensor or (),
+        any_load=any_load,
+        passes=passes,
+        check=check,
+    )
+    truck, settings = chosen.settings(truck, options.chosen_identification(suspension_from))
     inputs = [*logs, *(validate or [])]
     read = [*inputs, Path(vehicle), *(path for path in (signals, suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
@@ -131,12 +134,3 @@ def identify(
     else:
         show_identification(run.identification, None, run.conclusion)
         terminal.print_files(files)
-
-
-def _refuse_options(method: str, options: Mapping[str, object]) -> None:
-    """Refuse options that were given but belong to another method."""
-    from fifthwheel.errors import FifthwheelError
-
-    for option, value in options.items():
-        if value:
-            raise FifthwheelError(f"{option}: needs --method {method}; remove {option}, or choose that method")

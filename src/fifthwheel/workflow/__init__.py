@@ -17,7 +17,7 @@ from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
 from fifthwheel.workflow.log_contents import LogContents, survey_file
 from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
-from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
+from fifthwheel.workflow.settings import SENSOR_PRIORS, IdentifyOptions, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "STATES_FILES",
     "AxleLoadDifference",
     "IdentificationRun",
+    "IdentifyOptions",
     "LogContents",
     "StatesRun",
     "WeighedVehicle",
