@@ -5,6 +5,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -18,9 +19,14 @@ from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
 from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import catalogue
+from fifthwheel.workflow import SignalEvidence, propose_signals, signal_evidence
 from fifthwheel.workflow.inputs import Progress, report_fraction
 
 _SURVEY = "survey.json"
+EVIDENCE_SPAN = 600.0
+"""Longest part of a log that is compared with predictions, s."""
 
 
 def _silent(title: str, done: int, total: int) -> None:
@@ -32,6 +38,11 @@ def stored_folder(workspace: Workspace, name: str) -> Path:
     described = [_described(path) for path in (workspace.log(name), *workspace.databases())]
     key = hashlib.sha256(json.dumps(described).encode()).hexdigest()[:16]
     return workspace.folder / HIDDEN / "logs" / f"{name}-{key}"
+
+
+def is_stored(workspace: Workspace, name: str) -> bool:
+    """Whether a log has been read."""
+    return stored_folder(workspace, name).exists()
 
 
 def store(folder: Path, name: str, progress: Progress = _silent) -> None:
@@ -67,10 +78,10 @@ def store(folder: Path, name: str, progress: Progress = _silent) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def opened(workspace: Workspace, name: str) -> StoredLog:
-    """The stored samples of a log; SignalError where it has not been read yet."""
+def opened(workspace: Workspace, name: str, span: tuple[float, float] | None = None) -> StoredLog:
+    """The stored samples of a log, or those of a window; SignalError where it has not been read yet."""
     try:
-        return StoredLog(stored_folder(workspace, name))
+        return StoredLog(stored_folder(workspace, name), span)
     except OSError:
         raise SignalError(f"{name}: not read yet; open the page Log, which reads it") from None
 
@@ -86,16 +97,51 @@ def survey(workspace: Workspace, name: str) -> LogSurvey:
     return LogSurvey(**{**content, "contents": contents, "notes": tuple(content["notes"])})
 
 
-def record(folder: Path, name: str, progress: Progress = _silent) -> Record:
-    """The record of a log by signals.toml, without the excluded windows; errors as in `read_log`."""
+def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[float, float] | None = None) -> Record:
+    """The record of a log by signals.toml, without the excluded windows; errors as in `read_log`.
+
+    Args:
+        folder: of the workspace.
+        name: of the log.
+        progress: called with a title, the work done and the total.
+        span: first and last instant by the timestamps of the log, s; default: all.
+    """
     workspace = Workspace(folder)
     store(folder, name, progress)
     signal_map = workspace.signal_map()
     windows = workspace.choices().of(name).exclude
-    log = opened(workspace, name)
+    log = opened(workspace, name, span)
     stems = [path.stem for path in workspace.logs()]
     stem = workspace.log(name).stem
     return record_of(log, signal_map, name=stem if stems.count(stem) == 1 else name, exclude=windows)
+
+
+def prepare() -> None:
+    """Import and compile what the first computation needs."""
+    truck = catalogue.get("cheng_cebon_2011")
+    signal_evidence(simulate(truck, count=1), truck)
+
+
+def propose(folder: Path, name: str) -> str:
+    """The text of the signals.toml that is proposed for a log."""
+    workspace = Workspace(folder)
+    store(folder, name)
+    databases = [path.relative_to(workspace.folder) for path in workspace.databases()]
+    log = opened(workspace, name)
+    return propose_signals(log, survey(workspace, name), workspace.vehicle(), databases=databases).signals_toml
+
+
+def evidence(folder: Path, name: str) -> SignalEvidence:
+    """What speaks for signals.toml in a log; of a long log in the minutes in which the truck is steered most."""
+    workspace = Workspace(folder)
+    store(folder, name)
+    signal_map, log = workspace.signal_map(), opened(workspace, name)
+    steers = [c for n, c in (signal_map.signals.items() if signal_map else ()) if n.startswith("steer.")]
+    span = None
+    if steers:
+        with suppress(SignalError):  # the record names the missing column
+            span = log.most_active(log.find(steers[0].columns[0]), EVIDENCE_SPAN)
+    return signal_evidence(record(folder, name, span=span), workspace.vehicle())
 
 
 def used_logs(workspace: Workspace) -> list[str]:

@@ -3,12 +3,12 @@
 A job belongs to the server and has a key, so that each tab, also after a reload, shows the same job.
 """
 
+import asyncio
 import multiprocessing
 import threading
 import time
+import traceback
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Literal, TypeVar
@@ -79,33 +79,77 @@ def start(key: str, function: Callable[..., Any], *args: Any, **options: Any) ->
 
 
 def cancel_all() -> None:
-    """Cancel all jobs, and end the process of `compute`."""
-    global _pool
+    """End all processes."""
     for job in _jobs.values():
         job.cancel()
-    if _pool is not None:
-        _pool.shutdown(wait=False, cancel_futures=True)
-        _pool = None
+    _worker.end()
 
 
-_pool: ProcessPoolExecutor | None = None
+class _Worker:
+    """A process that computes what it is asked for, so that the imports are not repeated."""
+
+    def __init__(self) -> None:
+        self._process: Any = None
+        self._pipe: Any = None
+        self._free = threading.Lock()
+
+    def ask(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
+        """The result of a function; waits until earlier computations have ended."""
+        with self._free:
+            if self._process is None or not self._process.is_alive():
+                self._pipe, end = _PROCESSES.Pipe()
+                self._process = _PROCESSES.Process(target=_answer, args=(end,), name="compute", daemon=True)
+                self._process.start()
+                end.close()
+            try:
+                self._pipe.send((function, args))
+                kind, content = self._pipe.recv()
+            except (EOFError, OSError):
+                raise FifthwheelError("the computation was ended by the system; close other programs") from None
+        if kind == "failed":
+            raise FifthwheelError(content)
+        result: Result = content
+        return result
+
+    def end(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+
+
+_worker = _Worker()
 
 
 async def compute(function: Callable[..., Result], *args: Any) -> Result:
-    """The result of a function of a module, computed in a process that waits for such calls, one after the other."""
-    import asyncio
+    """The result of a function of a module, computed in a process that waits for such calls, one after the other.
 
-    global _pool
-    for attempt in (1, 2):
-        if _pool is None:
-            _pool = ProcessPoolExecutor(1, mp_context=_PROCESSES)
+    Raises:
+        FifthwheelError: as the function, or the process was ended.
+    """
+    return await asyncio.to_thread(_worker.ask, function, args)
+
+
+def _answer(pipe: Connection) -> None:
+    """In the process of `compute`: answer until the server ends."""
+    while True:
         try:
-            return await asyncio.get_running_loop().run_in_executor(_pool, function, *args)
-        except BrokenProcessPool:  # the process was killed, such as by a lack of memory
-            _pool = None
-            if attempt == 2:
-                raise FifthwheelError("the computation was ended by the system; close other programs") from None
-    raise AssertionError
+            function, args = pipe.recv()
+        except EOFError:
+            return
+        pipe.send(_outcome(function, args, {}))
+
+
+def _outcome(function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> tuple[str, Any]:
+    """Either "done" and the result, or "failed" and a message."""
+    try:
+        return "done", function(*args, **options)
+    except FifthwheelError as error:
+        return "failed", str(error)
+    except OSError as error:
+        return "failed", f"{error.filename or 'file'}: {error.strerror or error}; check free space and rights"
+    except Exception as error:
+        traceback.print_exc()
+        return "failed", f"internal error, please report it: {type(error).__name__}: {error}"
 
 
 def _work(sender: Connection, function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> None:
@@ -119,15 +163,7 @@ def _work(sender: Connection, function: Callable[..., Any], args: tuple[Any, ...
             last, shown = now, title
             sender.send(("progress", (title, done, total)))
 
-    try:
-        sender.send(("done", function(*args, progress=progress, **options)))
-    except FifthwheelError as error:
-        sender.send(("failed", str(error)))
-    except OSError as error:
-        sender.send(("failed", f"{error.filename or 'file'}: {error.strerror or error}; check free space and rights"))
-    except Exception as error:
-        sender.send(("failed", f"internal error, please report it: {type(error).__name__}: {error}"))
-        raise
+    sender.send(_outcome(function, args, options | {"progress": progress}))
 
 
 def _follow(job: Job, receiver: Connection) -> None:

@@ -75,10 +75,11 @@ def application(folder: Path, access: Access, started: Callable[[], None] = lamb
     from nicegui import app as pages
     from nicegui import ui
 
-    from fifthwheel.app import jobs, layout
+    from fifthwheel.app import inputs, jobs, layout
 
     layout.register(folder)
     pages.on_startup(started)
+    pages.on_startup(lambda: jobs.compute(inputs.prepare))
     pages.on_shutdown(jobs.cancel_all)
     server = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     ui.run_with(

@@ -54,6 +54,10 @@ class Choices(BaseModel):
     """By name of the log."""
     identify: dict[str, Any] = Field(default_factory=dict)
     """Settings of the identification, by option of the command line."""
+    truck: dict[str, str] = Field(default_factory=dict)
+    """Answers that describe the truck, by key of the question."""
+    explore: dict[str, Any] = Field(default_factory=dict)
+    """What the page Explore shows: "log", "speed", and "values" by path of a parameter, SI."""
 
     def of(self, log: str) -> LogChoice:
         """The choice for a log."""

@@ -76,15 +76,16 @@ class StoredLog(LogSource):
 
     Args:
         folder: may not be changed while it is used.
+        span: first and last instant of the samples that `pieces` gives, s; default: all.
 
     Raises:
         OSError: it is incomplete.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, span: tuple[float, float] | None = None) -> None:
         index = json.loads((folder / _INDEX).read_text(encoding="utf-8"))
         super().__init__(index["name"])
-        self._folder = folder
+        self._folder, self._span = folder, span
         self._columns = {column["name"]: Column(**column) for column in index["columns"]}
         self._clocks: dict[str, Any] = index["clocks"]
         self._numbers = {name: k for k, name in enumerate(self._columns)}
@@ -98,14 +99,15 @@ class StoredLog(LogSource):
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns, one time base after the other."""
         groups = self.by_clock(columns)
-        total = max(sum(self._clocks[clock]["rows"] for clock in groups), 1)
+        limits = {clock: self._rows(clock) for clock in groups}
+        total = max(sum(last - first for first, last in limits.values()), 1)
         read = 0
         for clock, names in groups.items():
-            count = self._clocks[clock]["rows"]
+            first, last = limits[clock]
             arrays = {name: self._values(name) for name in names}
             time = _mapped(self._folder / f"time{self._clock_numbers[clock]}") if self._timed(clock) else None
-            for start in range(0, count, _ROWS):
-                part = slice(start, min(start + _ROWS, count))
+            for start in range(first, last, _ROWS):
+                part = slice(start, min(start + _ROWS, last))
                 read += part.stop - part.start
                 yield Chunk(
                     values={name: np.array(values[part]) for name, values in arrays.items()},
@@ -149,6 +151,26 @@ class StoredLog(LogSource):
             return np.empty(0), np.empty(0)
         rows = np.concatenate([np.append(piece, -1) for piece in pieces])[:-1]
         return time[rows], np.where(rows < 0, np.nan, shown[rows])
+
+    def most_active(self, name: str, length: float) -> tuple[float, float]:
+        """The window of a length, s, in which the extremes of a column are farthest apart on average."""
+        axis = self.axis(self._columns[name].clock)
+        first, last = float(axis[0]), float(axis[-1])
+        if last - first <= length:
+            return first, last
+        low, high = self._extremes(name)
+        activity = np.concatenate([[0.0], np.cumsum(np.nan_to_num(high - low))])
+        starts = np.asarray(axis[::BLOCK])
+        ends = np.searchsorted(starts, starts + length)
+        start = min(float(starts[np.argmax(activity[ends] - activity[: starts.size])]), last - length)
+        return start, start + length
+
+    def _rows(self, clock: str) -> tuple[int, int]:
+        """First row of a time base that is given, and the one after the last."""
+        if self._span is None:
+            return 0, int(self._clocks[clock]["rows"])
+        axis = self.axis(clock)
+        return int(np.searchsorted(axis, self._span[0])), int(np.searchsorted(axis, self._span[1], side="right"))
 
     def _values(self, name: str) -> Array:
         return _mapped(self._folder / f"column{self._numbers[name]}")

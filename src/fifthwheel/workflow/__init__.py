@@ -9,15 +9,21 @@ from fifthwheel.workflow.axle_loads import (
     weigh_by_slip,
     weigh_vehicle,
 )
-from fifthwheel.workflow.comparison import compare_runs, write_comparison
 from fifthwheel.workflow.design import design_run
 from fifthwheel.workflow.exported import exported_learner, exported_observer
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
-from fifthwheel.workflow.log_contents import LogContents, survey_file
-from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
+from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
+from fifthwheel.workflow.results import (
+    IDENTIFICATION_FILES,
+    STATES_FILES,
+    compare_runs,
+    write_comparison,
+    write_results,
+)
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
 from fifthwheel.workflow.settings import SENSOR_PRIORS, IdentifyOptions, one_stage_settings
+from fifthwheel.workflow.signal_evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
@@ -26,9 +32,11 @@ __all__ = [
     "SENSOR_PRIORS",
     "STATES_FILES",
     "AxleLoadDifference",
+    "ChannelEvidence",
     "IdentificationRun",
     "IdentifyOptions",
     "LogContents",
+    "SignalEvidence",
     "StatesRun",
     "WeighedVehicle",
     "axle_load_differences",
@@ -39,12 +47,14 @@ __all__ = [
     "exported_observer",
     "identification_file",
     "one_stage_settings",
+    "propose_signals",
     "read_records",
     "read_truck",
     "read_vehicle",
     "roll_tested_vehicle",
     "run_identification",
     "run_states",
+    "signal_evidence",
     "survey_file",
     "tested_numbers",
     "vehicle_text",

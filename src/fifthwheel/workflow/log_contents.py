@@ -69,18 +69,32 @@ def survey_file(
     folder = (map_file.parent if map_file else Path()).resolve()
     full = [database.resolve() for database in databases]
     named = [database.relative_to(folder) if database.is_relative_to(folder) else database for database in full]
-    known: dict[str, Any] = {}
-    if vehicle is not None:
-        known = {"units": [unit.name for unit in vehicle.units], "wheelbase": vehicle.wheelbase}
     report = partial(report_fraction, progress, f"reading {path.name}")
     with open_log(path, databases, report) as opened:
         survey = survey_log(opened, report)
-        proposal = _with_delays(propose_map(opened, survey, databases=named, **known), opened, vehicle)
-    text = as_toml(proposal, survey)
+        contents = propose_signals(opened, survey, vehicle, databases=named)
     if map_file is not None:
         with atomic_write(map_file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return LogContents(survey=survey, proposal=proposal, signals_toml=text)
+            temporary.write_text(contents.signals_toml, encoding="utf-8")
+    return contents
+
+
+def propose_signals(
+    log: LogSource, survey: LogSurvey, vehicle: Vehicle | None = None, *, databases: Sequence[Path] = ()
+) -> LogContents:
+    """The map proposed for an open log.
+
+    Args:
+        log: open; it is read again.
+        survey: its survey.
+        vehicle: as in `survey_file`.
+        databases: as the map names them.
+    """
+    known: dict[str, Any] = {}
+    if vehicle is not None:
+        known = {"units": [unit.name for unit in vehicle.units], "wheelbase": vehicle.wheelbase}
+    proposal = _with_delays(propose_map(log, survey, databases=databases, **known), log, vehicle)
+    return LogContents(survey=survey, proposal=proposal, signals_toml=as_toml(proposal, survey))
 
 
 def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None = None) -> MapProposal:

@@ -13,84 +13,132 @@ from fifthwheel.errors import printable
 
 def build(workspace: Workspace) -> None:
     """Fill the page."""
-    ui.label(
-        "Drop logs here: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces; DBC and ARXML files decode CAN frames. "
-        f"They are copied to {workspace.folder}."
-    )
-    upload = ui.upload(multiple=True, auto_upload=True, label="Drop files, or pick them with +")
-    upload.classes("w-full").props('aria-label="Drop files, or pick them"')
-    upload.on_upload(lambda event: _keep(workspace, event))
-    upload.on_multi_upload(lambda: (upload.reset(), _logs.refresh()))
-    upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."))
-    _logs(workspace)
+    _Page(workspace).build()
 
 
-async def _keep(workspace: Workspace, event: events.UploadEventArguments) -> None:
-    """Keep a dropped file; it appears under its name when it is complete."""
-    path = workspace.place_for(event.file.name)
-    workspace.require_space(event.file.size())
-    part = path.with_name(f".{path.name}.part")
-    try:
-        await event.file.save(part)
-        part.rename(path)
-    finally:
-        part.unlink(missing_ok=True)
-    if path.name != event.file.name:
-        layout.say(f"{printable(event.file.name)}: kept as {path.name}")
+class _Page:
+    """The dropped files, and the channels of one of them."""
 
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace = workspace
+        self._query = ui.context.client.request.query_params
+        self._shown: str | None = None
 
-@ui.refreshable
-def _logs(workspace: Workspace) -> None:
-    """The list of logs, the reading of those that are new, and the chosen log."""
-    databases = workspace.databases()
-    if databases:
-        ui.label(f"CAN databases: {', '.join(path.name for path in databases)}")
-    logs = [path.name for path in workspace.logs()]
-    if not logs:
-        ui.label("No log yet.")
-        return
-    _read_next(workspace, logs)
-    query = ui.context.client.request.query_params
-    known = [name for name in logs if inputs.stored_folder(workspace, name).exists()]
-    chosen = query.get("log") if query.get("log") in known else next(iter(known), None)
-    with ui.element("div").classes("fw-scroll"), ui.element("table").props('aria-label="Logs"'):
+    def build(self) -> None:
+        """Fill the page."""
+        ui.label(
+            "Drop logs here: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces; DBC and ARXML files decode CAN frames. "
+            f"They are copied to {self.workspace.folder}."
+        )
+        upload = ui.upload(multiple=True, auto_upload=True, label="Drop files, or pick them with +")
+        upload.classes("w-full").props('aria-label="Drop files, or pick them"')
+        upload.on_upload(self._keep)
+        upload.on_multi_upload(upload.reset)
+        upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."))
+        self._logs()
+        self._channels()
+
+    def refresh(self) -> None:
+        """Show the list of logs anew; the plot stays unless another log is shown."""
+        self._logs.refresh()
+        if self._chosen() != self._shown:
+            self._channels.refresh()
+
+    async def _keep(self, event: events.UploadEventArguments) -> None:
+        """Keep a dropped file; it appears under its name when it is complete."""
+        path = self.workspace.place_for(event.file.name)
+        self.workspace.require_space(event.file.size())
+        part = path.with_name(f".{path.name}.part")
+        try:
+            await event.file.save(part)
+            part.rename(path)
+        finally:
+            part.unlink(missing_ok=True)
+        if path.name != event.file.name:
+            layout.say(f"{printable(event.file.name)}: kept as {path.name}")
+        self.refresh()
+
+    def _chosen(self) -> str | None:
+        """The log of the address, else the first that has been read."""
+        known = [path.name for path in self.workspace.logs() if inputs.is_stored(self.workspace, path.name)]
+        asked = self._query.get("log")
+        return asked if asked in known else next(iter(known), None)
+
+    @ui.refreshable_method
+    def _logs(self) -> None:
+        """The list of logs, and the reading of those that are new."""
+        databases = self.workspace.databases()
+        if databases:
+            ui.label(f"CAN databases: {', '.join(path.name for path in databases)}")
+        logs = [path.name for path in self.workspace.logs()]
+        if not logs:
+            ui.label("No log yet.")
+            return
+        _read_next(self.workspace, logs)
+        chosen = self._chosen()
+        with ui.element("div").classes("fw-scroll"), ui.element("table").props('aria-label="Logs"'):
+            for name in logs:
+                self._row(name, chosen=name == chosen)
         for name in logs:
-            _log_row(workspace, name, chosen=name == chosen)
-    for name in logs:
-        progress.show(_key(name), lambda job: _logs.refresh())
-    if chosen is not None:
-        channels(workspace, chosen, query.getlist("channel") if query.get("log") == chosen else [])
+            progress.show(_key(name), lambda job: self.refresh())
 
+    @ui.refreshable_method
+    def _channels(self) -> None:
+        """The chosen log."""
+        self._shown = self._chosen()
+        if self._shown is not None:
+            asked = self._query.getlist("channel") if self._query.get("log") == self._shown else []
+            channels(self.workspace, self._shown, asked)
 
-def _log_row(workspace: Workspace, name: str, *, chosen: bool) -> None:
-    """A log of the list: whether it is used, its name, its length, and what can be done with it."""
-    choices, job = workspace.choices(), jobs.get(_key(name))
+    def _row(self, name: str, *, chosen: bool) -> None:
+        """A log of the list: whether it is used, its name, its length, and what can be done with it."""
+        choices, job = self.workspace.choices(), jobs.get(_key(name))
 
-    def use(event: events.ValueChangeEventArguments[Any]) -> None:
-        label = f"{'use' if event.value else 'leave out'} {name}"
-        workspace.write_choices(workspace.choices().with_log(name, use=event.value), label)
+        def use(event: events.ValueChangeEventArguments[Any]) -> None:
+            label = f"{'use' if event.value else 'leave out'} {name}"
+            self.workspace.write_choices(self.workspace.choices().with_log(name, use=event.value), label)
 
-    with ui.element("tr"):
-        with ui.element("td"):
-            box = ui.checkbox(value=choices.of(name).use, on_change=use)
-            box.props["aria-label"] = f"Use {name}"
-        with ui.element("td"):
-            link = ui.link(name, f"?{layout.query(log=name)}")
-            if chosen:
-                link.props("aria-current=true").classes("text-weight-bold")
-        with ui.element("td"):
-            if job is not None and job.state in ("failed", "cancelled"):
-                layout.failure(job.error or "reading was cancelled")
-            elif inputs.stored_folder(workspace, name).exists():
-                survey = inputs.survey(workspace, name)
-                ui.label(f"{survey.stop - survey.start:.1f} s, {len(survey.contents)} channels")
-            else:
-                ui.label("waits to be read")
-        with ui.element("td"):
-            if job is not None and job.state in ("failed", "cancelled"):
-                ui.button("Read again", on_click=partial(_read_again, workspace, name)).props("flat dense no-caps")
-            remove = ui.button("Remove", on_click=partial(_ask_to_remove, workspace, name))
-            remove.props("flat dense no-caps").props["aria-label"] = f"Remove {name}"
+        with ui.element("tr"):
+            with ui.element("td"):
+                box = ui.checkbox(value=choices.of(name).use, on_change=use)
+                box.props["aria-label"] = f"Use {name}"
+            with ui.element("td"):
+                link = ui.link(name, f"?{layout.query(log=name)}")
+                if chosen:
+                    link.props("aria-current=true").classes("text-weight-bold")
+            with ui.element("td"):
+                if job is not None and job.state in ("failed", "cancelled"):
+                    layout.failure(job.error or "reading was cancelled")
+                elif inputs.is_stored(self.workspace, name):
+                    survey = inputs.survey(self.workspace, name)
+                    ui.label(f"{survey.stop - survey.start:.1f} s, {len(survey.contents)} channels")
+                else:
+                    ui.label("waits to be read")
+            with ui.element("td"):
+                if job is not None and job.state in ("failed", "cancelled"):
+                    ui.button("Read again", on_click=partial(self._read_again, name)).props("flat dense no-caps")
+                remove = ui.button("Remove", on_click=partial(self._ask_to_remove, name))
+                remove.props("flat dense no-caps").props["aria-label"] = f"Remove {name}"
+
+    def _read_again(self, name: str) -> None:
+        jobs.start(_key(name), inputs.store, self.workspace.folder, name)
+        self.refresh()
+
+    async def _ask_to_remove(self, name: str) -> None:
+        """Remove a log after a question, because this cannot be undone."""
+        with ui.dialog() as dialog, ui.card():
+            ui.label(f"Delete {name} from {self.workspace.folder / 'logs'}? This cannot be undone.")
+            with ui.row():
+                ui.button("Delete", on_click=lambda: dialog.submit(True)).props("color=negative")
+                ui.button("Keep", on_click=lambda: dialog.submit(False)).props("outline autofocus")
+        if await dialog:
+            job = jobs.get(_key(name))
+            if job is not None:
+                job.cancel()
+            try:
+                self.workspace.remove_log(name)
+            finally:
+                self.refresh()
 
 
 def _read_next(workspace: Workspace, logs: list[str]) -> None:
@@ -99,31 +147,9 @@ def _read_next(workspace: Workspace, logs: list[str]) -> None:
     if any(job is not None and job.running for job in states.values()):
         return
     for name, job in states.items():
-        if job is None and not inputs.stored_folder(workspace, name).exists():
+        if job is None and not inputs.is_stored(workspace, name):
             jobs.start(_key(name), inputs.store, workspace.folder, name)
             return
-
-
-def _read_again(workspace: Workspace, name: str) -> None:
-    jobs.start(_key(name), inputs.store, workspace.folder, name)
-    _logs.refresh()
-
-
-async def _ask_to_remove(workspace: Workspace, name: str) -> None:
-    """Remove a log after a question, because this cannot be undone."""
-    with ui.dialog() as dialog, ui.card():
-        ui.label(f"Delete {name} from {workspace.folder / 'logs'}? This cannot be undone.")
-        with ui.row():
-            ui.button("Delete", on_click=lambda: dialog.submit(True)).props("color=negative")
-            ui.button("Keep", on_click=lambda: dialog.submit(False)).props("outline autofocus")
-    if await dialog:
-        job = jobs.get(_key(name))
-        if job is not None:
-            job.cancel()
-        try:
-            workspace.remove_log(name)
-        finally:
-            _logs.refresh()
 
 
 def _key(name: str) -> str:

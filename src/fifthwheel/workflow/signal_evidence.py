@@ -1,0 +1,96 @@
+"""What speaks for the map of a record: each signal beside what speed and steer angle predict for it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.checks import Finding
+from fifthwheel.plots import downsample
+from fifthwheel.record import Record
+from fifthwheel.time_bases import TimeOffset, check_record
+from fifthwheel.time_bases.offsets import offsets_of
+from fifthwheel.time_bases.predictions import Prediction, predict_channels
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChannelEvidence:
+    """A measured signal and its prediction on a common time base."""
+
+    measured: Array
+    """(N,) SI, NaN where missing."""
+    predicted: Array
+    """(N,) SI, by the variant of the truck that explains all signals best; NaN where unknown."""
+    lowest: Array
+    highest: Array
+    """(N,) of the variants: stiffness, and without a vehicle file also lengths, are uncertain."""
+    explained: float | None
+    """Fraction of the variance that the prediction explains with a free positive gain and a bias; None if it cannot be
+    compared."""
+    inverted: float | None
+    """The same of the inverted signal, at lags up to 0.3 s."""
+    offset: TimeOffset | None
+    """How late its timestamps are, where that can be measured."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SignalEvidence:
+    """What speaks for the signals of a record, and what against them."""
+
+    time: Array
+    """(N,) s, of the predictions."""
+    channels: dict[str, ChannelEvidence]
+    """By signal; only those that are predicted."""
+    others: dict[str, tuple[Array, Array]]
+    """Time (n,) s and values (n,) SI to draw of the signals that are not predicted."""
+    findings: tuple[Finding, ...]
+    """Of `check_record`."""
+
+
+def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvidence:
+    """Compare the signals of a record with what the kinematics and the linear model of the truck predict.
+
+    Args:
+        record: with speed and a steer angle; without them nothing is predicted.
+        vehicle: default: any usual tractor and semitrailer.
+    """
+    findings = check_record(record, vehicle)
+    prediction = predict_channels(record, vehicle)
+    predicted = () if prediction is None else prediction.names
+    others = {name: _drawn(record.time, values) for name, values in record.signals.items() if name not in predicted}
+    if prediction is None:
+        return SignalEvidence(time=np.empty(0), channels={}, others=others, findings=findings)
+    offsets = {offset.name: offset for offset in offsets_of(record, prediction)}
+    best = _best_variant(prediction)
+    channels = {}
+    for k, name in enumerate(prediction.names):
+        curve = prediction.curves[best][k]
+        variants = prediction.predicted[:, :, k]
+        known = np.isfinite(variants).all(axis=0)
+        lowest, highest = np.full((2, known.size), np.nan)
+        lowest[known], highest[known] = variants[:, known].min(axis=0), variants[:, known].max(axis=0)
+        channels[name] = ChannelEvidence(
+            measured=prediction.measured[:, k],
+            predicted=variants[best],
+            lowest=lowest,
+            highest=highest,
+            explained=None if curve is None else curve.explained_at(0.0),
+            inverted=None if curve is None else curve.inverted,
+            offset=offsets.get(name),
+        )
+    return SignalEvidence(time=prediction.time, channels=channels, others=others, findings=findings)
+
+
+def _drawn(time: Array, values: Array) -> tuple[Array, Array]:
+    rows = [row for piece in downsample.rows(time, values) for row in (*piece, -1)]
+    return time[rows], np.where(np.array(rows) < 0, np.nan, values[rows])
+
+
+def _best_variant(prediction: Prediction) -> int:
+    """The variant that leaves the smallest part of the signals unexplained at their best lags."""
+    misfits = [
+        float(np.mean([np.log(max(1 - curve.explained.max(), 1e-4)) for curve in row if curve is not None] or [0.0]))
+        for row in prediction.curves
+    ]
+    return int(np.argmin(misfits))
