@@ -42,8 +42,8 @@ def interrupted(workspace: Workspace) -> list[str]:
 
 
 def next_name(workspace: Workspace) -> str:
-    """The first of run-1, run-2, ... that does not exist."""
-    used = {path.name for path in workspace.runs()}
+    """The first of run-1, run-2, ... that is not a result."""
+    used = results(workspace)
     return next(name for k in range(1, len(used) + 2) if (name := f"run-{k}") not in used)
 
 
@@ -91,14 +91,14 @@ def stamp(workspace: Workspace) -> str:
     return digest.hexdigest()
 
 
-def check(folder: Path, progress: Progress) -> tuple[str, InformationAssessment]:
-    """The information in the logs that are used, and the stamp of what it was computed from."""
+def check(folder: Path, progress: Progress) -> InformationAssessment:
+    """The information in the logs that are used."""
     workspace = Workspace(folder)
-    state, choices, truck = stamp(workspace), workspace.choices(), vehicle(workspace)
+    choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
     progress("predicting", 0, 0)
     truck, settings = options(choices).one_stage(truck, suspension(workspace, choices))
-    return state, assess_information(records, truck, settings)
+    return assess_information(records, truck, settings)
 
 
 def identify(folder: Path, name: str, progress: Progress) -> str:

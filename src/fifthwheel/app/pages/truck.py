@@ -6,7 +6,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import jobs, layout, plots
+from fifthwheel.app import jobs, layout, plots, tables
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.diagnose.assumptions import AssumedNumber, assumed_numbers
 from fifthwheel.dynamics.summary import VehicleSummary, summarize
@@ -23,8 +23,8 @@ UNKNOWN = ""
 def build(workspace: Workspace) -> None:
     """Fill the page."""
     current = workspace.vehicle()
-    with ui.element("div").classes("fw-columns"):
-        with ui.element("section").props('aria-label="Vehicle file"'):
+    with ui.element("div").classes("fw-truck"):
+        with ui.element("section").classes("fw-file").props('aria-label="Vehicle file"'):
             layout.heading("Vehicle file")
             _files(workspace, current)
             if current is None:
@@ -32,15 +32,17 @@ def build(workspace: Workspace) -> None:
             else:
                 plots.show(current.plot(), height=380)
                 _numbers(current)
-        with ui.element("section").props('aria-label="Describe a truck"'):
+                _assumed(current)
+        with ui.element("section").classes("fw-form").props('aria-label="Questions"'):
             layout.heading("Describe a tractor and its semitrailer")
             ui.label(
                 "Answer what you know, with a unit and how well you know it, such as 7.7 m +- 2 cm. Leave the rest "
-                "open: published vehicles give the missing numbers, with their uncertainty."
+                "open: published vehicles give the missing numbers, with their uncertainty. * needed"
             )
             _questions(workspace)
-    if current is not None:
-        _assumed(current)
+        with ui.element("section").classes("fw-preview").props('aria-label="Described truck"'):
+            layout.heading("Described truck")
+            preview(workspace)
 
 
 def _files(workspace: Workspace, current: Vehicle | None) -> None:
@@ -66,17 +68,19 @@ def _files(workspace: Workspace, current: Vehicle | None) -> None:
             ui.button("Export", icon="download", on_click=lambda: ui.download.content(text.encode(), VEHICLE)).props(
                 "outline no-caps"
             ).tooltip("vehicle.toml")
-        ui.select(catalogue.names(), label="Published vehicle", on_change=published).classes("fw-field").props("dense")
+        ui.select(list(catalogue.names()), label="Published vehicle", on_change=published).classes("fw-field").props(
+            "dense"
+        )
 
 
 def _numbers(vehicle: Vehicle) -> None:
-    """The summary of the vehicle."""
+    """Its loads and handling."""
     try:
         summary: VehicleSummary = summarize(vehicle)
     except FifthwheelError as error:
         layout.failure(str(error))
         return
-    layout.table(("Quantity", summary.at_speed), summary.rows(), label="Loads and handling")
+    tables.table(("Quantity", f"{summary.at_speed}>"), summary.rows(), label="Loads and handling")
 
 
 def _assumed(vehicle: Vehicle) -> None:
@@ -105,7 +109,7 @@ def _table_of(numbers: tuple[AssumedNumber, ...]) -> None:
         "yaw inertia and the payload height are estimated from logs."
     )
     rows = [(n.path, with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll)) for n in numbers]
-    layout.table(("Assumed", "Value", "Yaw", "Roll"), rows, label="Assumed numbers")
+    tables.table(("Assumed", "Value>", "Yaw>", "Roll>"), rows, label="Assumed numbers")
     sources: dict[str, list[str]] = {}
     for number in numbers:
         sources.setdefault(number.source, []).append(number.path)
@@ -142,7 +146,6 @@ def _questions(workspace: Workspace) -> None:
                 _field(question, answers.get(question.key, UNKNOWN), partial(keep, question))
 
     fields()
-    preview(workspace)
 
 
 @ui.refreshable
@@ -204,17 +207,20 @@ def _error(question: Question, text: str) -> str | None:
 
 def _field(question: Question, answer: str, keep: Any) -> None:
     """The field of a question."""
-    label = question.text + ("" if question.required else " (if known)")
-    if question.choices:
-        select = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
-        select.props["label"] = label
-        select.on_value_change(lambda event: keep(event.value))
-        select.classes("w-full")
-        return
-    hint = "kg, such as 6850 10500 22500" if question.is_slip else f"such as {_EXAMPLES[question.unit]}"
-    field = ui.input(label, value=answer, placeholder=hint, validation=partial(_error, question))
-    field.on("change", lambda: keep(field.value))
-    field.classes("w-full")
+    with ui.element("div").classes("fw-question"):
+        ui.label(question.text + (" *" if question.required else ""))
+        field: ui.select | ui.input
+        if question.choices:
+            field = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
+            field.on_value_change(lambda event: keep(event.value))
+        else:
+            hint = "6850 10500 22500" if question.is_slip else _EXAMPLES[question.unit]
+            field = ui.input(value=answer, placeholder=hint, validation=partial(_error, question))
+            field.on("change", lambda: keep(field.value))
+        field.classes("w-full").props("dense outlined")
+        field.props["aria-label"] = question.text
+        if question.required:
+            field.props["aria-required"] = "true"
 
 
 _EXAMPLES = {"m": "7.7 m +- 2 cm", "kg": "7.2 t +- 3 %"}
