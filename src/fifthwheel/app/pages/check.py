@@ -58,8 +58,8 @@ def _bars(outlook: InformationAssessment) -> str:
         f'<th scope="col"{css}>{head}</th>'
         for head, css in (
             ("Parameter", ""),
-            ("Value", _RIGHT),
-            ("Prior", _RIGHT),
+            ("Value", _LESS),
+            ("Prior", _LESS),
             ("Predicted", _RIGHT),
             ("Sigma, prior and predicted", ""),
             ("Verdict", ""),
@@ -69,7 +69,8 @@ def _bars(outlook: InformationAssessment) -> str:
     return f'<table aria-label="Predicted sigma"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
 
 
-_RIGHT = ' class="fw-right"'
+_RIGHT, _LESS = ' class="fw-right"', ' class="fw-right fw-wide"'
+"""Numbers; the second are left out on a narrow screen."""
 
 
 def _row(p: ParameterAssessment) -> str:
@@ -84,6 +85,7 @@ def _row(p: ParameterAssessment) -> str:
         f"±{relative(p.value, p.prior)}",
         f"±{relative(p.value, p.sigma)}" if known else "–",
     )
-    cells = "".join(f"<td{_RIGHT}>{escape(text)}</td>" for text in texts)
+    classes = (_LESS, _LESS, _RIGHT)
+    cells = "".join(f"<td{css}>{escape(text)}</td>" for text, css in zip(texts, classes, strict=True))
     verdict = escape(spoken_verdict(p.verdict, predicted=True))
     return f"<tr><td>{tables.name(p.name)}</td>{cells}<td>{bar}</td><td>{verdict}</td></tr>"

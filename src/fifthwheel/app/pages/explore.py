@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from nicegui import ui
+from nicegui import events, ui
 
 from fifthwheel.app import exploration, inputs, jobs, layout, plots, runs, tables
 from fifthwheel.app.exploration import KINDS, Exploration
@@ -85,18 +85,22 @@ class _Page:
         with ui.element("div").classes("fw-slider"):
             ui.label(path)
             number = ui.label(with_sigma(value, None, unit_of(path)))
-            slider = ui.slider(min=-STEPS, max=STEPS, step=1, value=round(STEPS * math.log(value / given, FACTOR)))
-            slider.props["aria-label"] = path
-            slider.on("change", self._keep)
+            slider = ui.element("input")  # that of the browser works with keys and screen readers
+        steps = round(STEPS * math.log(value / given, FACTOR))
+        slider.props.update({"type": "range", "min": -STEPS, "max": STEPS, "step": 1, "value": steps})
+        slider.props.update({"aria-label": path, "aria-valuetext": number.text})
 
-            async def follow(event: Any) -> None:
-                steps = int(event.value)
-                changed = given * FACTOR ** (steps / STEPS)
-                self.values = {**self.values, path: changed} if steps else _without(self.values, path)
-                number.text = with_sigma(changed, None, unit_of(path))
-                await self._update()
+        async def follow(event: events.GenericEventArguments) -> None:
+            steps = int(event.args)
+            changed = given * FACTOR ** (steps / STEPS)
+            self.values = {**self.values, path: changed} if steps else _without(self.values, path)
+            number.text = with_sigma(changed, None, unit_of(path))
+            slider.props["aria-valuetext"] = number.text
+            await self._update()
 
-            slider.on_value_change(follow)
+        value_of = "(event) => emit(Number(event.target.value))"
+        slider.on("input", follow, js_handler=value_of, throttle=0.05)
+        slider.on("change", self._keep)
 
     def _keep(self) -> None:
         """Keep what the page shows."""

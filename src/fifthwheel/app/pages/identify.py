@@ -1,6 +1,7 @@
 """Identification: settings, progress and report."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import PurePosixPath
 from typing import Any
@@ -47,7 +48,7 @@ class _Settings:
         left_out = f" {windows} windows are left out." if windows else ""
         ui.label(f"Logs: {', '.join(map(printable, used))}.{left_out} Vehicle: {self.truck.name}.")
         opened = bool(self.workspace.choices().identify)
-        with ui.expansion("Settings", value=opened).classes("w-full"), ui.element("div").classes("fw-columns"):
+        with ui.expansion("Settings", value=opened).classes("w-full"), ui.element("div").classes("fw-columns w-full"):
             self._fields(used)
 
     def _fields(self, used: Sequence[str]) -> None:
@@ -92,27 +93,36 @@ class _Settings:
     def _choice(self, key: str, label: str, words: dict[str, str], help: str) -> None:
         first = next(iter(words))
         value = self._value(key, first)
-        field = ui.select(words, label=label, value=value if value in words else first)
-        self._bind(field, key, first, help)
+        with self._place(label, help) as named:
+            self._bind(ui.select(words, value=value if value in words else first), key, first, named)
 
     def _list(self, key: str, label: str, names: list[str], help: str) -> None:
         """A list of names, or of texts that are typed."""
         value = [text for text in self._value(key, []) if isinstance(text, str)]
-        typed = {} if names else {"new_value_mode": "add-unique"}
+        typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
         known = list(dict.fromkeys([*names, *value]))
-        field = ui.select(known, label=label, value=value, multiple=True, with_input=True, **typed)  # type: ignore[arg-type]
-        field.props("use-chips")
-        self._bind(field, key, [], help)
+        with self._place(label, help) as named:
+            field = ui.select(known, value=value, multiple=True, with_input=True, **typed)
+            self._bind(field.props("use-chips"), key, [], named)
 
     def _switch(self, key: str, label: str, default: bool, help: str) -> None:
-        field = ui.checkbox(label, value=bool(self._value(key, default)))
-        self._bind(field, key, default, help)
+        with self._place("", help):
+            self._bind(ui.checkbox(label, value=bool(self._value(key, default))), key, default, label)
 
-    def _bind(self, field: Any, key: str, default: Any, help: str) -> None:
+    @contextmanager
+    def _place(self, label: str, help: str) -> Iterator[str]:
+        """The place of a field below its label and above its explanation; gives the name for screen readers."""
+        with ui.element("div").classes("fw-question"):
+            if label:
+                ui.label(label)
+            yield f"{label}. {help}"
+            ui.label(help).classes("text-caption")
+
+    def _bind(self, field: Any, key: str, default: Any, named: str) -> None:
+        """Keep what is chosen; a choice that is refused is taken back."""
+        field.props["aria-label"] = named
         if isinstance(field, ui.select):
-            field.classes("w-full").props["hint"] = help
-        else:
-            field.tooltip(help)
+            field.classes("w-full").props("dense outlined")
 
         def change(event: Any) -> None:
             try:

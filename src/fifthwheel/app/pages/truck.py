@@ -30,7 +30,7 @@ def build(workspace: Workspace) -> None:
             if current is None:
                 ui.label("None yet. Answer the questions, import a file, or take a published vehicle.")
             else:
-                plots.show(current.plot(), height=380)
+                _draw(current)
                 _numbers(current)
                 _assumed(current)
         with ui.element("section").classes("fw-form").props('aria-label="Questions"'):
@@ -71,6 +71,13 @@ def _files(workspace: Workspace, current: Vehicle | None) -> None:
         ui.select(list(catalogue.names()), label="Published vehicle", on_change=published).classes("fw-field").props(
             "dense"
         )
+
+
+def _draw(vehicle: Vehicle) -> None:
+    """The truck to scale, with the legend clear of the axis."""
+    element = plots.show(vehicle.plot(), height=400)
+    element.figure["layout"]["legend"]["y"] = -0.22
+    element.update()
 
 
 def _numbers(vehicle: Vehicle) -> None:
@@ -167,7 +174,7 @@ def preview(workspace: Workspace) -> None:
         workspace.write({VEHICLE: text}, "describe the truck")
         layout.reload()
 
-    plots.show(described.plot(), height=380)
+    _draw(described)
     same = text == workspace.read(VEHICLE)
     button = ui.button("Use this truck", icon="check", on_click=take).props("no-caps")
     if same:
