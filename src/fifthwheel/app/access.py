@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs
+from urllib.parse import parse_qs, quote
 
 from fifthwheel._addresses import is_address, is_loopback
 
@@ -72,9 +72,9 @@ class Access:
         if origin is not None and origin.partition("://")[2] != host:
             return 403, "The request comes from another site."
         site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode")
-        if site not in ("none", "same-origin") and mode != "navigate":
-            return 403, "The request comes from another site."
         opens = scope["type"] == "http" and scope["method"] in ("GET", "HEAD")
+        if site not in ("none", "same-origin") and not (opens and mode == "navigate"):
+            return 403, "The request comes from another site."
         if not self.known(headers) and not (opens and (self.token is None or self.has_token(scope))):
             return 401, "Open the address that fifthwheel app has printed."
         if int(headers.get("content-length", "0") or 0) > self.limit(scope):
@@ -121,7 +121,7 @@ class Guard:
             value = f"{access.cookie}={access.secret}; Path=/; HttpOnly; SameSite=Strict"
             headers.append((b"set-cookie", value.encode()))
         if new and access.token is not None:  # the token leaves the address bar
-            location = [(b"location", scope["path"].encode()), (b"content-length", b"0")]
+            location = [(b"location", _plain_path(scope["path"])), (b"content-length", b"0")]
             await send({"type": "http.response.start", "status": 303, "headers": [*headers, *location]})
             await send({"type": "http.response.body"})
             return
@@ -163,6 +163,11 @@ async def _refuse(scope: Mapping[str, Any], send: Any, status: int, reason: str)
 
 def _headers(scope: Mapping[str, Any]) -> dict[str, str]:
     return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+
+
+def _plain_path(path: str) -> bytes:
+    """A path as an address on this host: //x would be another host."""
+    return f"/{quote(path.lstrip('/'))}".encode()
 
 
 def _same(given: str, expected: str) -> bool:

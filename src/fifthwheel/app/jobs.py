@@ -96,7 +96,7 @@ class _Worker:
     def ask(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
         """The result of a function; waits until earlier computations have ended."""
         with self._free:
-            if self._process is None or not self._process.is_alive():
+            if self._process is None:
                 self._pipe, end = _PROCESSES.Pipe()
                 self._process = _PROCESSES.Process(target=_answer, args=(end,), name="compute", daemon=True)
                 self._process.start()
@@ -105,6 +105,7 @@ class _Worker:
                 self._pipe.send((function, args))
                 kind, content = self._pipe.recv()
             except (EOFError, OSError):
+                self.end()
                 raise FifthwheelError("the computation was ended by the system; close other programs") from None
         if kind == "failed":
             raise FifthwheelError(content)
@@ -112,9 +113,12 @@ class _Worker:
         return result
 
     def end(self) -> None:
-        """End the process."""
-        if self._process is not None:
-            self._process.kill()
+        """End the process; the next computation starts another one."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.join()
+            self._pipe.close()
 
 
 _worker = _Worker()

@@ -130,7 +130,7 @@ class StoredLog(LogSource):
         return self._axes[clock]
 
     def window(self, name: str, start: float, stop: float, points: int = 2000) -> tuple[Array, Array]:
-        """Time (n,) s and values (n,) of a column to draw between two instants; NaN interrupts the line.
+        """Time (n,) s and values (n,) of a column to draw between two instants; a NaN in both interrupts the line.
 
         At most about `points` of them, without losing an extreme. One sample outside the window is included on each
         side.
@@ -140,17 +140,11 @@ class StoredLog(LogSource):
         last = min(int(np.searchsorted(axis, stop, side="right")) + 1, axis.size)
         if last - first <= BLOCK * points // 4:
             time, shown = np.array(axis[first:last]), np.array(values[first:last])
-            pieces = downsample.rows(time, shown, points)
-        else:
-            blocks = np.arange(first // BLOCK, -(-last // BLOCK))
-            low, high = self._extremes(name)[:, blocks]
-            time = np.repeat(axis[np.minimum(blocks * BLOCK, axis.size - 1)], 2)
-            shown = np.column_stack([low, high]).ravel()
-            pieces = downsample.rows(time, shown, points, gaps=False)
-        if not pieces:
-            return np.empty(0), np.empty(0)
-        rows = np.concatenate([np.append(piece, -1) for piece in pieces])[:-1]
-        return time[rows], np.where(rows < 0, np.nan, shown[rows])
+            return downsample.course(time, shown, points)
+        blocks = np.arange(first // BLOCK, -(-last // BLOCK))
+        low, high = self._extremes(name)[:, blocks]
+        time = np.repeat(axis[np.minimum(blocks * BLOCK, axis.size - 1)], 2)
+        return downsample.course(time, np.column_stack([low, high]).ravel(), points, gaps=False)
 
     def most_active(self, name: str, length: float) -> tuple[float, float]:
         """The window of a length, s, in which the extremes of a column are farthest apart on average."""

@@ -55,6 +55,15 @@ def rows(time: Array, values: Array, limit: int = MAX_POINTS, *, gaps: bool = Tr
     return [piece[extreme_samples(values[piece], max(int(limit * len(piece) / total), 4))] for piece in pieces]
 
 
+def course(time: Array, values: Array, limit: int = MAX_POINTS, *, gaps: bool = True) -> tuple[Array, Array]:
+    """Time and values (n,) to draw, about `limit` of them; a NaN in both interrupts the line."""
+    pieces = rows(time, values, limit, gaps=gaps)
+    if not pieces:
+        return np.empty(0), np.empty(0)
+    chosen = np.concatenate([np.append(piece, -1) for piece in pieces])[:-1]
+    return np.where(chosen < 0, np.nan, time[chosen]), np.where(chosen < 0, np.nan, values[chosen])
+
+
 def envelope(time: Array, lower: Array, upper: Array, count: int) -> tuple[Array, Array, Array]:
     """Time, lower and upper edge of a band (N,) with at most `count` points, nowhere narrower than the given band."""
     length = -(-len(time) // count)

@@ -58,7 +58,9 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
     findings = check_record(record, vehicle)
     prediction = predict_channels(record, vehicle)
     predicted = () if prediction is None else prediction.names
-    others = {name: _drawn(record.time, values) for name, values in record.signals.items() if name not in predicted}
+    others = {
+        name: downsample.course(record.time, values) for name, values in record.signals.items() if name not in predicted
+    }
     if prediction is None:
         return SignalEvidence(time=np.empty(0), channels={}, others=others, findings=findings)
     offsets = {offset.name: offset for offset in offsets_of(record, prediction)}
@@ -80,11 +82,6 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
             offset=offsets.get(name),
         )
     return SignalEvidence(time=prediction.time, channels=channels, others=others, findings=findings)
-
-
-def _drawn(time: Array, values: Array) -> tuple[Array, Array]:
-    rows = [row for piece in downsample.rows(time, values) for row in (*piece, -1)]
-    return time[rows], np.where(np.array(rows) < 0, np.nan, values[rows])
 
 
 def _best_variant(prediction: Prediction) -> int:

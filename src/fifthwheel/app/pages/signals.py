@@ -49,9 +49,8 @@ class _Page:
 
     def build(self) -> None:
         """Fill the page."""
-        truck = (
-            "your truck with uncertain tyres" if self.workspace.vehicle() else "usual trucks, without a vehicle file"
-        )
+        known = self.workspace.vehicle() is not None
+        truck = "your truck with uncertain tyres" if known else "usual trucks, for lack of a vehicle file"
         ui.label(
             "Each signal (blue) beside what speed and steer angle predict for it (orange). "
             f"The grey band is the range of {truck}. Every change is written to signals.toml."
