@@ -30,6 +30,7 @@ def served(folder, *options):
             process.kill()
             process.wait()
         print(process.stdout.read())
+        process.stdout.close()
 
 
 @contextmanager

@@ -125,13 +125,13 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
         )
         progress("writing the report", 0, 0)
         provenance = provenance_of_run(
-            paths, str(workspace.folder / VEHICLE), signals_file, command=_command(workspace, choices, name)
+            paths, str(workspace.folder / VEHICLE), signals_file, command=command(workspace, choices, name)
         )
         write_results(run, temporary, provenance=provenance, vehicle_text=workspace.read(VEHICLE))
     return name
 
 
-def _command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
+def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     """The command line that gives the same result in the folder of the workspace."""
     chosen, validate = logs(workspace, choices)
     arguments = ["identify", *[f"logs/{log}" for log in chosen], "--vehicle", VEHICLE, "--out", f"runs/{name}"]

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +22,8 @@ FACTOR = 2.0
 """A slider reaches from the number of the vehicle file by this factor in both directions."""
 STEPS = 40
 """Of a slider in each direction."""
+REST = 0.4
+"""s without a movement, after which the sliders are kept."""
 
 
 def build(workspace: Workspace) -> None:
@@ -42,11 +45,13 @@ class _Page:
         self.speed = float(kept.get("speed", 80.0))
         self.kind = str(kept["kind"]) if kept.get("kind") in KINDS else KINDS[0]
         self.subject: Exploration | None = None
+        self._moved: float | None = None
         self._busy = False
         self._pending = False
 
     def build(self) -> None:
         """Fill the page."""
+        ui.timer(REST, self._keep_what_rests)
         with ui.element("div").classes("fw-columns"):
             with ui.element("section").classes("fw-sticky").props('aria-label="Numbers of the truck"'):
                 self._sliders()
@@ -96,11 +101,17 @@ class _Page:
             self.values = {**self.values, path: changed} if steps else _without(self.values, path)
             number.text = with_sigma(changed, None, unit_of(path))
             slider.props["aria-valuetext"] = number.text
+            self._moved = time.monotonic()
             await self._update()
 
         value_of = "(event) => emit(Number(event.target.value))"
         slider.on("input", follow, js_handler=value_of, throttle=0.05)
-        slider.on("change", self._keep)
+
+    def _keep_what_rests(self) -> None:
+        """Keep the sliders when they have not moved for a while, as one change."""
+        if self._moved is not None and time.monotonic() - self._moved > REST:
+            self._moved = None
+            self._keep()
 
     def _keep(self) -> None:
         """Keep what the page shows."""

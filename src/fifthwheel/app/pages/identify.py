@@ -158,12 +158,16 @@ def _run(workspace: Workspace) -> None:
 
 
 def _start(workspace: Workspace, name: str) -> None:
-    """Start an identification under a name that stays in the folder of results."""
+    jobs.start(KEY, runs.identify, workspace.folder, plain_name(name))
+    _run.refresh()
+
+
+def plain_name(name: str) -> str:
+    """The name of a result, which stays in the folder of results; FifthwheelError for another one."""
     plain = printable(name).strip()
     if not plain or PurePosixPath(plain).name != plain or plain.startswith(".") or "\\" in plain or len(plain) > 80:
         raise FifthwheelError("name: expected letters, digits, spaces or -, without a slash; choose another one")
-    jobs.start(KEY, runs.identify, workspace.folder, plain)
-    _run.refresh()
+    return plain
 
 
 def _ended(workspace: Workspace, job: jobs.Job) -> None:
