@@ -4,6 +4,7 @@ import asyncio
 import math
 import time
 from collections.abc import Mapping
+from html import escape
 from typing import Any
 
 from nicegui import events, ui
@@ -90,17 +91,20 @@ class _Page:
         with ui.element("div").classes("fw-slider"):
             ui.label(path)
             number = ui.label(with_sigma(value, None, unit_of(path)))
-            slider = ui.element("input")  # that of the browser works with keys and screen readers
-        steps = round(STEPS * math.log(value / given, FACTOR))
-        slider.props.update({"type": "range", "min": -STEPS, "max": STEPS, "step": 1, "value": steps})
-        slider.props.update({"aria-label": path, "aria-valuetext": number.text})
+            # The input of the browser works with keys and screen readers. As HTML, because an update of the page would
+            # set the value of an element back.
+            steps = round(STEPS * math.log(value / given, FACTOR))
+            slider = ui.html(
+                f'<input type="range" min="{-STEPS}" max="{STEPS}" value="{steps}" aria-label="{escape(path)}" '
+                f'aria-describedby="{number.html_id}">',
+                sanitize=False,
+            )
 
         async def follow(event: events.GenericEventArguments) -> None:
             steps = int(event.args)
             changed = given * FACTOR ** (steps / STEPS)
             self.values = {**self.values, path: changed} if steps else _without(self.values, path)
             number.text = with_sigma(changed, None, unit_of(path))
-            slider.props["aria-valuetext"] = number.text
             self._moved = time.monotonic()
             await self._update()
 
