@@ -8,6 +8,7 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from fifthwheel._addresses import is_loopback
 from fifthwheel._extras import require
@@ -54,7 +55,7 @@ def serve(
     access = Access(local=local, token=token, port=port, max_file=max_file)
     named = f"[{host}]" if ":" in host else host
     address = f"http://{named}:{port}/"
-    opened = address if token is None else f"{address}?token={token}"
+    opened = address if token is None else f"{address}?token={quote(token)}"
 
     def started() -> None:
         ready(opened)

@@ -129,7 +129,7 @@ class StoredLog(LogSource):
             self._axes[clock] = _mapped(path) if path.exists() else np.arange(rows, dtype=float)
         return self._axes[clock]
 
-    def window(self, name: str, start: float, stop: float, points: int = 2000) -> tuple[Array, Array]:
+    def window(self, name: str, start: float, stop: float, points: int = 1200) -> tuple[Array, Array]:
         """Time (n,) s and values (n,) of a column to draw between two instants; a NaN in both interrupts the line.
 
         At most about `points` of them, without losing an extreme. One sample outside the window is included on each
