@@ -62,4 +62,5 @@ def tab(browser, address, width=1400, height=1000, faults=True):
     yield page
     context.close()
     assert hosts <= {"127.0.0.1", None}
-    assert not faults or not [fault for fault in found if not any(text in fault for text in HARMLESS)]
+    serious = [fault for fault in found if not any(text in fault for text in HARMLESS)]
+    assert not (faults and serious), serious

@@ -17,6 +17,7 @@ from fifthwheel.identify import Identification
 from fifthwheel.logs import write_record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
+from tests.app.buses import write_can_mf4, write_candump
 from tests.app.served import chromium, served, tab
 from tests.report.conftest import result
 
@@ -102,6 +103,35 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path):
     assert Vehicle.load(folder / "vehicle.toml").parameters() == found.vehicle.parameters()
     fixed = Identification.load(folder / "runs" / "fixed front")[FRONT]
     assert (fixed.verdict, fixed.value) == ("fixed", found[FRONT].value)
+
+
+def german(folder):
+    return EXAMPLES / "messy.csv", EXAMPLES / "truck.toml"
+
+
+def mf4_with_can(folder):
+    return write_can_mf4(simulate(TRUCK, count=2, seed=1), folder / "bus.mf4"), None
+
+
+def j1939(folder):
+    return write_candump(simulate(TRUCK, count=2, seed=1), folder / "bus.log"), None
+
+
+@pytest.mark.parametrize("log", [german, mf4_with_can, j1939])
+def test_from_a_log_of_each_kind_to_a_report(browser, tmp_path, log):
+    file, vehicle = log(tmp_path)
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "vehicle.toml").write_text(vehicle.read_text() if vehicle else TRUCK.to_toml())
+    with served(folder) as address, tab(browser, address, width=390) as page:
+        page.set_input_files("input[type=file]", str(file))
+        page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
+        go(page, "Signals")
+        page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
+        go(page, "Identify")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        headline = report(page).locator(".headline").inner_text()
+        assert "parameters are identified" in headline or "parameters converged" in headline, headline
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
 def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
@@ -227,9 +257,8 @@ def test_names_are_no_markup_and_no_file_outside_is_given(browser, tmp_path, res
     for name in ("a", f"b {evil}".replace("/", "")):
         result.identification.save(workspace.folder / "runs" / name)
         (workspace.folder / "runs" / name / "report.html").write_text("<h1 id=verdict>report</h1>")
-    (workspace.folder / "runs" / "a" / "report.html").unlink()
     (tmp_path / "secret").write_text("secret")
-    (workspace.folder / "runs" / "a" / "report.html").symlink_to(tmp_path / "secret")
+    (workspace.folder / "runs" / "a" / "states.parquet").symlink_to(tmp_path / "secret")
     with served(workspace.folder) as address, tab(browser, address) as page:
         for path in ("truck", "check", "identify", "explore", "compare"):
             page.goto(f"{address}{path}", wait_until="networkidle")
