@@ -269,7 +269,7 @@ def test_names_are_no_markup_and_no_file_outside_is_given(browser, tmp_path, res
         for outside in (
             "..%2F..%2Fsecret/x",
             "a/..%2F..%2Fvehicle.toml",
-            "a/report.html",
+            "a/states.parquet",
             "a/run.json",
             "c/vehicle.toml",
         ):
