@@ -61,7 +61,7 @@ def _bars(outlook: InformationAssessment) -> str:
             ("Value", _LESS),
             ("Prior", _LESS),
             ("Predicted", _RIGHT),
-            ("Sigma, prior and predicted", ""),
+            ("Prior and predicted sigma", ""),
             ("Verdict", ""),
         )
     )

@@ -58,7 +58,10 @@ def _choice(results: list[str], chosen: list[str]) -> None:
 def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> None:
     ui.label(words.headline(found)).classes("text-weight-bold").props("role=status")
     first = found.runs[0]
-    rows = [(name if run == first else "", run, *cells) for name, run, *cells in found.rows()]
+    rows = [
+        (name if run == first else "", run.replace("-", "\u2011"), *cells)  # a hyphen at which no line breaks
+        for name, run, *cells in found.rows()
+    ]
     tables.table(("Parameter", "Run", "Estimate>", "Difference>"), rows, label="Estimates of all results")
     tables.texts("Notes", [*found.notes, words.EXPLANATION])
     with ui.row().classes("items-center"):
