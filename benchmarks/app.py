@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.reading import write_mf4
 from tests.app.served import chromium, served, tab
 
-POINTS = "document.querySelector('.js-plotly-plot')?.data?.[0]?.x"
+POINTS = "document.querySelector('.js-plotly-plot[role=img]')?.data?.[0]?.x"
 DRAWN = f"(({POINTS})?.length ?? 0) > 100 && document.querySelectorAll('.scatterlayer .js-line').length >= 4"
 CHANGE = f"""async ([low, high]) => {{
   const before = {POINTS};

@@ -153,7 +153,7 @@ def test_windows_are_excluded_by_mouse_and_by_keyboard(browser, tmp_path):
     with opened(browser, tmp_path / "w", example(tmp_path)) as page:
         page.get_by_role("button", name="Select", exact=True).click()
         page.wait_for_timeout(1000)
-        panel = page.locator(".nsewdrag").first.bounding_box()
+        panel = page.locator("[role=img] .nsewdrag").first.bounding_box()
         low, high = panel["x"] + 0.25 * panel["width"], panel["x"] + 0.5 * panel["width"]
         page.mouse.move(low, panel["y"] + 20)
         page.mouse.down()

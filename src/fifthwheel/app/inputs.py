@@ -13,11 +13,14 @@ from typing import Any
 
 from fifthwheel.app.workspace import HIDDEN, Workspace
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.logs import SignalMap
 from fifthwheel.logs.files import record_of
+from fifthwheel.logs.mapping.name_rules import classify_columns
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
+from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue
@@ -26,7 +29,7 @@ from fifthwheel.workflow.inputs import Progress, report_fraction
 
 _SURVEY = "survey.json"
 EVIDENCE_SPAN = 600.0
-"""Longest part of a log that is compared with predictions, s."""
+"""Longest part of a log that is used to propose and compare signals, s."""
 
 
 def _silent(title: str, done: int, total: int) -> None:
@@ -123,25 +126,37 @@ def prepare() -> None:
 
 
 def propose(folder: Path, name: str) -> str:
-    """The text of the signals.toml that is proposed for a log."""
+    """The text of the signals.toml that is proposed for a log, by the part of `evidence` if it is long."""
     workspace = Workspace(folder)
     store(folder, name)
     databases = [path.relative_to(workspace.folder) for path in workspace.databases()]
-    log = opened(workspace, name)
-    return propose_signals(log, survey(workspace, name), workspace.vehicle(), databases=databases).signals_toml
+    contents = survey(workspace, name)
+    units = {column: content.column.unit for column, content in contents.contents.items() if content.alive}
+    steers = [hint.column for hint in classify_columns(units).values() if hint.quantity == "steer"]
+    named = [channel.columns[0] for signal, channel in SignalMap.of_columns(units)[0].items() if _is_steer(signal)]
+    log = opened(workspace, name, _steered_span(opened(workspace, name), named + steers))
+    return propose_signals(log, contents, workspace.vehicle(), databases=databases).signals_toml
 
 
 def evidence(folder: Path, name: str) -> SignalEvidence:
     """What speaks for signals.toml in a log; of a long log in the minutes in which the truck is steered most."""
     workspace = Workspace(folder)
     store(folder, name)
-    signal_map, log = workspace.signal_map(), opened(workspace, name)
-    steers = [c for n, c in (signal_map.signals.items() if signal_map else ()) if n.startswith("steer.")]
-    span = None
-    if steers:
-        with suppress(SignalError):  # the record names the missing column
-            span = log.most_active(log.find(steers[0].columns[0]), EVIDENCE_SPAN)
+    signal_map = workspace.signal_map() or SignalMap()
+    steers = [channel.columns[0] for signal, channel in signal_map.signals.items() if _is_steer(signal)]
+    span = _steered_span(opened(workspace, name), steers)
     return signal_evidence(record(folder, name, span=span), workspace.vehicle())
+
+
+def _is_steer(signal: str) -> bool:
+    return SignalName.of(signal).quantity == "steer"
+
+
+def _steered_span(log: StoredLog, columns: Sequence[str]) -> tuple[float, float] | None:
+    """The window in which the first of some steer angles varies most; None, which is the whole log, without one."""
+    with suppress(SignalError):  # a column that the log does not have is an error of its record
+        return log.most_active(log.find(columns[0]), EVIDENCE_SPAN) if columns else None
+    return None
 
 
 def used_logs(workspace: Workspace) -> list[str]:

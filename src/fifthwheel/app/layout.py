@@ -21,6 +21,7 @@ ICON = (
     '<path d="M1 4h9v7H1zM11 6h3l1 3v2h-4z" fill="#1f5fa8"/>'
     '<circle cx="4" cy="12" r="2"/><circle cx="12.5" cy="12" r="2"/></svg>'
 )
+_CURRENT = "document.querySelector('.fw-nav [aria-current]')"
 POLL = 1.0
 """s between two looks for changes by other tabs."""
 
@@ -70,6 +71,7 @@ def frame(workspace: Workspace, name: str) -> Iterator[None]:
         with ui.element("h1"):
             ui.label(name.capitalize())
         yield
+    ui.run_javascript(f"{_CURRENT}.scrollIntoView({{inline: 'center', block: 'nearest'}})")
     ui.timer(POLL, lambda: _reload_if_stale(workspace))
 
 

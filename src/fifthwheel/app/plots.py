@@ -24,6 +24,13 @@ def show(plot: Plot, *, height: int = 300) -> ui.plotly:
     return element
 
 
+def preload() -> None:
+    """Let the browser load plotly.js before the first plot, while a log is read."""
+    ui.plotly({"data": []}).style("position: absolute; width: 1px; height: 1px; visibility: hidden").props(
+        'aria-hidden="true"'
+    )
+
+
 def drawn(plot: Plot, *, height: int) -> dict[str, Any]:
     """A plot as `ui.plotly` takes it."""
     content = figure(plot)

@@ -1,6 +1,7 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.assessment import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 from fifthwheel.workflow.axle_loads import (
     AxleLoadDifference,
@@ -23,7 +24,6 @@ from fifthwheel.workflow.results import (
 )
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
 from fifthwheel.workflow.settings import SENSOR_PRIORS, IdentifyOptions, one_stage_settings
-from fifthwheel.workflow.signal_evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [

@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import inputs, jobs, layout, progress
+from fifthwheel.app import inputs, jobs, layout, plots, progress
 from fifthwheel.app.pages.log_channels import channels
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
@@ -35,6 +35,7 @@ class _Page:
         upload.on_upload(self._keep)
         upload.on_multi_upload(upload.reset)
         upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."))
+        plots.preload()
         self._logs()
         self._channels()
 

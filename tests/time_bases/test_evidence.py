@@ -5,8 +5,8 @@ import pytest
 
 from fifthwheel.checks import Fault
 from fifthwheel.simulate import simulate
+from fifthwheel.time_bases.evidence import signal_evidence
 from fifthwheel.vehicle import get
-from fifthwheel.workflow import signal_evidence
 
 TRUCK = get("cheng_cebon_2011")
 RECORD = simulate(TRUCK, count=2, seed=1)

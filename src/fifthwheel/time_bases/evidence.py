@@ -8,8 +8,8 @@ from fifthwheel._types import Array
 from fifthwheel.checks import Finding
 from fifthwheel.plots import downsample
 from fifthwheel.record import Record
-from fifthwheel.time_bases import TimeOffset, check_record
-from fifthwheel.time_bases.offsets import offsets_of
+from fifthwheel.time_bases.findings import check_record
+from fifthwheel.time_bases.offsets import TimeOffset, offsets_of
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.vehicle import Vehicle
 
