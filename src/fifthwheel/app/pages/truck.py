@@ -140,7 +140,7 @@ def _questions(workspace: Workspace) -> None:
         answers = {**answers, question.key: text} if text else {k: a for k, a in answers.items() if k != question.key}
         choices = workspace.choices().model_copy(update={"truck": answers})
         workspace.write_choices(choices, f"answer {question.key.replace('_', ' ')}")
-        preview.refresh(workspace)
+        preview.refresh()
         if question.choices:
             fields.refresh()
 
