@@ -12,6 +12,7 @@ from fifthwheel.diagnose.assumptions import AssumedNumber, assumed_numbers
 from fifthwheel.dynamics.summary import VehicleSummary, summarize
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.formatting import enumerated, percent, with_sigma
+from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.vehicle import Vehicle, catalogue, unit_of
 from fifthwheel.workflow.new_vehicle import new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, Question, describe
@@ -49,6 +50,8 @@ def _files(workspace: Workspace, current: Vehicle | None) -> None:
     """Import, export and the catalogue."""
 
     async def imported(event: events.UploadEventArguments) -> None:
+        if event.file.size() > MAX_TOML_SIZE:
+            raise VehicleError(f"{event.file.name}: larger than {MAX_TOML_SIZE // 1000} kB; not a vehicle file")
         text = await event.file.text()
         Vehicle.loads(text)  # refuses what is not a vehicle
         workspace.write({VEHICLE: text}, f"import {event.file.name}")
