@@ -36,7 +36,7 @@ def ask(guarded, address="/", method="GET", headers=(), body=(), kind="http", co
     pairs = [*HOST.items()] if not any(name == "host" for name, _ in headers) else []
     pairs += [*headers, *([("cookie", f"fifthwheel_8080={cookie}")] if cookie else [])]
     scope = {"type": kind, "method": method, "path": parts.path, "query_string": parts.query.encode()}
-    scope["headers"] = [(name.encode(), value.encode()) for name, value in pairs]
+    scope["headers"] = [(name.encode(), value.encode("latin-1")) for name, value in pairs]
 
     async def receive():
         return {"type": "http.request", "body": chunks.pop(0) if chunks else b"", "more_body": bool(chunks)}
@@ -151,7 +151,7 @@ def test_a_body_without_a_length_is_limited_too():
 
 def test_repeated_and_malformed_headers_are_refused():
     assert ask(guard(), headers=[("host", "127.0.0.1"), ("host", "evil.example")]).status == 400
-    for length in ("-1", "1e3", ""):
+    for length in ("-1", "1e3", "", "²"):
         assert ask(guard(), headers=[("content-length", length)]).status == 400
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import read_log
+from fifthwheel._atomic.locks import try_lock
 from fifthwheel.app import inputs
 from fifthwheel.app.workspace import SIGNALS, Workspace
 from fifthwheel.errors import FifthwheelError, SignalError
@@ -86,3 +87,19 @@ def test_a_removed_log_takes_its_samples_along(workspace):
     workspace.remove_log(NAME)
     assert not list((workspace.folder / ".workbench" / "logs").iterdir())
     assert not workspace.logs()
+
+
+def test_only_the_leftovers_of_killed_processes_are_removed(workspace):
+    folder = workspace.folder / ".workbench" / "logs"
+    for name in ("killed.part", "running.part"):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "column0").write_text("x")
+    lock = try_lock(folder / "running.part" / "lock")
+    try:
+        inputs.store(workspace.folder, NAME)
+    finally:
+        os.close(lock)
+    names = {path.name for path in folder.iterdir()}
+    assert "running.part" in names
+    assert "killed.part" not in names
+    assert len(names) == 2

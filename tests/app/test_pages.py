@@ -124,7 +124,7 @@ def test_a_reload_loses_nothing_and_changes_are_undone_by_keys(browser, tmp_path
         page.reload()
         section(page, TRAILER).get_by_label(f"Delay of {TRAILER}").wait_for()
         assert section(page, TRAILER).get_by_label(f"Delay of {TRAILER}").input_value() == "0.200"
-        page.locator("#main").focus()
+        page.get_by_role("button", name="Propose a map").focus()
         page.keyboard.press("Control+z")
         page.get_by_role("button", name=re.compile(f"Redo: {TRAILER}")).wait_for()
         assert mapped(tmp_path / "w")[TRAILER].delay == 0.0

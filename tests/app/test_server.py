@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from contextlib import closing
+from importlib.metadata import version
 from urllib.parse import quote, urlsplit
 
 import pytest
@@ -54,8 +55,8 @@ def test_other_hosts_and_origins_are_refused(address):
         "/../secret.txt",
         "/%2e%2e/secret.txt",
         "/_nicegui/../../secret.txt",
-        "/_nicegui/3.18.0/static/../../../../../../../../etc/passwd",
-        "/_nicegui/3.18.0/static/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/etc/passwd",
+        f"/_nicegui/{version('nicegui')}/static/../../../../../../../../etc/passwd",
+        f"/_nicegui/{version('nicegui')}/static/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/%2e%2e/etc/passwd",
         "//etc/passwd",
         "/logs/../signals.toml",
         "/workspace.toml",

@@ -145,7 +145,7 @@ def _malformed(scope: Mapping[str, Any]) -> tuple[int, str] | None:
     """Refuse headers that are repeated or not numbers where one number is expected."""
     names = [name.lower() for name, _ in scope["headers"]]
     length = _headers(scope).get("content-length", "0")
-    if any(names.count(name) > 1 for name in (b"host", b"origin", b"content-length")) or not length.isdigit():
+    if any(names.count(name) > 1 for name in (b"host", b"origin", b"content-length")) or not length.isdecimal():
         return 400, "A header is repeated or malformed."
     return None
 

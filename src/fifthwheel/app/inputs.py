@@ -2,15 +2,17 @@
 
 import hashlib
 import json
+import os
 import secrets
 import shutil
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fifthwheel._atomic.locks import try_lock
 from fifthwheel.app.workspace import HIDDEN, Workspace
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.logs import SignalMap
@@ -28,6 +30,7 @@ from fifthwheel.workflow import SignalEvidence, propose_signals, signal_evidence
 from fifthwheel.workflow.inputs import Progress, report_fraction
 
 _SURVEY = "survey.json"
+_PART, _LOCK = ".part", "lock"
 EVIDENCE_SPAN = 600.0
 """Longest part of a log that is used to propose and compare signals, s."""
 
@@ -64,21 +67,43 @@ def store(folder: Path, name: str, progress: Progress = _silent) -> None:
     final = stored_folder(workspace, name)
     if final.exists():
         return
-    for old in final.parent.glob("*") if final.parent.exists() else ():
-        if old.name.rpartition("-")[0] == name or old.suffix == ".part":
-            shutil.rmtree(old, ignore_errors=True)
-    temporary = final.with_name(f"{final.name[-16:]}{secrets.token_hex(4)}.part")
-    temporary.mkdir(parents=True)
+    final.parent.mkdir(exist_ok=True)
+    _remove_old(final)
+    with _temporary_folder(final) as temporary:
+        report = partial(report_fraction, progress, f"reading {name}")
+        with open_log(workspace.log(name), workspace.databases(), report) as log:
+            store_log(log, temporary, report)
+        surveyed = survey_log(StoredLog(temporary), partial(report_fraction, progress, f"surveying {name}"))
+        (temporary / _SURVEY).write_text(json.dumps(asdict(surveyed)), encoding="utf-8")
+        if not final.exists():  # another process may have read the log meanwhile
+            temporary.rename(final)
+
+
+@contextmanager
+def _temporary_folder(final: Path) -> Iterator[Path]:
+    """A folder beside the final one, whose lock ends with this process."""
+    temporary = final.with_name(f"{secrets.token_hex(8)}{_PART}")
+    temporary.mkdir()
+    lock = try_lock(temporary / _LOCK)
     try:
-        with open_log(
-            workspace.log(name), workspace.databases(), partial(report_fraction, progress, f"reading {name}")
-        ) as log:
-            store_log(log, temporary, partial(report_fraction, progress, f"reading {name}"))
-        survey = survey_log(StoredLog(temporary), partial(report_fraction, progress, f"surveying {name}"))
-        (temporary / _SURVEY).write_text(json.dumps(asdict(survey)), encoding="utf-8")
-        temporary.rename(final)
+        yield temporary
     finally:
+        if lock is not None:
+            os.close(lock)
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _remove_old(final: Path) -> None:
+    """Remove older samples of a log, and what processes have left that were killed."""
+    name = final.name.rpartition("-")[0]
+    for old in final.parent.iterdir():
+        if old.suffix == _PART:
+            lock = try_lock(old / _LOCK)
+            if lock is not None:
+                shutil.rmtree(old, ignore_errors=True)
+                os.close(lock)
+        elif old.name.rpartition("-")[0] == name:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def opened(workspace: Workspace, name: str, span: tuple[float, float] | None = None) -> StoredLog:

@@ -66,7 +66,7 @@ def frame(workspace: Workspace, name: str) -> Iterator[None]:
                 if page == name:
                     link.props("aria-current=page")
         undo_buttons(workspace)
-    ui.keyboard(on_key=partial(_on_key, workspace))
+    ui.keyboard(on_key=partial(_on_key, workspace), ignore=["input", "select", "textarea"])
     with ui.element("div").classes("fw-page").props("id=main tabindex=-1"):
         with ui.element("h1"):
             ui.label(name.capitalize())

@@ -88,13 +88,13 @@ class _View:
         """Draw the window; with other channels if some are given."""
         if shown is not None:
             self._shown = list(shown)
+            self._plot.style(f"height: {self._height()}px")
             query = layout.query(log=self._name, channel=self._shown)
             ui.navigate.history.replace(f"?{query}")
         names = list(self._shown)
         lines = await run.io_bound(_read, self._log, names, *self._range)
         if lines is None or names != self._shown:
             return  # the server ends, or another choice was made meanwhile
-        self._plot.style(f"height: {self._height()}px")
         figure = plots.drawn(self._described(lines), height=self._height())
         figure["layout"] |= {"dragmode": "select" if self._selecting else "zoom", "selectdirection": "h"}
         bottom = {"range": list(self._relative(self._range)), "autorange": False}
