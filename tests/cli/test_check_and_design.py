@@ -213,3 +213,19 @@ def test_readings_need_a_standard_deviation(run):  # noqa: F811
     refused(run(*ROLL_TEST, "--roll", "0.42 deg"), r"--roll: expected a standard deviation after '\+-'")
     refused(run(*ROLL_TEST, "--roll", "0.42 kg +- 1 %"), "--roll: ")
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("text", ["3", "3..x", "run=3"])
+def test_a_window_that_is_not_one_is_refused(text, run):  # noqa: F811
+    refused(run("check", "run.csv", "-v", TRUCK, "--exclude", text), f"--exclude {text}: expected FIRST..LAST")
+
+
+def test_excluded_windows_are_not_used(folder, run):  # noqa: F811
+    log = folder / "drive.csv"
+    refused(run("check", log, "-v", TRUCK, "--exclude", "0..100"), "drive.csv: all samples are in the windows")
+    refused(run("check", log, "-v", TRUCK, "--exclude", "other=0..100"), "other: windows are excluded")
+    reports = [
+        run("check", log, "-v", TRUCK, *options, "--json").json() for options in ((), ("--exclude", "drive=0..8"))
+    ]
+    both, one = ({p["name"]: p["conditional_sigma"] for p in report["parameters"]} for report in reports)
+    assert one[INERTIA] > 1.2 * both[INERTIA]  # without the first of two lane changes

@@ -28,6 +28,19 @@ RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count
 NAMES = {"identification.json", "vehicle.toml", "states.parquet", "report.html"}
 
 
+def test_excluded_windows_of_all_logs_and_of_one(tmp_path):
+    for record in (RUN, OTHER):
+        write_record(record, tmp_path / f"{record.name}.csv")
+    paths = [tmp_path / "run.csv", tmp_path / "other.csv"]
+    run, other = read_records(paths, exclude={"": [(1.0, 2.0)], "other": [(4.0, 5.0)]})
+    left = (RUN.time < 1.0) | (RUN.time > 2.0)
+    np.testing.assert_array_equal(run.time, RUN.time[left])
+    np.testing.assert_array_equal(run.signals["speed"], RUN.signals["speed"][left])
+    assert [segment.span for segment in other.segments()] == [(2.01, 3.99), (5.01, OTHER.span[1])]  # longer than 1 s
+    with pytest.raises(SignalError, match="runn: windows are excluded, but there is no such log; did you mean 'run'"):
+        read_records(paths, exclude={"runn": [(1.0, 2.0)]})
+
+
 @pytest.fixture(scope="module")
 def progress() -> list[tuple[str, int, int]]:
     return []

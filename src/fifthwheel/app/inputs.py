@@ -22,7 +22,6 @@ from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
-from fifthwheel.logs.windows import WithoutWindows
 from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -140,11 +139,9 @@ def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[fl
     signal_map = workspace.signal_map()
     windows = workspace.choices().of(name).exclude
     log = opened(workspace, name, span)
-    time = signal_map.time.column if signal_map and signal_map.time else None
-    source = WithoutWindows(log, windows, time) if windows else log
     stems = [path.stem for path in workspace.logs()]
     stem = workspace.log(name).stem
-    return record_of(source, signal_map, name=stem if stems.count(stem) == 1 else name)
+    return record_of(log, signal_map, name=stem if stems.count(stem) == 1 else name, exclude=windows)
 
 
 def prepare() -> None:

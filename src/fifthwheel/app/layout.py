@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 from nicegui import Client, events, ui
 
+from fifthwheel.app import result_files
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 
@@ -31,6 +32,7 @@ def register(folder: Path) -> None:
     """Register the pages of a workspace."""
     style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
     ui.add_head_html(f"<style>{style}</style>", shared=True)
+    result_files.register(folder)
     for name in PAGES:
         _register(name, folder)
 

@@ -54,6 +54,14 @@ class Choices(BaseModel):
     """By name of the log."""
     identify: dict[str, Any] = Field(default_factory=dict)
     """Settings of the identification, by option of the command line."""
+    truck: dict[str, str] = Field(default_factory=dict)
+    """Answers that describe the truck, by key of the question."""
+    explore: dict[str, Any] = Field(default_factory=dict)
+    """What the page Explore shows: "log", "speed", and "values" by path of a parameter, SI."""
+
+    def text(self) -> str:
+        """The choices as the text of workspace.toml."""
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_defaults=True))
 
     def of(self, log: str) -> LogChoice:
         """The choice for a log."""
@@ -165,7 +173,7 @@ class Workspace:
 
     def write_choices(self, choices: Choices, label: str) -> None:
         """Write the choices as `write` does."""
-        self.write({CHOICES: tomli_w.dumps(choices.model_dump(mode="json", exclude_defaults=True))}, label)
+        self.write({CHOICES: choices.text()}, label)
 
     def write(self, documents: Mapping[str, str | None], label: str) -> None:
         """Write documents so that the change can be undone.

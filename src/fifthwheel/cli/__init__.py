@@ -11,13 +11,13 @@ import typer
 from fifthwheel import __version__
 from fifthwheel._atomic import clean_up
 from fifthwheel.cli import (  # importing a command registers it
-    assess,  # noqa: F401
     check,  # noqa: F401
     design,  # noqa: F401
     export,  # noqa: F401
     identify,  # noqa: F401
     live,  # noqa: F401
     reproduce,  # noqa: F401
+    results,  # noqa: F401
     signals,  # noqa: F401
     simulate,  # noqa: F401
     states,  # noqa: F401

@@ -14,6 +14,7 @@ from fifthwheel.cli.terminal import load_records, print_files, warn_of_axle_load
 @command(
     "fifthwheel check run.csv --vehicle truck.toml",
     "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
+    "fifthwheel check run.csv -v truck.toml --exclude 12.5..14",
     "fifthwheel check run.csv -v truck.toml --fix semitrailer.roll_stiffness",
     "fifthwheel check run.csv -v truck.toml --free tractor.yaw_inertia --json",
     "fifthwheel check run.csv -v truck.toml --plot time.html",
@@ -23,6 +24,7 @@ def check(
     vehicle: options.VehicleOption,
     signals: options.SignalsOption = None,
     allow_outside: options.AllowOutsideOption = False,
+    exclude: options.ExcludeOption = None,
     fix: options.FixOption = None,
     free: options.FreeOption = None,
     prior: options.PriorOption = None,
@@ -44,15 +46,20 @@ def check(
     ones.
     """
     from fifthwheel.identify.design.assess import assess_information
-    from fifthwheel.workflow import read_vehicle
+    from fifthwheel.workflow import IdentifyOptions, read_vehicle
 
     truck = read_vehicle(vehicle)
-    settings = options.one_stage(
-        truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor
+    chosen = IdentifyOptions(
+        fix=fix or (),
+        free=free or (),
+        prior=prior or (),
+        consider=consider or (),
+        any_load=any_load,
+        sensor=sensor or (),
     )
-    truck, settings = options.with_suspension(truck, settings, suspension_from)
+    truck, settings = chosen.one_stage(truck, options.chosen_identification(suspension_from))
     with reserved(plot, force=force):
-        records = load_records(logs, signals, allow_outside=allow_outside)
+        records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_axle_loads(truck, records)
         if plot is not None:
             from fifthwheel.report.html.time_bases import write_time_offsets

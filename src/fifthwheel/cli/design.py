@@ -66,18 +66,21 @@ def design(
     """
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
-    from fifthwheel.workflow import design_run, read_vehicle
+    from fifthwheel.workflow import IdentifyOptions, design_run, read_vehicle
+    from fifthwheel.workflow.settings import fractions
 
     if out:
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    settings = options.one_stage(truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load)
-    truck, settings = options.with_suspension(truck, settings, suspension_from)
+    chosen = IdentifyOptions(
+        fix=fix or (), free=free or (), prior=prior or (), consider=consider or (), any_load=any_load
+    )
+    truck, settings = chosen.one_stage(truck, options.chosen_identification(suspension_from))
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(
                 truck,
-                options.fractions("--target", target),
+                fractions("--target", target),
                 settings,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],
                 speed=_speed("--speed", speed) if speed else None,

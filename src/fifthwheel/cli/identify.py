@@ -1,8 +1,6 @@
 """fifthwheel identify"""
 
 import sys
-from collections.abc import Mapping
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -33,6 +31,7 @@ class Form(StrEnum):
     "fifthwheel identify run.csv --vehicle truck.toml",
     "fifthwheel identify bend.csv ramp.csv -v truck.toml -s signals.toml -o result",
     "fifthwheel identify run.csv -v truck.toml --validate other.csv",
+    "fifthwheel identify run.csv -v truck.toml --exclude 12.5..14",
     "fifthwheel identify run.csv -v truck.toml --fix tractor.front.cornering_stiffness",
     "fifthwheel identify run.csv -v truck.toml --free tractor.yaw_inertia --consider roll_stiffness=5%",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
@@ -44,6 +43,7 @@ def identify(
     vehicle: options.VehicleOption,
     signals: options.SignalsOption = None,
     allow_outside: options.AllowOutsideOption = False,
+    exclude: options.ExcludeOption = None,
     out: options.OutOption = Path("fifthwheel-out"),
     method: Annotated[
         Method,
@@ -90,32 +90,37 @@ def identify(
     from fifthwheel.logs import start_reader
 
     start_reader()
-    from fifthwheel.identify import OneStage, TwoStage, article
     from fifthwheel.report import provenance_of_run, show_identification
     from fifthwheel.report.figures.static import checked_format
-    from fifthwheel.workflow import IDENTIFICATION_FILES, read_vehicle, run_identification, vehicle_text, write_results
+    from fifthwheel.workflow import (
+        IDENTIFICATION_FILES,
+        IdentifyOptions,
+        read_vehicle,
+        run_identification,
+        vehicle_text,
+        write_results,
+    )
 
     if figures:
         checked_format(figures)
     truck = read_vehicle(vehicle)
-    if method is Method.one_stage:
-        _refuse_options("two-stage", {"--passes": passes})
-        base = OneStage(check=check, form="output_error" if form is Form.output_error else "prediction_error")
-        one_stage = options.one_stage(
-            truck, fix=fix, free=free, prior=prior, consider=consider, any_load=any_load, sensor=sensor, base=base
-        )
-        settings: OneStage | TwoStage
-        truck, settings = options.with_suspension(truck, one_stage, suspension_from)
-    else:
-        lists = {"--free": free, "--prior": prior, "--consider": consider, "--sensor": sensor}
-        flags = {"--any-load": any_load, "--form": form is Form.prediction_error, "--suspension-from": suspension_from}
-        _refuse_options("one-stage", {**lists, **flags})
-        preset = article() if method is Method.article else TwoStage()
-        settings = replace(preset, fixed=tuple(fix or ()), check=check, passes=passes or preset.passes)
+    chosen = IdentifyOptions(
+        method=method,
+        form=form,
+        fix=fix or (),
+        free=free or (),
+        prior=prior or (),
+        consider=consider or (),
+        sensor=sensor or (),
+        any_load=any_load,
+        passes=passes,
+        check=check,
+    )
+    truck, settings = chosen.settings(truck, options.chosen_identification(suspension_from))
     inputs = [*logs, *(validate or [])]
     read = [*inputs, Path(vehicle), *(path for path in (signals, suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
-        records = terminal.load_records(inputs, signals, allow_outside=allow_outside)
+        records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         terminal.warn_of_axle_loads(truck, records)
         with terminal.progress_bar(quiet=as_json) as progress:
             run = run_identification(
@@ -129,12 +134,3 @@ def identify(
     else:
         show_identification(run.identification, None, run.conclusion)
         terminal.print_files(files)
-
-
-def _refuse_options(method: str, options: Mapping[str, object]) -> None:
-    """Refuse options that were given but belong to another method."""
-    from fifthwheel.errors import FifthwheelError
-
-    for option, value in options.items():
-        if value:
-            raise FifthwheelError(f"{option}: needs --method {method}; remove {option}, or choose that method")

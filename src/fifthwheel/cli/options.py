@@ -1,6 +1,5 @@
 """Options that several commands share, and their texts as data."""
 
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from fifthwheel.identify import OneStage
-    from fifthwheel.vehicle import Vehicle
+    from fifthwheel.identify import Identification
 
 Logs = Annotated[
     list[Path],
@@ -30,6 +28,14 @@ SignalsOption = Annotated[
 AllowOutsideOption = Annotated[
     bool,
     typer.Option("--allow-outside", help="Read databases that --signals names outside of the folder of the map."),
+]
+ExcludeOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--exclude",
+        help="FIRST..LAST: leave out this window of all logs, s, such as 12.5..14; LOG=FIRST..LAST of one log, by its "
+        "name without ending. May be repeated.",
+    ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; created if it does not exist.")]
 ForceOption = Annotated[
@@ -106,117 +112,28 @@ SuspensionOption = Annotated[
 ]
 
 
-def one_stage(
-    vehicle: "Vehicle",
-    *,
-    fix: list[str] | None,
-    free: list[str] | None,
-    prior: list[str] | None,
-    consider: list[str] | None,
-    any_load: bool,
-    sensor: list[str] | None = None,
-    base: "OneStage | None" = None,
-) -> "OneStage":
-    """Settings of the one-stage method from the texts of the options.
+def chosen_identification(path: Path | None) -> "Identification | None":
+    """The identification of --suspension-from, if it is given; a SignalError if it cannot be read."""
+    if path is None:
+        return None
+    from fifthwheel.identify import Identification
 
-    Raises:
-        FifthwheelError: a text that is not NAME=FRACTION or NAME=SIGMA.
-        VehicleError: a parameter that does not exist.
-    """
-    from fifthwheel.workflow import one_stage_settings
-
-    return one_stage_settings(
-        vehicle,
-        fix=fix or (),
-        free=free or (),
-        prior=fractions("--prior", prior),
-        consider=considered_sigmas(consider),
-        any_load=any_load,
-        sensors=sensor_sigmas(sensor),
-        base=base,
-    )
+    return Identification.load(path)
 
 
-def with_suspension(
-    vehicle: "Vehicle", settings: "OneStage", identification: Path | None
-) -> "tuple[Vehicle, OneStage]":
-    """Vehicle and settings with the suspension of an identification, if one is given.
-
-    Raises:
-        SignalError: the file is not an identification in one stage.
-        VehicleError: it is of another vehicle.
-    """
-    if identification is None:
-        return vehicle, settings
-    from fifthwheel.identify import Identification, suspension
-
-    return suspension.with_suspension(vehicle, settings, Identification.load(identification))
-
-
-def named_values(
-    option: str, texts: list[str] | None, expected: str, convert: Callable[[str, str], float]
-) -> dict[str, float]:
-    """ "NAME=VALUE" as name: value.
-
-    Args:
-        expected: form of a text, for the message of the error.
-        convert: the value from name and text; a ValueError without a message stands for another form.
-
-    Raises:
-        FifthwheelError: `convert` refuses a text.
-    """
+def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
+    """ "FIRST..LAST" or "LOG=FIRST..LAST" as windows, s, by the name of the log; "" for all logs."""
     from fifthwheel.errors import FifthwheelError
 
-    values = {}
+    result: dict[str, list[tuple[float, float]]] = {}
     for text in texts or []:
-        name, _, value = text.partition("=")
+        log, _, window = text.rpartition("=")
+        first, separator, last = window.partition("..")
         try:
-            values[name] = convert(name, value)
-        except FifthwheelError as error:
-            raise FifthwheelError(f"{option} {text}: {error}") from None
+            ends = float(first), float(last)
         except ValueError:
-            raise FifthwheelError(f"{option} {text}: expected {expected}") from None
-    return values
-
-
-def fractions(option: str, texts: list[str] | None) -> dict[str, float]:
-    """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
-    from fifthwheel.errors import FifthwheelError
-
-    def fraction(_: str, text: str) -> float:
-        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-        if not 0 <= value < 1:
-            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
-        return value
-
-    return named_values(option, texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)
-
-
-def considered_sigmas(texts: list[str] | None) -> dict[str, float]:
-    """ "name=fraction" as name: fraction; for model errors a factor, or a latency in s."""
-    from fifthwheel.errors import FifthwheelError
-    from fifthwheel.identify.settings import MODEL_ERRORS
-    from fifthwheel.units import quantity
-
-    def sigma(name: str, text: str) -> float:
-        if name == "gyro_delay":
-            return quantity(text, "s")
-        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-        if not 0 <= value < (100 if name in MODEL_ERRORS else 1):
-            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
-        return value
-
-    return named_values("--consider", texts, "NAME=FRACTION, such as roll_stiffness=10%", sigma)
-
-
-def sensor_sigmas(texts: list[str] | None) -> dict[str, float]:
-    """ "name=sigma" as name: sigma in SI."""
-    from fifthwheel.units import quantity
-    from fifthwheel.workflow import SENSOR_PRIORS
-
-    def sigma(name: str, text: str) -> float:
-        if name not in SENSOR_PRIORS:
-            raise ValueError
-        return quantity(text, SENSOR_PRIORS[name])
-
-    return named_values("--sensor", texts, f"NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}", sigma)
+            separator = ""
+        if not separator:
+            raise FifthwheelError(f"--exclude {text}: expected FIRST..LAST in s, such as 12.5..14, or LOG=FIRST..LAST")
+        result.setdefault(log, []).append(ends)
+    return result

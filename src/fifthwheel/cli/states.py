@@ -98,13 +98,14 @@ def states(
     from fifthwheel.report import provenance_of_run, show_states
     from fifthwheel.report.figures.static import checked_format
     from fifthwheel.workflow import STATES_FILES, read_vehicle, run_states, write_results
+    from fifthwheel.workflow.settings import named_values
 
     if figures:
         checked_format(figures)
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None
-    positions = options.named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
+    positions = named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
     settings = ObserverSettings(
         min_speed=min_speed, positions=positions, estimate_bank=bank, tyres=tyres.value, friction=friction
     )

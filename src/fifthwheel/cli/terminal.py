@@ -17,14 +17,22 @@ _LARGE = 20_000_000
 """Bytes of all logs from which reading shows its progress."""
 
 
-def load_records(paths: list[Path], signals: Path | None, *, allow_outside: bool) -> "list[Record]":
-    """The records of logs, with a progress bar if they are large; `allow_outside` as in `SignalMap.load`."""
+def load_records(
+    paths: list[Path], signals: Path | None, *, allow_outside: bool, exclude: list[str] | None = None
+) -> "list[Record]":
+    """The records of logs, with a progress bar if they are large.
+
+    Args:
+        allow_outside: as in `SignalMap.load`.
+        exclude: texts of --exclude.
+    """
+    from fifthwheel.cli.options import windows
     from fifthwheel.logs import SignalMap
     from fifthwheel.workflow import read_records
 
     signal_map = SignalMap.load(signals, allow_outside=allow_outside) if signals else None
     with reading_bar(paths) as progress:
-        return read_records(paths, signal_map, progress=progress)
+        return read_records(paths, signal_map, exclude=windows(exclude), progress=progress)
 
 
 def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:

@@ -1,6 +1,6 @@
 """Read a log file of any supported format into a Record; write a Record as CSV or Parquet."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -13,12 +13,18 @@ from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.signal_map import SignalMap
 from fifthwheel.logs.source import LogSource, ReadProgress, no_progress
+from fifthwheel.logs.windows import Window, WithoutWindows
 from fifthwheel.record.record import Record
 from fifthwheel.record.signal_names import REFERENCE, header, split_header
 
 
 def read_log(
-    path: str | Path, signals: SignalMap | None = None, *, name: str | None = None, progress: ReadProgress = no_progress
+    path: str | Path,
+    signals: SignalMap | None = None,
+    *,
+    name: str | None = None,
+    exclude: Sequence[Window] = (),
+    progress: ReadProgress = no_progress,
 ) -> Record:
     """The record in a log file: CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace, recognised by its content.
 
@@ -30,6 +36,7 @@ def read_log(
         path: the file.
         signals: map from columns to signals, for columns with other names.
         name: of the record; default: the file's name without its ending.
+        exclude: windows by the timestamps of the log, first and last instant, s, whose samples are left out.
         progress: receives the fraction of the file that has been read.
 
     Raises:
@@ -43,11 +50,16 @@ def read_log(
     """
     path = Path(path)
     with open_log(path, signals.databases if signals else (), progress) as log:
-        return record_of(log, signals, name=name or path.stem, progress=progress)
+        return record_of(log, signals, name=name or path.stem, exclude=exclude, progress=progress)
 
 
 def record_of(
-    log: LogSource, signals: SignalMap | None = None, *, name: str, progress: ReadProgress = no_progress
+    log: LogSource,
+    signals: SignalMap | None = None,
+    *,
+    name: str,
+    exclude: Sequence[Window] = (),
+    progress: ReadProgress = no_progress,
 ) -> Record:
     """The record in an open log; arguments and errors as in `read_log`."""
     complete = (signals or SignalMap()).completed(log.columns)
@@ -57,6 +69,8 @@ def record_of(
             "to signals in a signals.toml, which `fifthwheel signals` proposes:\n"
             f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
         )
+    if exclude:
+        log = WithoutWindows(log, exclude, complete.time.column if complete.time else None)
     return assemble(log, complete, name=printable(name), progress=progress)
 
 

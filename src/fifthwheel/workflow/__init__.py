@@ -11,14 +11,19 @@ from fifthwheel.workflow.axle_loads import (
     weigh_vehicle,
 )
 from fifthwheel.workflow.design import design_run
+from fifthwheel.workflow.exported import exported_learner, exported_observer
 from fifthwheel.workflow.identification import IdentificationRun, run_identification
 from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
-from fifthwheel.workflow.learner import exported_learner
 from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
-from fifthwheel.workflow.observer import exported_observer
-from fifthwheel.workflow.results import IDENTIFICATION_FILES, STATES_FILES, write_results
+from fifthwheel.workflow.results import (
+    IDENTIFICATION_FILES,
+    STATES_FILES,
+    compare_runs,
+    write_comparison,
+    write_results,
+)
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
-from fifthwheel.workflow.settings import SENSOR_PRIORS, one_stage_settings
+from fifthwheel.workflow.settings import SENSOR_PRIORS, IdentifyOptions, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
@@ -29,12 +34,14 @@ __all__ = [
     "AxleLoadDifference",
     "ChannelEvidence",
     "IdentificationRun",
+    "IdentifyOptions",
     "LogContents",
     "SignalEvidence",
     "StatesRun",
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
+    "compare_runs",
     "design_run",
     "exported_learner",
     "exported_observer",
@@ -54,5 +61,6 @@ __all__ = [
     "weigh_by_slip",
     "weigh_vehicle",
     "write_assessment",
+    "write_comparison",
     "write_results",
 ]

@@ -1,10 +1,11 @@
 """The inputs of a run: the vehicle, and the records of its logs, checked against the vehicle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
-from fifthwheel.errors import VehicleError
+from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue, toml_format
@@ -41,27 +42,38 @@ def _require_file(name: str) -> None:
 
 
 def read_records(
-    paths: Sequence[Path], signal_map: SignalMap | None = None, *, progress: Progress = lambda *_: None
+    paths: Sequence[Path],
+    signal_map: SignalMap | None = None,
+    *,
+    exclude: Mapping[str, Sequence[tuple[float, float]]] = MappingProxyType({}),
+    progress: Progress = lambda *_: None,
 ) -> list[Record]:
     """The record of each log, named by the file's stem, or by the path where two stems are the same.
 
     Args:
         paths: logs of one vehicle.
         signal_map: which column is which signal, the same for all logs.
+        exclude: windows that are left out, as of `read_log`, by the name of a record; "" for all records.
         progress: called with a title, the thousandths of a log that are read, and 1000.
 
     Raises:
-        SignalError: a log that cannot be read.
+        SignalError: a log that cannot be read, or windows of another one.
     """
     stems = [path.stem for path in paths]
+    names = [path.stem if stems.count(path.stem) == 1 else str(path) for path in paths]
+    if unknown := sorted(set(exclude) - {"", *names}):
+        raise SignalError(
+            f"{unknown[0]}: windows are excluded, but there is no such log; {suggestion(unknown[0], names)}"
+        )
     return [
         read_log(
             path,
             signal_map,
-            name=path.stem if stems.count(path.stem) == 1 else str(path),
+            name=name,
+            exclude=(*exclude.get("", ()), *exclude.get(name, ())),
             progress=partial(report_fraction, progress, f"reading {path.name}"),
         )
-        for path in paths
+        for path, name in zip(paths, names, strict=True)
     ]
 
 

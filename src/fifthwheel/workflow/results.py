@@ -1,12 +1,22 @@
-"""The files of a run."""
+"""The files of a run, and several runs side by side."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import atomic_write, one_run
+from fifthwheel.diagnose import Comparison, compare
+from fifthwheel.identify import Identification
 from fifthwheel.observe import write_states
-from fifthwheel.report import Provenance, StateConditions, write_report, write_states_report
+from fifthwheel.report import (
+    Provenance,
+    StateConditions,
+    write_comparison_page,
+    write_report,
+    write_states_report,
+)
 from fifthwheel.vehicle.edited_file import edited
+from fifthwheel.workflow.assessment import identification_file
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.states import StatesRun
 
@@ -74,3 +84,31 @@ def write_results(
         )
     names = STATES_FILES if isinstance(run, StatesRun) else IDENTIFICATION_FILES
     return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}
+
+
+def compare_runs(folders: Sequence[Path]) -> Comparison:
+    """The estimates in result folders, or of files identification.json, with the differences from the first.
+
+    Each has the name of its folder, or the path where two names are the same.
+
+    Raises:
+        SignalError: fewer than two, or an identification cannot be read.
+        FifthwheelError: a file has changed since the run that wrote it.
+    """
+    names = [(path if path.is_dir() else path.parent).resolve().name for path in folders]
+    runs = {}
+    for path, name in zip(folders, names, strict=True):
+        file = identification_file(str(path)) or path
+        with one_run(file):
+            runs[name if names.count(name) == 1 else str(path)] = Identification.load(file)
+    return compare(runs)
+
+
+def write_comparison(comparison: Comparison, *, csv: Path | None = None, html: Path | None = None) -> dict[str, Path]:
+    """Write the table as CSV and the page, where a path is given; returns the paths by the names of the files."""
+    if csv is not None:
+        with atomic_write(csv) as temporary:
+            temporary.write_text(comparison.to_csv(), encoding="utf-8")
+    if html is not None:
+        write_comparison_page(html, comparison)
+    return {path.name: path for path in (csv, html) if path is not None}

@@ -1,14 +1,17 @@
-"""Settings of the one-stage method from the choices that a user makes parameter by parameter."""
+"""Settings of an identification from the choices that a user makes."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
-from fifthwheel.errors import SignalError
-from fifthwheel.identify import OneStage
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.identify import Identification, OneStage, TwoStage, article
 from fifthwheel.identify.parameters import estimated_parameters
+from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.suspension import with_suspension
+from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
 SENSOR_PRIORS: Mapping[str, str] = MappingProxyType(
@@ -80,3 +83,145 @@ def one_stage_settings(
         priors={name: sigma for name, sigma in priors.items() if sigma},
         consider={name: sigma for name, sigma in considered.items() if sigma},
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions:
+    """The choices of a user for an identification, as the options of `fifthwheel identify` state them."""
+
+    method: str = "one-stage"
+    """Or "two-stage", or "article"."""
+    form: str = "output-error"
+    """Or "prediction-error"; one stage."""
+    fix: Sequence[str] = ()
+    free: Sequence[str] = ()
+    prior: Sequence[str] = ()
+    """NAME=FRACTION."""
+    consider: Sequence[str] = ()
+    """NAME=FRACTION."""
+    sensor: Sequence[str] = ()
+    """NAME=SIGMA."""
+    any_load: bool = False
+    passes: int | None = None
+    check: bool = True
+
+    def settings(
+        self, vehicle: Vehicle, suspension: Identification | None = None
+    ) -> tuple[Vehicle, OneStage | TwoStage]:
+        """Vehicle and settings.
+
+        Args:
+            suspension: identification of the same truck whose suspension the vehicle gets.
+
+        Raises:
+            FifthwheelError: a text that is not NAME=FRACTION or NAME=SIGMA, or an option of another method.
+            SignalError: `suspension` is not an identification in one stage.
+            VehicleError: a parameter that does not exist, or `suspension` is of another vehicle.
+        """
+        if self.method == "one-stage":
+            _refuse("two-stage", {"--passes": self.passes})
+            return self.one_stage(vehicle, suspension)
+        of_one_stage: dict[str, object] = {f"--{name}": getattr(self, name) for name in _ONE_STAGE}
+        of_one_stage |= {"--any-load": self.any_load, "--suspension-from": suspension}
+        _refuse("one-stage", of_one_stage | {"--form": self.form != "output-error"})
+        preset = article() if self.method == "article" else TwoStage()
+        return vehicle, replace(preset, fixed=tuple(self.fix), check=self.check, passes=self.passes or preset.passes)
+
+    def one_stage(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, OneStage]:
+        """The same for one stage, whatever the method."""
+        form: Any = self.form.replace("-", "_")
+        chosen = one_stage_settings(
+            vehicle,
+            fix=self.fix,
+            free=self.free,
+            prior=fractions("--prior", self.prior),
+            consider=considered_sigmas(self.consider),
+            any_load=self.any_load,
+            sensors=sensor_sigmas(self.sensor),
+            base=OneStage(check=self.check, form=form),
+        )
+        return with_suspension(vehicle, chosen, suspension) if suspension else (vehicle, chosen)
+
+    def arguments(self) -> list[str]:
+        """The options of the command line that state these choices."""
+        default = IdentifyOptions()
+        arguments = [
+            f"--{name}={getattr(self, name)}"
+            for name in ("method", "form", "passes")
+            if getattr(self, name) != getattr(default, name)
+        ]
+        arguments += [f"--{name}={text}" for name in ("fix", *_ONE_STAGE) for text in getattr(self, name)]
+        return arguments + ["--any-load"] * self.any_load + ["--no-check"] * (not self.check)
+
+
+_ONE_STAGE = ("free", "prior", "consider", "sensor")
+"""Lists of options that belong to one stage."""
+
+
+def _refuse(method: str, options: Mapping[str, object]) -> None:
+    """Refuse options that were given but belong to another method."""
+    for option, value in options.items():
+        if value:
+            raise FifthwheelError(f"{option}: needs --method {method}; remove {option}, or choose that method")
+
+
+def named_values(
+    option: str, texts: Sequence[str] | None, expected: str, convert: Callable[[str, str], float]
+) -> dict[str, float]:
+    """ "NAME=VALUE" as name: value.
+
+    Args:
+        expected: form of a text, for the message of the error.
+        convert: the value from name and text; a ValueError without a message stands for another form.
+
+    Raises:
+        FifthwheelError: `convert` refuses a text.
+    """
+    values = {}
+    for text in texts or []:
+        name, _, value = text.partition("=")
+        try:
+            values[name] = convert(name, value)
+        except FifthwheelError as error:
+            raise FifthwheelError(f"{option} {text}: {error}") from None
+        except ValueError:
+            raise FifthwheelError(f"{option} {text}: expected {expected}") from None
+    return values
+
+
+def fractions(option: str, texts: Sequence[str] | None) -> dict[str, float]:
+    """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
+
+    def fraction(_: str, text: str) -> float:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if not 0 <= value < 1:
+            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
+        return value
+
+    return named_values(option, texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)
+
+
+def considered_sigmas(texts: Sequence[str] | None) -> dict[str, float]:
+    """ "name=fraction" as name: fraction; for model errors a factor, or a latency in s."""
+    from fifthwheel.errors import FifthwheelError
+
+    def sigma(name: str, text: str) -> float:
+        if name == "gyro_delay":
+            return quantity(text, "s")
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if not 0 <= value < (100 if name in MODEL_ERRORS else 1):
+            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
+        return value
+
+    return named_values("--consider", texts, "NAME=FRACTION, such as roll_stiffness=10%", sigma)
+
+
+def sensor_sigmas(texts: Sequence[str] | None) -> dict[str, float]:
+    """ "name=sigma" as name: sigma in SI."""
+
+    def sigma(name: str, text: str) -> float:
+        if name not in SENSOR_PRIORS:
+            raise ValueError
+        return quantity(text, SENSOR_PRIORS[name])
+
+    return named_values("--sensor", texts, f"NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}", sigma)

@@ -1,7 +1,106 @@
-"""Results beside each other."""
+"""Results beside each other: a table with differences in sigmas, and their predictions over one log."""
 
+from typing import Any
+
+from nicegui import ui
+
+from fifthwheel.app import inputs, jobs, layout, plots, result_files, runs, tables
 from fifthwheel.app.workspace import Workspace
+from fifthwheel.diagnose import Comparison
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.report.text import comparison as words
+
+MOST = 6
+"""Results that are compared without being asked for."""
 
 
 def build(workspace: Workspace) -> None:
     """Fill the page."""
+    results = runs.results(workspace)
+    if len(results) < 2:
+        ui.label("There are fewer than two results; identify again, with other logs or settings.")
+        ui.link("To the page Identify", layout.address("identify"))
+        return
+    asked = [name for name in ui.context.client.request.query_params.getlist("run") if name in results]
+    chosen = asked if len(asked) > 1 else results[:MOST][::-1]
+    _choice(results, chosen)
+    place = ui.column().classes("w-full")
+    with place:
+        ui.spinner(size="2em").props('role=status aria-label="Comparing"')
+
+    async def show() -> None:
+        try:
+            found = await jobs.compute(runs.comparison, workspace.folder, chosen)
+        except FifthwheelError as error:
+            place.clear()
+            with place:
+                layout.failure(str(error))
+            return
+        place.clear()
+        with place:
+            _comparison(workspace, found, chosen)
+
+    ui.timer(0, show, once=True)
+
+
+def _choice(results: list[str], chosen: list[str]) -> None:
+    """Which results are compared, the first as reference."""
+    select = ui.select(results, value=chosen, multiple=True, label="Results; the first is the reference")
+    select.classes("w-full").props("use-chips")
+
+    def change(event: Any) -> None:
+        if len(event.value) > 1:
+            ui.navigate.to(f"?{layout.query(run=list(event.value))}")
+
+    select.on("popup-hide", lambda: change(select))
+
+
+def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> None:
+    ui.label(words.headline(found)).classes("text-weight-bold").props("role=status")
+    first = found.runs[0]
+    rows = [
+        (name if run == first else "", run.replace("-", "\u2011"), *cells)  # a hyphen at which no line breaks
+        for name, run, *cells in found.rows()
+    ]
+    tables.table(("Parameter", "Run", "Estimate>", "Difference>"), rows, label="Estimates of all results")
+    tables.texts("Notes", [*found.notes, words.EXPLANATION])
+    with ui.row().classes("items-center"):
+        for kind in ("csv", "html"):
+            address = f"/compared.{kind}?{layout.query(run=chosen)}"
+            ui.link(f"Save as {kind.upper()}", address)
+        for name in chosen:
+            ui.link(f"vehicle.toml of {name}", result_files.address(name, "vehicle.toml"))
+    layout.heading("Estimates ± 1 sigma")
+    with ui.element("div").classes("fw-grid"):
+        for parameter, plot in found.plots().items():
+            with ui.element("div"):
+                plots.show(plot, height=90 + 34 * len(chosen)).props["aria-label"] = f"Estimates of {parameter}"
+    _overlay(workspace, chosen)
+
+
+def _overlay(workspace: Workspace, chosen: list[str]) -> None:
+    """The predictions of each result over one log."""
+    used = inputs.used_logs(workspace)
+    if not used:
+        return
+    layout.heading("Measured and predicted")
+    choose = ui.select(used, value=used[0], label="Log").classes("fw-field")
+    place = ui.column().classes("w-full")
+
+    async def draw() -> None:
+        place.clear()
+        with place:
+            ui.spinner(size="2em").props('role=status aria-label="Predicting"')
+        try:
+            plot = await jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
+        except FifthwheelError as error:
+            place.clear()
+            with place:
+                layout.failure(str(error))
+            return
+        place.clear()
+        with place:
+            plots.show(plot, height=170 * len(plot.panels) + 100)
+
+    choose.on_value_change(draw)
+    ui.timer(0, draw, once=True)

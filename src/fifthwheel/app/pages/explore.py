@@ -1,7 +1,249 @@
-"""A result in detail."""
+"""The truck with other numbers: predicted against measured at once, and responses of the linear model."""
 
-from fifthwheel.app.workspace import Workspace
+import asyncio
+import math
+import time
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from nicegui import events, ui
+
+from fifthwheel.app import exploration, inputs, jobs, layout, plots, runs, tables
+from fifthwheel.app.exploration import KINDS, Exploration
+from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.formatting import with_sigma
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.parameters import estimated_parameters
+from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.edited_file import edited
+
+FACTOR = 2.0
+"""A slider reaches from the number of the vehicle file by this factor in both directions."""
+STEPS = 40
+"""Of a slider in each direction."""
+REST = 0.4
+"""s without a movement, after which the sliders are kept."""
 
 
 def build(workspace: Workspace) -> None:
     """Fill the page."""
+    truck = runs.vehicle(workspace)
+    used = inputs.used_logs(workspace)
+    _Page(workspace, truck, used).build()
+
+
+class _Page:
+    """Sliders, and the plots that follow them."""
+
+    def __init__(self, workspace: Workspace, truck: Vehicle, used: list[str]) -> None:
+        self.workspace, self.truck, self.used = workspace, truck, used
+        kept = workspace.choices().explore
+        given = truck.parameters()
+        self.values = {path: float(value) for path, value in dict(kept.get("values", {})).items() if path in given}
+        self.log = kept.get("log") if kept.get("log") in used else next(iter(used), None)
+        self.speed = float(kept.get("speed", 80.0))
+        self.kind = str(kept["kind"]) if kept.get("kind") in KINDS else KINDS[0]
+        self.subject: Exploration | None = None
+        self._moved: float | None = None
+        self._busy = False
+        self._pending = False
+
+    def build(self) -> None:
+        """Fill the page."""
+        ui.timer(REST, self._keep_what_rests)
+        with ui.element("div").classes("fw-columns"):
+            with ui.element("section").classes("fw-sticky").props('aria-label="Numbers of the truck"'):
+                self._sliders()
+            with ui.element("div"):
+                with ui.element("section").props('aria-label="Predicted against measured"'):
+                    layout.heading("Predicted against measured")
+                    self._fit_part()
+                with ui.element("section").props('aria-label="Linear model"'):
+                    layout.heading("Linear model")
+                    self._model_part()
+
+    # Sliders
+
+    @ui.refreshable_method
+    def _sliders(self) -> None:
+        layout.heading("Numbers of the truck")
+        ui.label("Blue and dashed: the vehicle file. Orange: with the sliders.")
+        with ui.row():
+            ui.button("Back to the vehicle file", on_click=self._reset).props("outline dense no-caps")
+            take = ui.button("Write to vehicle.toml", on_click=self._take).props("outline dense no-caps")
+            take.tooltip("The numbers of the sliders replace those of the file; this can be undone")
+        first = estimated_parameters(self.truck, OneStage())
+        for path in first:
+            self._slider(path)
+        others = [path for path, value in self.truck.parameters().items() if value and path not in first]
+        for unit in dict.fromkeys(path.partition(".")[0] for path in others):
+            changed = any(path in self.values for path in others if path.partition(".")[0] == unit)
+            with ui.expansion(f"More of {unit}", value=changed).classes("w-full"):
+                for path in others:
+                    if path.partition(".")[0] == unit:
+                        self._slider(path)
+
+    def _slider(self, path: str) -> None:
+        given = self.truck.parameters()[path]
+        value = self.values.get(path, given)
+        with ui.element("div").classes("fw-slider"):
+            ui.label(path)
+            number = ui.label(with_sigma(value, None, unit_of(path)))
+            # The input of the browser works with keys and screen readers. As HTML, because an update of the page would
+            # set the value of an element back.
+            steps = round(STEPS * math.log(value / given, FACTOR))
+            slider = ui.html(
+                f'<input type="range" min="{-STEPS}" max="{STEPS}" value="{steps}" aria-label="{escape(path)}" '
+                f'aria-describedby="{number.html_id}">',
+                sanitize=False,
+            )
+
+        async def follow(event: events.GenericEventArguments) -> None:
+            steps = int(event.args)
+            changed = given * FACTOR ** (steps / STEPS)
+            self.values = {**self.values, path: changed} if steps else _without(self.values, path)
+            number.text = with_sigma(changed, None, unit_of(path))
+            self._moved = time.monotonic()
+            await self._update()
+
+        value_of = "(event) => emit(Number(event.target.value))"
+        slider.on("input", follow, js_handler=value_of, throttle=0.05)
+
+    def _keep_what_rests(self) -> None:
+        """Keep the sliders when they have not moved for a while, as one change."""
+        if self._moved is not None and time.monotonic() - self._moved > REST:
+            self._moved = None
+            self._keep()
+
+    def _keep(self) -> None:
+        """Keep what the page shows."""
+        shown = {"values": self.values, "log": self.log, "speed": self.speed, "kind": self.kind}
+        choices = self.workspace.choices()
+        changed = choices.model_copy(update={"explore": {k: v for k, v in shown.items() if v is not None}})
+        if changed != choices:
+            self.workspace.write_choices(changed, "explore other numbers")
+            layout.undo_buttons.refresh()
+
+    async def _reset(self) -> None:
+        self.values = {}
+        self._keep()
+        self._sliders.refresh()
+        await self._update()
+
+    def _take(self) -> None:
+        if not self.values:
+            raise FifthwheelError("No slider is moved; there is nothing to write.")
+        text = edited(self.workspace.read(VEHICLE) or "", self.truck.replace(self.values))
+        cleared = self.workspace.choices().model_copy(update={"explore": {}})
+        self.workspace.write({VEHICLE: text, CHOICES: cleared.text()}, "write the numbers of Explore")
+        layout.reload()
+
+    # Predicted against measured
+
+    def _fit_part(self) -> None:
+        if self.log is None:
+            ui.label("First drop a log on the page Log.")
+            return
+        if len(self.used) > 1:
+            choose = ui.select(self.used, value=self.log, label="Log").classes("fw-field")
+            choose.on_value_change(self._other_log)
+        self._place = ui.column().classes("w-full")
+        with self._place:
+            ui.spinner(size="2em").props('role=status aria-label="Reading the log"')
+        ui.timer(0, self._load, once=True)
+
+    async def _other_log(self, event: Any) -> None:
+        self.log = str(event.value)
+        self._keep()
+        await self._load()
+
+    async def _load(self) -> None:
+        assert self.log is not None
+        self.subject = None
+        try:
+            record = await jobs.compute(inputs.record, self.workspace.folder, self.log)
+            self.subject = await asyncio.to_thread(Exploration.of, record, self.truck)
+            self._given = await asyncio.to_thread(self.subject.fits, {})
+        except FifthwheelError as error:
+            self._place.clear()
+            with self._place:
+                layout.failure(str(error))
+            return
+        self._place.clear()
+        height = 150 * len(self._given) + 90
+        with self._place:
+            self._fit_plot = plots.show(exploration.fit_plot(self._given, self._given), height=height)
+            self._fit_plot.props["aria-label"] = "Measured and predicted signals"
+            self._fit_rows = ui.column().classes("w-full")
+        await self._update()
+
+    # Responses
+
+    def _model_part(self) -> None:
+        with ui.row().classes("items-center"):
+            kind = ui.toggle(list(KINDS), value=self.kind).props('no-caps aria-label="Plot of the linear model"')
+            speed = ui.number("Speed, km/h", value=self.speed, min=20, max=120, step=5).classes("fw-field")
+
+        async def change(_: Any) -> None:
+            self.kind, self.speed = kind.value, float(speed.value or self.speed)
+            self._keep()
+            self._draw_model()
+
+        kind.on_value_change(change)
+        speed.on_value_change(change)
+        self._model_error = ui.label().classes("text-negative").props("role=alert")
+        self._model_plot = ui.plotly({}).classes("w-full")
+        self._model_plot.props["role"] = "img"
+        self._draw_model()
+
+    def _draw_model(self) -> None:
+        record = self.subject.record if self.subject else None
+        try:
+            changed = self.truck.replace(self.values)
+            drawn = exploration.model_plot(self.kind, self.truck, changed, self.speed / 3.6, record)
+        except FifthwheelError as error:
+            self._model_error.text = str(error)
+            return
+        self._model_error.text = ""
+        height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110
+        self._model_plot.style(f"height: {height}px")
+        self._model_plot.props["aria-label"] = f"{self.kind} of the linear model"
+        self._model_plot.update_figure(plots.drawn(drawn, height=height))
+
+    async def _update(self) -> None:
+        """Draw what the sliders give; while one drawing is computed, only the latest position waits."""
+        if self._busy:
+            self._pending = True
+            return
+        self._busy = True
+        try:
+            while True:
+                self._pending = False
+                await self._draw()
+                if not self._pending:
+                    break
+        finally:
+            self._busy = False
+
+    async def _draw(self) -> None:
+        if self.subject is not None:
+            try:
+                fits = await asyncio.to_thread(self.subject.fits, dict(self.values))
+            except FifthwheelError as error:
+                layout.say(str(error))
+                return
+            height = 150 * len(fits) + 90
+            figure = plots.drawn(exploration.fit_plot(self._given, fits), height=height)
+            figure["layout"]["uirevision"] = self.log
+            self._fit_plot.update_figure(figure)
+            self._fit_rows.clear()
+            with self._fit_rows:
+                heads = ("Explained, residual rms", "vehicle file>", "sliders>")
+                tables.table(heads, exploration.fit_rows(self._given, fits), label="Fit of each signal")
+        self._draw_model()
+
+
+def _without(values: Mapping[str, float], path: str) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name != path}

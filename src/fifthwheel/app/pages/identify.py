@@ -1,7 +1,195 @@
 """Identification: settings, progress and report."""
 
-from fifthwheel.app.workspace import Workspace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import PurePosixPath
+from typing import Any
+
+from nicegui import ui
+
+from fifthwheel.app import inputs, jobs, layout, progress, result_files, runs
+from fifthwheel.app.workspace import VEHICLE, Workspace
+from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow import SENSOR_PRIORS
+
+KEY = "identify"
+"""Of the job."""
+METHODS = {
+    "one-stage": "One stage: all unknowns together",
+    "two-stage": "Two stages: dual Kalman filter",
+    "article": "Article: two stages as published",
+}
+FORMS = {
+    "output-error": "Free-running model: robust to model error",
+    "prediction-error": "One-step predictions: robust to side wind",
+}
 
 
 def build(workspace: Workspace) -> None:
     """Fill the page."""
+    truck = runs.vehicle(workspace)
+    runs.logs(workspace, workspace.choices())
+    _Settings(workspace, truck).build()
+    _run(workspace)
+
+
+class _Settings:
+    """The fields of the settings; each is kept when it changes."""
+
+    def __init__(self, workspace: Workspace, truck: Vehicle) -> None:
+        self.workspace, self.truck = workspace, truck
+
+    def build(self) -> None:
+        """Fill this part of the page."""
+        used = inputs.used_logs(self.workspace)
+        windows = sum(len(self.workspace.choices().of(name).exclude) for name in used)
+        left_out = f" {windows} windows are left out." if windows else ""
+        ui.label(f"Logs: {', '.join(map(printable, used))}.{left_out} Vehicle: {self.truck.name}.")
+        opened = bool(self.workspace.choices().identify)
+        with ui.expansion("Settings", value=opened).classes("w-full"), ui.element("div").classes("fw-columns w-full"):
+            self._fields(used)
+
+    def _fields(self, used: Sequence[str]) -> None:
+        paths = list(self.truck.parameters())
+        results = runs.results(self.workspace)
+        self._choice("method", "Method", METHODS, "The first is the most accurate.")
+        self._choice("form", "Compare the logs with", FORMS, "One stage only.")
+        self._list("fix", "Fix", paths, "These parameters keep their value, assumed to be exact.")
+        self._list("free", "Estimate too", paths, "In addition to stiffness, yaw inertia and payload height.")
+        example = "NAME=FRACTION, such as roll_stiffness=10%"
+        self._list("consider", "Consider", [], f"Not estimated, but part of every sigma: {example}. 0: exact.")
+        self._list("prior", "Prior", [], f"Estimated, with this prior sigma: {example}.")
+        names = ", ".join(SENSOR_PRIORS)
+        self._list("sensor", "Sensors", [], f"Prior sigma of a sensor error, such as steer_delay=5ms; of {names}.")
+        self._list("validate", "Only predict", list(used), "Logs for validation; the others are identified on.")
+        self._choice(
+            "suspension_from",
+            "Suspension from",
+            {"": "the vehicle file"} | {name: name for name in results},
+            "A result of the same truck with a known payload.",
+        )
+        self._switch("any_load", "Load of any shape", False, "CoG height and roll inertia are estimated separately.")
+        self._switch("check", "Refuse implausible signals", True, "The page Signals shows them.")
+
+    def _keep(self, key: str, default: Any, value: Any) -> None:
+        """Keep a setting that the options accept; a default is not written."""
+        choices = self.workspace.choices()
+        settings = {name: kept for name, kept in choices.identify.items() if name != key}
+        if value not in (default, None):
+            settings[key] = value
+        if settings == choices.identify:
+            return
+        changed = choices.model_copy(update={"identify": settings})
+        runs.logs(self.workspace, changed)
+        runs.options(changed).settings(self.truck, runs.suspension(self.workspace, changed))  # refuses what is wrong
+        self.workspace.write_choices(changed, f"set {key.replace('_', ' ')}")
+        layout.undo_buttons.refresh()
+
+    def _value(self, key: str, default: Any) -> Any:
+        return self.workspace.choices().identify.get(key, default)
+
+    def _choice(self, key: str, label: str, words: dict[str, str], help: str) -> None:
+        first = next(iter(words))
+        value = self._value(key, first)
+        with self._place(label, help) as named:
+            self._bind(ui.select(words, value=value if value in words else first), key, first, named)
+
+    def _list(self, key: str, label: str, names: list[str], help: str) -> None:
+        """A list of names, or of texts that are typed."""
+        value = [text for text in self._value(key, []) if isinstance(text, str)]
+        typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
+        known = list(dict.fromkeys([*names, *value]))
+        with self._place(label, help) as named:
+            field = ui.select(known, value=value, multiple=True, with_input=True, **typed)
+            self._bind(field.props("use-chips"), key, [], named)
+
+    def _switch(self, key: str, label: str, default: bool, help: str) -> None:
+        with self._place("", help):
+            self._bind(ui.checkbox(label, value=bool(self._value(key, default))), key, default, label)
+
+    @contextmanager
+    def _place(self, label: str, help: str) -> Iterator[str]:
+        """The place of a field below its label and above its explanation; gives the name for screen readers."""
+        with ui.element("div").classes("fw-question"):
+            if label:
+                ui.label(label)
+            yield f"{label}. {help}"
+            ui.label(help).classes("text-caption")
+
+    def _bind(self, field: Any, key: str, default: Any, named: str) -> None:
+        """Keep what is chosen; a choice that is refused is taken back."""
+        field.props["aria-label"] = named
+        if isinstance(field, ui.select):
+            field.classes("w-full").props("dense outlined")
+
+        def change(event: Any) -> None:
+            try:
+                self._keep(key, default, event.value)
+            except FifthwheelError:
+                field.set_value(self._value(key, default))
+                raise
+
+        field.on_value_change(change)
+
+
+@ui.refreshable
+def _run(workspace: Workspace) -> None:
+    """The start of an identification, its progress, and the report of a result."""
+    job = jobs.get(KEY)
+    running = job is not None and job.running
+    if running:
+        progress.show(KEY, partial(_ended, workspace))
+    else:
+        with ui.row().classes("items-end"):
+            name = ui.input("Name of the result", value=runs.next_name(workspace)).classes("fw-field")
+            ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
+        if job is not None and job.state == "failed":
+            layout.failure(job.error)
+        elif job is not None and job.state == "cancelled":
+            ui.label("Cancelled; no result was changed.").props("role=status")
+    for left in runs.interrupted(workspace) if not running else ():
+        ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again.")
+    results = runs.results(workspace)
+    if results:
+        query = ui.context.client.request.query_params.get("run")
+        _result(workspace, results, query if query in results else results[0])
+
+
+def _start(workspace: Workspace, name: str) -> None:
+    jobs.start(KEY, runs.identify, workspace.folder, plain_name(name))
+    _run.refresh()
+
+
+def plain_name(name: str) -> str:
+    """The name of a result, which stays in the folder of results; FifthwheelError for another one."""
+    plain = printable(name).strip()
+    if not plain or PurePosixPath(plain).name != plain or plain.startswith(".") or "\\" in plain or len(plain) > 80:
+        raise FifthwheelError("name: expected letters, digits, spaces or -, without a slash; choose another one")
+    return plain
+
+
+def _ended(workspace: Workspace, job: jobs.Job) -> None:
+    if job.state == "done":
+        layout.say(f"{job.result}: done")
+    _run.refresh()
+
+
+def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
+    layout.heading("Report")
+    with ui.row().classes("items-center"):
+        select = ui.select(results, value=chosen, label="Result").classes("fw-field")
+        select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
+        ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
+        ui.link("vehicle.toml", result_files.address(chosen, "vehicle.toml"))
+        ui.link("identification.json", result_files.address(chosen, "identification.json"))
+        take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
+        take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
+    result_files.show(chosen)
+
+
+def _take(workspace: Workspace, name: str) -> None:
+    text = (workspace.run(name) / VEHICLE).read_text(encoding="utf-8")
+    workspace.write({VEHICLE: text}, f"use the truck of {name}")
+    layout.reload()

@@ -1,7 +1,236 @@
-"""The vehicle file as a form."""
+"""The truck: its vehicle file, and the questions whose answers describe it, with a drawing to scale."""
 
-from fifthwheel.app.workspace import Workspace
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from nicegui import events, ui
+
+from fifthwheel.app import jobs, layout, plots, tables
+from fifthwheel.app.workspace import VEHICLE, Workspace
+from fifthwheel.diagnose.assumptions import AssumedNumber, assumed_numbers
+from fifthwheel.dynamics.summary import VehicleSummary, summarize
+from fifthwheel.errors import FifthwheelError, VehicleError
+from fifthwheel.formatting import enumerated, percent, with_sigma
+from fifthwheel.input_files import MAX_TOML_SIZE
+from fifthwheel.vehicle import Vehicle, catalogue, unit_of
+from fifthwheel.workflow.new_vehicle import new_vehicle
+from fifthwheel.workflow.vehicle_questions import QUESTIONS, Question, describe
+
+UNKNOWN = ""
+"""The answer of a question that is left open."""
 
 
 def build(workspace: Workspace) -> None:
     """Fill the page."""
+    current = workspace.vehicle()
+    with ui.element("div").classes("fw-truck"):
+        with ui.element("section").classes("fw-file").props('aria-label="Vehicle file"'):
+            layout.heading("Vehicle file")
+            _files(workspace, current)
+            if current is None:
+                ui.label("None yet. Answer the questions, import a file, or take a published vehicle.")
+            else:
+                _draw(current)
+                _numbers(current)
+                _assumed(current)
+        with ui.element("section").classes("fw-form").props('aria-label="Questions"'):
+            layout.heading("Describe a tractor and its semitrailer")
+            ui.label(
+                "Answer what you know, with a unit and how well you know it, such as 7.7 m +- 2 cm. Leave the rest "
+                "open: published vehicles give the missing numbers, with their uncertainty. * needed"
+            )
+            _questions(workspace)
+        with ui.element("section").classes("fw-preview").props('aria-label="Described truck"'):
+            layout.heading("Described truck")
+            preview(workspace)
+
+
+def _files(workspace: Workspace, current: Vehicle | None) -> None:
+    """Import, export and the catalogue."""
+
+    async def imported(event: events.UploadEventArguments) -> None:
+        if event.file.size() > MAX_TOML_SIZE:
+            raise VehicleError(f"{event.file.name}: larger than {MAX_TOML_SIZE // 1000} kB; not a vehicle file")
+        text = await event.file.text()
+        Vehicle.loads(text)  # refuses what is not a vehicle
+        workspace.write({VEHICLE: text}, f"import {event.file.name}")
+        layout.reload()
+
+    def published(event: events.ValueChangeEventArguments[Any]) -> None:
+        workspace.write({VEHICLE: catalogue.text(event.value)}, f"use {event.value}")
+        layout.reload()
+
+    with ui.row().classes("items-center"):
+        upload = ui.upload(on_upload=imported, auto_upload=True, max_files=1).classes("hidden").props("accept=.toml")
+        ui.button("Import", icon="upload_file", on_click=lambda: upload.run_method("pickFiles")).props(
+            "outline no-caps"
+        ).tooltip("A vehicle file, TOML")
+        if current is not None:
+            text = workspace.read(VEHICLE) or ""
+            ui.button("Export", icon="download", on_click=lambda: ui.download.content(text.encode(), VEHICLE)).props(
+                "outline no-caps"
+            ).tooltip("vehicle.toml")
+        ui.select(list(catalogue.names()), label="Published vehicle", on_change=published).classes("fw-field").props(
+            "dense"
+        )
+
+
+def _draw(vehicle: Vehicle) -> None:
+    """The truck to scale, with the legend clear of the axis."""
+    element = plots.show(vehicle.plot(), height=400)
+    element.figure["layout"]["legend"]["y"] = -0.22
+    element.update()
+
+
+def _numbers(vehicle: Vehicle) -> None:
+    """Its loads and handling."""
+    try:
+        summary: VehicleSummary = summarize(vehicle)
+    except FifthwheelError as error:
+        layout.failure(str(error))
+        return
+    tables.table(("Quantity", f"{summary.at_speed}>"), summary.rows(), label="Loads and handling")
+
+
+def _assumed(vehicle: Vehicle) -> None:
+    """The numbers that the vehicle file leaves to classes; their effects take some seconds."""
+    layout.heading("Assumed numbers")
+    if not vehicle.assumed:
+        ui.label("No number is assumed from a vehicle class.")
+        return
+    place = ui.column().classes("w-full")
+    with place:
+        ui.label(f"{len(vehicle.assumed)} numbers are assumed. Their effects are computed.")
+
+    async def show() -> None:
+        numbers = await jobs.compute(assumed_numbers, vehicle)
+        place.clear()
+        with place:
+            _table_of(numbers)
+
+    ui.timer(0.1, show, once=True)
+
+
+def _table_of(numbers: tuple[AssumedNumber, ...]) -> None:
+    ui.label(
+        "Yaw, Roll: largest change of a yaw rate and of a roll rate in a lane change by one sigma of the number, as a "
+        "fraction of the rms value. Measure the numbers with the largest effects. Cornering stiffness, the trailer's "
+        "yaw inertia and the payload height are estimated from logs."
+    )
+    rows = [(n.path, with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll)) for n in numbers]
+    tables.table(("Assumed", "Value>", "Yaw>", "Roll>"), rows, label="Assumed numbers")
+    sources: dict[str, list[str]] = {}
+    for number in numbers:
+        sources.setdefault(number.source, []).append(number.path)
+    with ui.expansion("Sources").classes("w-full"):
+        for source, paths in sources.items():
+            ui.label(f"{enumerated(paths)}: {source}")
+
+
+def _effect(fraction: float | None) -> str:
+    return "–" if fraction is None else percent(fraction)
+
+
+def _questions(workspace: Workspace) -> None:
+    """The form; each answer is kept at once, and the drawing follows."""
+
+    def keep(question: Question, value: str | None) -> None:
+        answers = _valid(workspace.choices().truck)
+        text = (value or "").strip()
+        if text == answers.get(question.key, ""):
+            return
+        answers = {**answers, question.key: text} if text else {k: a for k, a in answers.items() if k != question.key}
+        choices = workspace.choices().model_copy(update={"truck": answers})
+        workspace.write_choices(choices, f"answer {question.key.replace('_', ' ')}")
+        preview.refresh()
+        if question.choices:
+            fields.refresh()
+
+    @ui.refreshable
+    def fields() -> None:
+        answers = _valid(workspace.choices().truck)
+        for question in QUESTIONS:
+            needed = _applies(question, answers)
+            if needed:
+                _field(question, answers.get(question.key, UNKNOWN), partial(keep, question))
+
+    fields()
+
+
+@ui.refreshable
+def preview(workspace: Workspace) -> None:
+    """The drawing of the truck that the answers describe, and the button that takes it."""
+    answers = {key: text for key, text in _valid(workspace.choices().truck).items() if _known(key, text)}
+    missing = [question.text for question in QUESTIONS if question.required and question.key not in answers]
+    if missing:
+        ui.label(f"Still needed: {'; '.join(missing)}.").props("role=status")
+        return
+    try:
+        text = new_vehicle(describe({key: answers[key] for key in answers if _applies(_BY_KEY[key], answers)}))
+        described = Vehicle.loads(text)
+    except VehicleError as error:
+        layout.failure(str(error))
+        return
+
+    def take() -> None:
+        workspace.write({VEHICLE: text}, "describe the truck")
+        layout.reload()
+
+    _draw(described)
+    same = text == workspace.read(VEHICLE)
+    button = ui.button("Use this truck", icon="check", on_click=take).props("no-caps")
+    if same:
+        button.disable()
+        ui.label("The vehicle file has these numbers.")
+
+
+_BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTIONS}
+
+
+def _valid(answers: Mapping[str, str]) -> dict[str, str]:
+    """Answers to questions that exist."""
+    return {key: text for key, text in answers.items() if key in _BY_KEY}
+
+
+def _known(key: str, text: str) -> bool:
+    return _error(_BY_KEY[key], text) is None
+
+
+def _applies(question: Question, answers: Mapping[str, str]) -> bool:
+    """Whether the answers need this question; not as long as an answer that decides is missing or wrong."""
+    try:
+        return question.applies(answers)
+    except (KeyError, FifthwheelError):
+        return False
+
+
+def _error(question: Question, text: str) -> str | None:
+    """Why a text is no answer; None if it is one, or empty."""
+    try:
+        if text.strip():
+            question.parse(text.strip())
+    except VehicleError as error:
+        return str(error)
+    return None
+
+
+def _field(question: Question, answer: str, keep: Any) -> None:
+    """The field of a question."""
+    with ui.element("div").classes("fw-question"):
+        ui.label(question.text + (" *" if question.required else ""))
+        field: ui.select | ui.input
+        if question.choices:
+            field = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
+            field.on_value_change(lambda event: keep(event.value))
+        else:
+            hint = "6850 10500 22500" if question.is_slip else _EXAMPLES[question.unit]
+            field = ui.input(value=answer, placeholder=hint, validation=partial(_error, question))
+            field.on("change", lambda: keep(field.value))
+        field.classes("w-full").props("dense outlined")
+        field.props["aria-label"] = question.text
+        if question.required:
+            field.props["aria-required"] = "true"
+
+
+_EXAMPLES = {"m": "7.7 m +- 2 cm", "kg": "7.2 t +- 3 %"}

@@ -8,8 +8,8 @@ import numpy as np
 from fifthwheel.diagnose.advice import describe_remedy
 from fifthwheel.formatting import approximate, fixed, percent
 from fifthwheel.identify import Verdict
-from fifthwheel.report.terminal.assessment import PREDICTION_NOTE, explain_known
 from fifthwheel.report.terminal.page import COLOURS, TerminalPage
+from fifthwheel.report.text.information import PREDICTION_NOTE, explain_known
 from fifthwheel.report.text.words import spoken_verdict
 
 if TYPE_CHECKING:

@@ -1,10 +1,14 @@
-"""The observer of a vehicle for a control unit, which has no log yet."""
+"""Observer and learner of a vehicle for a control unit, which has no log yet."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify import Identification
+from fifthwheel.identify.online import Learner, LearnerSettings
+from fifthwheel.identify.settings import OneStage
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.vehicle import Vehicle
 
@@ -32,15 +36,49 @@ def exported_observer(
         SignalError: the signals are not sufficient, or an observer of the vehicle does not use one of them.
         VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
-    available = available_signals(vehicle, signals, identification)
+    available = _available_signals(vehicle, signals, identification)
     changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank}
     settings = identification.observer_settings(**changes) if identification else ObserverSettings(**changes)
     observer = Observer(vehicle, available, settings)
-    require_used(signals, (*observer.inputs, *observer.outputs), f"an observer of {vehicle.name}")
+    _require_used(signals, (*observer.inputs, *observer.outputs), f"an observer of {vehicle.name}")
     return observer
 
 
-def available_signals(
+def exported_learner(
+    vehicle: Vehicle,
+    signals: Sequence[str] | None = None,
+    identification: Identification | None = None,
+    *,
+    min_speed: float = 5.0,
+    passes: int | None = None,
+    segment: int | None = None,
+) -> Learner:
+    """The learner that `fifthwheel export` writes.
+
+    Args:
+        vehicle: its numbers are the prior means.
+        signals: that the control unit has; default as in `exported_observer`.
+        identification: for signals and settings: what is estimated, considered and fixed, priors and noise. Settings of
+            two stages have no effect.
+        min_speed: nothing is estimated below it, m/s.
+        passes, segment: `max_passes` and `samples` of `RelinearisationSettings`; None for their defaults.
+
+    Raises:
+        SignalError: the signals are not sufficient, or a learner of the vehicle does not use one of them.
+        VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
+    """
+    stored = identification.settings if identification is not None else None
+    settings = replace(stored if isinstance(stored, OneStage) else OneStage(), min_speed=min_speed)
+    given = {"max_passes": passes, "samples": segment}
+    relinearisation = RelinearisationSettings(**{name: value for name, value in given.items() if value is not None})
+    available = _available_signals(vehicle, signals, identification)
+    learner = Learner(vehicle, available, settings, learner=LearnerSettings(relinearisation=relinearisation))
+    problem = learner.live.problem
+    _require_used(signals, (*problem.inputs, *problem.outputs), f"a learner of {vehicle.name}")
+    return learner
+
+
+def _available_signals(
     vehicle: Vehicle, signals: Sequence[str] | None, identification: Identification | None
 ) -> Sequence[str]:
     """The signals of a control unit; arguments and default as in `exported_observer`.
@@ -58,7 +96,7 @@ def available_signals(
     return signals or default
 
 
-def require_used(signals: Sequence[str] | None, known: Sequence[str], estimator: str) -> None:
+def _require_used(signals: Sequence[str] | None, known: Sequence[str], estimator: str) -> None:
     """A SignalError if a given signal is not among those that an estimator uses."""
     for name in signals or ():
         if name not in known:

@@ -1,0 +1,74 @@
+"""The report of a result in a frame without rights, and the files of a result."""
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import HTTPException, Query
+from fastapi.responses import FileResponse, Response
+from nicegui import app, ui
+
+from fifthwheel.app import runs
+from fifthwheel.app.workspace import Workspace
+from fifthwheel.diagnose import Comparison
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.report import write_comparison_page
+
+FILES = ("report.html", "vehicle.toml", "identification.json", "states.parquet")
+"""What can be asked for."""
+SANDBOX = "sandbox allow-scripts"
+"""The report draws its plots, but cannot read or change anything else."""
+
+
+def register(folder: Path) -> None:
+    """Answer requests for files of results."""
+
+    @app.get("/runs/{name}/{file}")
+    def answer(name: str, file: str) -> Response:
+        try:
+            path = Workspace(folder).run(name) / file
+        except FifthwheelError:
+            raise HTTPException(404) from None
+        if file not in FILES or path.is_symlink() or not path.is_file():
+            raise HTTPException(404)
+        if file == "report.html":
+            headers = {"Content-Security-Policy": SANDBOX, "Cache-Control": "no-store"}
+            return FileResponse(path, media_type="text/html; charset=utf-8", headers=headers)
+        return FileResponse(path, filename=f"{name}-{file}", headers={"Cache-Control": "no-store"})
+
+    @app.get("/compared.{kind}")
+    def compared(kind: str, run: Annotated[list[str], Query()]) -> Response:
+        try:
+            found = runs.comparison(folder, run)
+            if kind == "csv":
+                return Response(found.to_csv(), media_type="text/csv", headers=_attached("compared.csv"))
+            if kind == "html":
+                return Response(_page(found), media_type="text/html", headers=_attached("compared.html"))
+        except FifthwheelError as error:
+            raise HTTPException(404, str(error)) from None
+        raise HTTPException(404)
+
+
+def _page(found: Comparison) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "compared.html"
+        write_comparison_page(path, found)
+        return path.read_bytes()
+
+
+def _attached(name: str) -> dict[str, str]:
+    return {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+
+
+def address(run: str, file: str) -> str:
+    """Address of a file of a result."""
+    return f"/runs/{quote(run, safe='')}/{file}"
+
+
+def show(run: str) -> None:
+    """The report in the page."""
+    frame = ui.element("iframe").classes("fw-report")
+    frame.props["sandbox"] = "allow-scripts"
+    frame.props["title"] = f"Report of {run}"
+    frame.props["src"] = address(run, "report.html")

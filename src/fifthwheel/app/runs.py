@@ -1,0 +1,174 @@
+"""What the pages compute of the workspace: the check, the identification and the comparison; for `jobs`."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+from fifthwheel._atomic import result_folder
+from fifthwheel.app import inputs
+from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
+from fifthwheel.diagnose import Comparison, LogPrediction
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.formatting import shown
+from fifthwheel.identify import Identification
+from fifthwheel.identify.design.assess import InformationAssessment, assess_information
+from fifthwheel.plots import Axis, Item, Line, Panel, Plot
+from fifthwheel.plots.palette import CYCLE, GREY
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.report import provenance_of_run
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow import (
+    IDENTIFICATION_FILES,
+    IdentifyOptions,
+    compare_runs,
+    run_identification,
+    write_results,
+)
+from fifthwheel.workflow.inputs import Progress
+
+RESULT = "identification.json"
+"""Its presence makes a folder of `runs` a result."""
+
+
+def results(workspace: Workspace) -> list[str]:
+    """Names of the results, the newest first."""
+    return [path.name for path in workspace.runs() if (path / RESULT).is_file()]
+
+
+def interrupted(workspace: Workspace) -> list[str]:
+    """Names of result folders without a result: the server was killed while it identified."""
+    return [path.name for path in workspace.runs() if not (path / RESULT).is_file()]
+
+
+def next_name(workspace: Workspace) -> str:
+    """The first of run-1, run-2, ... that is not a result."""
+    used = results(workspace)
+    return next(name for k in range(1, len(used) + 2) if (name := f"run-{k}") not in used)
+
+
+def options(choices: Choices) -> IdentifyOptions:
+    """The choices for the identification; unknown ones, of another version, are left out."""
+    known = {field.name for field in fields(IdentifyOptions)}
+    return IdentifyOptions(**{key: value for key, value in choices.identify.items() if key in known})
+
+
+def vehicle(workspace: Workspace) -> Vehicle:
+    """The vehicle; FifthwheelError where there is none yet."""
+    found = workspace.vehicle()
+    if found is None:
+        raise FifthwheelError("There is no vehicle file yet; describe the truck on the page Truck.")
+    return found
+
+
+def suspension(workspace: Workspace, choices: Choices) -> Identification | None:
+    """The result whose suspension the vehicle gets, if one is chosen."""
+    name = choices.identify.get("suspension_from")
+    return Identification.load(workspace.run(str(name))) if name else None
+
+
+def logs(workspace: Workspace, choices: Choices) -> tuple[list[str], list[str]]:
+    """Names of the logs to identify on, and of those that are only predicted.
+
+    Raises:
+        FifthwheelError: there is no log to identify on.
+    """
+    used, validate = inputs.used_logs(workspace), choices.identify.get("validate", ())
+    chosen = [name for name in used if name not in validate]
+    if not chosen:
+        raise FifthwheelError("There is no log to identify on; drop one on the page Log and tick it there.")
+    return chosen, [name for name in used if name in validate]
+
+
+def stamp(workspace: Workspace) -> str:
+    """Digest of all that a check or an identification depends on."""
+    digest = hashlib.sha256()
+    choices = workspace.choices()
+    digest.update(repr([workspace.read(SIGNALS), workspace.read(VEHICLE), choices.logs, choices.identify]).encode())
+    for path in (*workspace.logs(), *workspace.databases()):
+        content = path.stat()
+        digest.update(repr((path.name, content.st_size, content.st_mtime_ns)).encode())
+    return digest.hexdigest()
+
+
+def check(folder: Path, progress: Progress) -> InformationAssessment:
+    """The information in the logs that are used."""
+    workspace = Workspace(folder)
+    choices, truck = workspace.choices(), vehicle(workspace)
+    records = inputs.records(folder, logs(workspace, choices)[0], progress)
+    progress("predicting", 0, 0)
+    truck, settings = options(choices).one_stage(truck, suspension(workspace, choices))
+    return assess_information(records, truck, settings)
+
+
+def identify(folder: Path, name: str, progress: Progress) -> str:
+    """Identify the vehicle, and write the results to the folder of this name; as `fifthwheel identify`.
+
+    Raises:
+        FifthwheelError: the vehicle, a log or the settings cannot be used.
+        OSError: the results cannot be written.
+    """
+    workspace = Workspace(folder)
+    choices, truck = workspace.choices(), vehicle(workspace)
+    chosen, validate = logs(workspace, choices)
+    calibration = suspension(workspace, choices)
+    truck, settings = options(choices).settings(truck, calibration)
+    paths = [workspace.log(log) for log in (*chosen, *validate)]
+    signals = workspace.folder / SIGNALS
+    signals_file = signals if signals.exists() else None
+    out = workspace.folder / "runs" / name
+    read = [*paths, workspace.folder / VEHICLE, *([signals] if signals_file else [])]
+    with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=False) as temporary:
+        records = inputs.records(folder, [*chosen, *validate], progress)
+        run = run_identification(
+            records[: len(chosen)], truck, settings, validate=records[len(chosen) :], progress=progress
+        )
+        progress("writing the report", 0, 0)
+        provenance = provenance_of_run(
+            paths, str(workspace.folder / VEHICLE), signals_file, command=command(workspace, choices, name)
+        )
+        write_results(run, temporary, provenance=provenance, vehicle_text=workspace.read(VEHICLE))
+    return name
+
+
+def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
+    """The command line that gives the same result in the folder of the workspace."""
+    chosen, validate = logs(workspace, choices)
+    arguments = ["identify", *[f"logs/{log}" for log in chosen], "--vehicle", VEHICLE, "--out", f"runs/{name}"]
+    arguments += ["--signals", SIGNALS] if workspace.read(SIGNALS) is not None else []
+    arguments += [f"--validate=logs/{log}" for log in validate]
+    for log in (*chosen, *validate):
+        arguments += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
+    if calibration := choices.identify.get("suspension_from"):
+        arguments.append(f"--suspension-from=runs/{calibration}/{RESULT}")
+    return arguments + options(choices).arguments()
+
+
+def comparison(folder: Path, names: Sequence[str]) -> Comparison:
+    """The results of these names side by side, the first as reference."""
+    workspace = Workspace(folder)
+    return compare_runs([workspace.run(name) for name in names])
+
+
+def overlay(folder: Path, names: Sequence[str], log: str) -> Plot:
+    """Measured signals of a log, and those that each result predicts."""
+    workspace = Workspace(folder)
+    record = inputs.record(folder, log)
+    panels: dict[str, list[Item]] = {}
+    for k, name in enumerate(names):
+        identification = Identification.load(workspace.run(name))
+        colour = CYCLE[k % len(CYCLE)]
+        for fit in LogPrediction.of(record, identification.vehicle, identification).fits():
+            factor = shown(si_unit(fit.signal)).factor
+            measured = Line(fit.time, fit.measured * factor, name="measured", colour=GREY, width=1.2, gaps=True)
+            items = panels.setdefault(fit.signal, [measured])
+            items.append(Line(fit.time, fit.predicted * factor, name=name, colour=colour, gaps=True))
+    time = Axis(label="time", unit="s")
+    return Plot(
+        title=f"Measured and predicted, {log}",
+        panels=[
+            Panel(items=items, title=signal, x=time, y=Axis(unit=shown(si_unit(signal)).name))
+            for signal, items in panels.items()
+        ],
+        shared_x=True,
+    )

@@ -1,0 +1,3 @@
+"""Commands on results: compare, assess."""
+
+from fifthwheel.cli.results import assess, compare  # noqa: F401 - importing a command registers it

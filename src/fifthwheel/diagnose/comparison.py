@@ -1,0 +1,236 @@
+"""Estimates of several identifications side by side, and their differences in units of sigma.
+
+The difference of two estimates a and b of a parameter has the standard deviation
+
+    sigma^2 = n_a^2 + n_b^2 + sum_i (s_ai - s_bi)^2,    n_a^2 = sigma_a^2 - sum_i s_ai^2,
+
+with s_ai = sqrt(fraction_i) sigma_a, the part of sigma_a that comes from the considered unknown i. The sum is over the
+unknowns that both identifications consider, with the same value in both vehicle files: their errors are those of the
+same truck and road, and shift both estimates to the same side. All else counts as independent.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from fifthwheel.errors import SignalError
+from fifthwheel.formatting import enumerated, percent, shown, with_sigma
+from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.plots import Axis, Guide, Item, Panel, Plot, Points
+
+PRIOR_FRACTION = 0.1
+"""An estimate that takes a larger fraction of its information from the prior is noted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """The difference of an estimate from that of the reference, SI."""
+
+    value: float
+    sigma: float | None
+    """Standard deviation; None if one of the estimates has none."""
+    at_least: bool
+    """The identifications share logs: their noise is common too, and sigma is an upper limit."""
+
+    @property
+    def sigmas(self) -> float | None:
+        """The difference in units of its sigma, with sign; None without a sigma."""
+        return self.value / self.sigma if self.sigma else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedParameter:
+    """One parameter in all runs; None where a run did not estimate it."""
+
+    name: str
+    unit: str
+    estimates: tuple[Estimate | None, ...]
+    differences: tuple[Difference | None, ...]
+    """From the reference; None for the reference itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Several identifications side by side; `compare` makes it."""
+
+    runs: tuple[str, ...]
+    """Names; the first is the reference."""
+    parameters: tuple[ComparedParameter, ...]
+    notes: tuple[str, ...]
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Parameter, run, estimate and difference in sigmas, for each parameter and run."""
+        return [
+            (p.name, run, _estimate(e), "" if d is None else in_sigmas(d))
+            for p in self.parameters
+            for run, e, d in zip(self.runs, p.estimates, p.differences, strict=True)
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content for JSON."""
+        parameters = [
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "estimates": [
+                    None if e is None else {"value": e.value, "sigma": e.sigma, "verdict": e.verdict.value}
+                    for e in p.estimates
+                ],
+                "differences": [None if d is None else asdict(d) | {"sigmas": d.sigmas} for d in p.differences],
+            }
+            for p in self.parameters
+        ]
+        return {"runs": list(self.runs), "parameters": parameters, "notes": list(self.notes)}
+
+    def to_csv(self) -> str:
+        """A row for each parameter and run, SI."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        head = ("parameter", "run", "value", "sigma", "unit", "verdict")
+        writer.writerow([*head, "difference", "difference_sigma", "difference_in_sigmas", "at_least"])
+        for p in self.parameters:
+            for run, e, d in zip(self.runs, p.estimates, p.differences, strict=True):
+                if e is not None:
+                    difference = ["", "", "", ""] if d is None else [d.value, d.sigma, d.sigmas, d.at_least]
+                    writer.writerow([p.name, _safe(run), e.value, e.sigma, e.unit, e.verdict.value, *difference])
+        return text.getvalue()
+
+    def plots(self) -> dict[str, Plot]:
+        """Of each parameter by its name: every estimate with its sigma."""
+        return {p.name: _plot(p, self.runs) for p in self.parameters}
+
+
+def compare(runs: Mapping[str, Identification]) -> Comparison:
+    """The estimates of several identifications, with the differences from the first.
+
+    Args:
+        runs: by name; the first is the reference.
+
+    Raises:
+        SignalError: fewer than two identifications.
+    """
+    if len(runs) < 2:
+        raise SignalError(f"runs: expected at least two identifications, got {len(runs)}; give another one")
+    names = dict.fromkeys(e.name for run in runs.values() for e in run.parameters)
+    return Comparison(
+        runs=tuple(runs),
+        parameters=tuple(_parameter(name, list(runs.values())) for name in names),
+        notes=tuple(_notes(runs)),
+    )
+
+
+def _parameter(name: str, runs: Sequence[Identification]) -> ComparedParameter:
+    estimates = tuple(next((e for e in run.parameters if e.name == name), None) for run in runs)
+    first = estimates[0]
+    differences: list[Difference | None] = [None]
+    for run, e in zip(runs[1:], estimates[1:], strict=True):
+        if first is None or e is None:
+            differences.append(None)
+            continue
+        sigma = _sigma_of_difference(name, (runs[0], first), (run, e))
+        shared = Verdict.FIXED not in (first.verdict, e.verdict) and bool(_shared_logs(runs[0], run))
+        differences.append(Difference(value=e.value - first.value, sigma=sigma, at_least=shared))
+    unit = next(e.unit for e in estimates if e is not None)
+    return ComparedParameter(name=name, unit=unit, estimates=estimates, differences=tuple(differences))
+
+
+def _sigma_of_difference(
+    name: str, a: tuple[Identification, Estimate], b: tuple[Identification, Estimate]
+) -> float | None:
+    """By the equation of this module; a fixed parameter counts as exact."""
+    if any(e.sigma is None and e.verdict is not Verdict.FIXED for _, e in (a, b)):
+        return None
+    parts = [_parts(run, name, e) for run, e in (a, b)]
+    common = _common_sources(a[0], b[0]) & parts[0].keys() & parts[1].keys()
+    independent = [
+        (e.sigma or 0.0) ** 2 - sum(part[source] ** 2 for source in common)
+        for (_, e), part in zip((a, b), parts, strict=True)
+    ]
+    shared = sum((parts[0][source] - parts[1][source]) ** 2 for source in common)
+    return math.sqrt(sum(max(variance, 0.0) for variance in independent) + shared)
+
+
+def _parts(run: Identification, name: str, e: Estimate) -> dict[str, float]:
+    """The part of sigma that comes from each considered unknown, SI."""
+    budget = run.variance_budget.get(name, {})
+    return {source: math.sqrt(fraction) * (e.sigma or 0.0) for source, fraction in budget.items()}
+
+
+def _common_sources(a: Identification, b: Identification) -> set[str]:
+    """Considered unknowns whose error is the same in both: model errors, and equal numbers of the vehicle files."""
+    values = [run.initial_vehicle.parameters() for run in (a, b)]
+    sources = [{source for terms in run.variance_budget.values() for source in terms} for run in (a, b)]
+    return {source for source in sources[0] & sources[1] if values[0].get(source) == values[1].get(source)}
+
+
+def _shared_logs(a: Identification, b: Identification) -> list[str]:
+    """Names of the logs that both were identified on."""
+    logs = [{(log.name, log.samples, log.span) for log in run.logs} for run in (a, b)]
+    return sorted(name for name, _, _ in logs[0] & logs[1])
+
+
+def _notes(runs: Mapping[str, Identification]) -> list[str]:
+    first, *others = runs
+    notes = []
+    for other in others:
+        if shared := _shared_logs(runs[first], runs[other]):
+            notes.append(
+                f"{first} and {other} share {enumerated(shared)}: their noise is common, so that the difference in "
+                "sigmas is at least the one shown. It shows the effect of the settings and is not a test."
+            )
+        if not _common_sources(runs[first], runs[other]):
+            notes.append(
+                f"{first} and {other} consider no common uncertain parameter: their sigmas count as independent."
+            )
+    for name, run in runs.items():
+        informed = {
+            e.name: fraction
+            for e in run.parameters
+            if e.sigma and e.prior and e.verdict is not Verdict.FIXED
+            if (fraction := min((e.sigma / e.prior) ** 2, 1.0)) > PRIOR_FRACTION
+        }
+        if informed:
+            listed = [f"{parameter} {percent(fraction)}" for parameter, fraction in informed.items()]
+            notes.append(
+                f"{name}: fraction of the information that comes from the prior: {enumerated(listed)}. A common prior "
+                "makes a difference smaller than the logs alone show."
+            )
+    return notes
+
+
+def _plot(parameter: ComparedParameter, runs: Sequence[str]) -> Plot:
+    """The estimates of one parameter, the reference at the top."""
+    unit, items = shown(parameter.unit), list[Item]()
+    for k, (run, e) in enumerate(zip(runs, parameter.estimates, strict=True)):
+        if e is not None:
+            sigma = None if e.sigma is None else [e.sigma * unit.factor]
+            texts = (f"{run}: {with_sigma(e.value, e.sigma, e.unit)}, {e.verdict.replace('_', ' ')}",)
+            items.append(Points([e.value * unit.factor], [-k], x_sigma=sigma, texts=texts))
+    if (first := parameter.estimates[0]) is not None:
+        items.append(Guide(x=first.value * unit.factor))
+    ticks = {float(-k): run for k, run in enumerate(runs)}
+    rows = Axis(ticks=ticks, range=(0.5 - len(runs), 0.5))
+    return Plot(panels=[Panel(items=items, title=parameter.name, x=Axis(unit=unit.name), y=rows)])
+
+
+def _estimate(estimate: Estimate | None) -> str:
+    if estimate is None:
+        return "–"
+    text = with_sigma(estimate.value, estimate.sigma, estimate.unit)
+    return text if estimate.verdict is Verdict.CONVERGED else f"{text}, {estimate.verdict.replace('_', ' ')}"
+
+
+def in_sigmas(difference: Difference) -> str:
+    """A difference in words, such as "+2.1 sigma" or "at least +2.1 sigma"; "" without a sigma."""
+    if difference.sigmas is None:
+        return ""
+    number = f"{difference.sigmas:+.1f} sigma".replace("-", "−")
+    return f"at least {number}" if difference.at_least else number
+
+
+def _safe(text: str) -> str:
+    """A text that no spreadsheet takes as a formula."""
+    return f"'{text}" if text[:1] in "=+-@\t\r" else text

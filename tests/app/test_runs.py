@@ -1,0 +1,176 @@
+"""What the pages compute of a workspace, without a browser."""
+
+import subprocess
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from fifthwheel.app import exploration, inputs, runs, tables
+from fifthwheel.app.pages.identify import plain_name
+from fifthwheel.app.workspace import Choices, LogChoice, Workspace
+from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.identify import Identification
+from fifthwheel.logs import write_record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get
+from tests.report.conftest import NASTY, result
+
+__all__ = ["result"]
+
+TRUCK = get("cheng_cebon_2011")
+FRONT = "tractor.front.cornering_stiffness"
+
+
+@pytest.fixture
+def workspace(tmp_path) -> Workspace:
+    """Two logs and a vehicle."""
+    made = Workspace(tmp_path / "w")
+    for seed, name in enumerate(("first", "second")):
+        write_record(simulate(TRUCK, count=1, seed=seed), made.folder / "logs" / f"{name}.csv")
+    made.write({"vehicle.toml": TRUCK.to_toml()}, "a truck")
+    return made
+
+
+@dataclass
+class ReachedError(Exception):
+    """Ends an identification when its inputs are known."""
+
+    records: object
+    truck: object
+    settings: object
+    validate: object
+
+
+@pytest.fixture
+def identified(workspace, monkeypatch):
+    """What `runs.identify` would identify with some choices."""
+
+    def stop(records, truck, settings, *, validate, progress):
+        raise ReachedError(records, truck, settings, validate)
+
+    monkeypatch.setattr(runs, "run_identification", stop)
+
+    def inputs_of(choices):
+        workspace.write_choices(choices, "choose")
+        with pytest.raises(ReachedError) as reached:
+            runs.identify(workspace.folder, "run-1", lambda *_: None)
+        return reached.value
+
+    return inputs_of
+
+
+def test_excluded_windows_and_unused_logs_are_honoured(identified):
+    choices = Choices(logs={"first.csv": LogChoice(exclude=((2.0, 4.0),)), "second.csv": LogChoice(use=False)})
+    found = identified(choices)
+    (record,) = found.records
+    assert record.name == "first"
+    assert not ((record.time >= 2.0) & (record.time <= 4.0)).any()
+    assert found.validate == []
+
+
+def test_the_settings_are_those_of_the_options(identified):
+    found = identified(
+        Choices(identify={"fix": [FRONT], "consider": ["roll_stiffness=5%"], "validate": ["second.csv"], "old": 1})
+    )
+    assert [record.name for record in (*found.records, *found.validate)] == ["first", "second"]
+    assert found.settings.fixed == (FRONT,)
+    assert found.settings.consider["roll_stiffness"] == 0.05
+
+
+def test_a_failed_run_leaves_no_result(workspace, identified):
+    identified(Choices())
+    assert runs.results(workspace) == []
+    assert runs.next_name(workspace) == "run-1"
+
+
+def test_only_predicted_logs_are_refused(workspace):
+    choices = Choices(identify={"validate": ["first.csv", "second.csv"]})
+    with pytest.raises(FifthwheelError, match="no log to identify on"):
+        runs.logs(workspace, choices)
+
+
+def test_without_a_vehicle_the_page_to_go_to_is_named(tmp_path):
+    with pytest.raises(FifthwheelError, match="page Truck"):
+        runs.vehicle(Workspace(tmp_path / "empty"))
+
+
+def test_the_stamp_follows_what_counts(workspace):
+    first = runs.stamp(workspace)
+    workspace.write_choices(Choices(explore={"speed": 60.0}, truck={"wheelbase": "3 m"}), "look")
+    assert runs.stamp(workspace) == first
+    workspace.write_choices(Choices(identify={"any_load": True}), "set")
+    assert runs.stamp(workspace) != first
+
+
+def test_the_command_line_of_a_run(workspace):
+    choices = Choices(
+        logs={"first.csv": LogChoice(exclude=((2.0, 4.0),))},
+        identify={"fix": [FRONT], "method": "two-stage", "validate": ["second.csv"], "check": False},
+    )
+    assert runs.command(workspace, choices, "a b") == [
+        "identify", "logs/first.csv", "--vehicle", "vehicle.toml", "--out", "runs/a b", "--validate=logs/second.csv",
+        "--exclude=first=2..4", "--method=two-stage", f"--fix={FRONT}", "--no-check",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["", " ", "..", "../up", "a/b", "a\\b", ".hidden", "x" * 81])
+def test_a_name_that_leads_elsewhere_is_refused(name):
+    with pytest.raises(FifthwheelError, match="name: expected"):
+        plain_name(name)
+
+
+def test_results_side_by_side_and_over_a_log(workspace, result):
+    for name in ("a", "b"):
+        result.identification.save(workspace.folder / "runs" / name)
+    (workspace.folder / "runs" / "killed").mkdir()
+    assert sorted(runs.results(workspace)) == ["a", "b"]
+    assert runs.interrupted(workspace) == ["killed"]
+    found = runs.comparison(workspace.folder, ["b", "a"])
+    assert found.runs == ("b", "a")
+    plot = runs.overlay(workspace.folder, ["b", "a"], "first.csv")
+    assert [item.name for item in plot.panels[0].items] == ["measured", "b", "a"]
+    with pytest.raises(FifthwheelError, match="no such run"):
+        runs.comparison(workspace.folder, ["a", "../runs/a"])
+
+
+def test_a_log_that_does_not_exist_is_refused(workspace):
+    with pytest.raises((FifthwheelError, SignalError), match="no such log"):
+        inputs.record(workspace.folder, "../vehicle.toml")
+
+
+@pytest.mark.parametrize("kind", exploration.KINDS)
+def test_a_changed_number_moves_the_line_of_the_sliders(kind):
+    name = "semitrailer.cornering_stiffness" if kind != "handling diagram" else FRONT
+    softer = TRUCK.replace({name: 0.7 * TRUCK.parameters()[name]})
+    plot = exploration.model_plot(kind, TRUCK, softer, 22.0, simulate(TRUCK, count=1))
+    lines = [item for item in plot.panels[-1].items if getattr(item, "name", "") in ("vehicle file", "sliders")]
+    assert [line.name for line in lines] == ["vehicle file", "sliders"]
+    assert np.ptp(np.asarray(lines[0].y) - np.asarray(lines[1].y)) + np.ptp(
+        np.asarray(lines[0].x) - np.asarray(lines[1].x)
+    ) > 1e-3 * np.ptp(lines[0].y)
+
+
+def test_texts_are_escaped():
+    html = tables.name(f"{NASTY} tractor.front.cornering_stiffness 1.5 m")
+    assert "<b>" not in html
+    assert "</script>" not in html
+    assert "tractor.<wbr>front.<wbr>cornering_<wbr>stiffness 1.5 m" in html
+
+
+@pytest.mark.slow
+def test_a_run_is_that_of_the_command_line(workspace):
+    """The same numbers as `fifthwheel identify` in the folder, from the command that the report shows."""
+    choices = Choices(identify={"fix": [FRONT]}, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})
+    workspace.write_choices(choices, "choose")
+    runs.identify(workspace.folder, "page", lambda *_: None)
+    command = runs.command(workspace, choices, "line")
+    subprocess.run(
+        [sys.executable, "-m", "fifthwheel", *command], cwd=workspace.folder, check=True, capture_output=True
+    )
+    page, line = (Identification.load(workspace.run(name)) for name in ("page", "line"))
+    assert page.to_json() == line.to_json()
+    assert sorted(path.name for path in workspace.run("page").iterdir() if path.name[0] != ".") == [
+        "identification.json", "report.html", "run.json", "states.parquet", "vehicle.toml",
+    ]  # fmt: skip

@@ -1,0 +1,278 @@
+"""The whole way in a browser: from a dropped log to a report and a comparison, with all that may go wrong."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from fifthwheel.app.workspace import Workspace
+from fifthwheel.identify import Identification
+from fifthwheel.logs import write_record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle, get
+from tests.app.buses import write_can_mf4, write_candump
+from tests.app.served import chromium, served, tab
+from tests.report.conftest import result
+
+__all__ = ["result"]
+
+pytestmark = pytest.mark.slow
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+TRUCK = get("cheng_cebon_2011")
+FRONT = "tractor.front.cornering_stiffness"
+LONG = 60_000
+"""ms for a computation."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as started:
+        yield started
+
+
+def prepared(folder, count=2, truck=TRUCK):
+    """A workspace with a log and a vehicle."""
+    workspace = Workspace(folder)
+    write_record(simulate(truck, count=count, seed=1), workspace.folder / "logs" / "run.csv")
+    workspace.write({"vehicle.toml": truck.to_toml()}, "a truck")
+    return workspace
+
+
+def go(page, name):
+    page.get_by_role("link", name=re.compile(rf"^\d {name}$")).click()
+    page.get_by_role("heading", name=name, level=1).wait_for()
+
+
+def report(page, headline=True):
+    """The report in its frame, when it is shown."""
+    frame = page.frame_locator("iframe.fw-report")
+    frame.locator("#verdict .headline").wait_for(timeout=LONG)
+    return frame
+
+
+def test_from_the_example_log_to_a_comparison(browser, tmp_path):
+    folder = tmp_path / "w"
+    with served(folder) as address, tab(browser, address) as page:
+        page.set_input_files("input[type=file]", str(EXAMPLES / "lane_changes.csv"))
+        page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
+        go(page, "Signals")
+        page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
+
+        go(page, "Truck")
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Import").click()
+        chooser.value.set_files(str(EXAMPLES / "truck.toml"))
+        page.get_by_role("img", name="example_truck").wait_for()
+
+        go(page, "Check")
+        page.get_by_text("5 of 5 parameters are identifiable").wait_for(timeout=LONG)
+        assert page.get_by_role("table", name="Predicted sigma").get_by_role("row").count() == 6
+
+        go(page, "Identify")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        assert "All 5 parameters are identified" in report(page).locator(".headline").inner_text()
+        page.get_by_role("button", name="Use the identified truck").click()
+        page.wait_for_load_state()
+        page.get_by_text("Settings").click()
+        field = page.get_by_label(re.compile(r"^Fix\."))
+        field.fill(FRONT)
+        page.get_by_role("option", name=FRONT).click()
+        field.press("Escape")
+        page.get_by_label("Name of the result").fill("fixed front")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        page.get_by_text("fixed front: done").wait_for(timeout=LONG)
+
+        go(page, "Compare")
+        table = page.get_by_role("table", name="Estimates of all results")
+        table.get_by_text("fixed", exact=False).first.wait_for(timeout=LONG)
+        assert table.get_by_text("kN/rad, fixed").count() == 1
+        with page.expect_download() as download:
+            page.get_by_role("link", name="Save as CSV").click()
+        assert download.value.path().read_text().startswith("parameter,run,value,sigma")
+        page.get_by_role("img", name="Measured and predicted, lane_changes.csv").wait_for(timeout=LONG)
+
+    found = Identification.load(folder / "runs" / "run-1")
+    assert Vehicle.load(folder / "vehicle.toml").parameters() == found.vehicle.parameters()
+    fixed = Identification.load(folder / "runs" / "fixed front")[FRONT]
+    assert (fixed.verdict, fixed.value) == ("fixed", found[FRONT].value)
+
+
+def german(folder):
+    return EXAMPLES / "messy.csv", EXAMPLES / "truck.toml"
+
+
+def mf4_with_can(folder):
+    return write_can_mf4(simulate(TRUCK, count=2, seed=1), folder / "bus.mf4"), None
+
+
+def j1939(folder):
+    return write_candump(simulate(TRUCK, count=2, seed=1), folder / "bus.log"), None
+
+
+@pytest.mark.parametrize("log", [german, mf4_with_can, j1939])
+def test_from_a_log_of_each_kind_to_a_report(browser, tmp_path, log):
+    file, vehicle = log(tmp_path)
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "vehicle.toml").write_text(vehicle.read_text() if vehicle else TRUCK.to_toml())
+    with served(folder) as address, tab(browser, address, width=390) as page:
+        page.set_input_files("input[type=file]", str(file))
+        page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
+        go(page, "Signals")
+        page.get_by_text("The prediction explains").first.wait_for(timeout=LONG)
+        go(page, "Identify")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        headline = report(page).locator(".headline").inner_text()
+        assert "parameters are identified" in headline or "parameters converged" in headline, headline
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+
+
+def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
+    """Also by keyboard only: an answer counts when its field is left."""
+    folder = tmp_path / "w"
+    with served(folder) as address, tab(browser, f"{address}truck", width=390) as page:
+        for label, text in (
+            ("Front axle to the first axle behind it", "3.7 kg"),
+            ("Kingpin to the middle of the trailer's axles", "7.7 m +- 2 cm"),
+            ("Slip of the laden truck", "6850 10500 22500"),
+            ("Slip of the tractor alone", "5200 2000"),
+        ):
+            field = page.get_by_label(label)
+            field.fill(text)
+            field.press("Tab")
+        page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
+        field = page.get_by_label("Front axle to the first axle behind it")
+        field.fill("3.7 m")
+        field.press("Tab")
+        for label, name in (("Class of the tractor", "tractor_4x2"), ("Class of the semitrailer", "semitrailer_3")):
+            page.get_by_label(label).click()
+            page.get_by_role("option", name=name, exact=True).click()
+        page.get_by_role("button", name="Use this truck").wait_for()
+        page.reload()
+        assert page.get_by_label("Slip of the tractor alone").input_value() == "5200 2000"
+        page.get_by_role("button", name="Use this truck").click()
+        page.get_by_role("table", name="Assumed numbers").wait_for(timeout=LONG)
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert Vehicle.load(folder / "vehicle.toml").wheelbase == pytest.approx(3.7)
+
+
+def test_a_reload_keeps_an_identification_and_cancel_ends_it(browser, tmp_path):
+    prepared(tmp_path / "w", count=40)
+    with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
+        page.get_by_role("button", name="Identify", exact=True).click()
+        page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
+        page.reload()
+        page.get_by_role("progressbar").wait_for()
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_text("Cancelled; no result was changed.").wait_for()
+        page.get_by_role("button", name="Identify", exact=True).wait_for()
+    assert not (tmp_path / "w" / "runs" / "run-1" / "identification.json").exists()
+
+
+@contextmanager
+def killed_server(folder):
+    """The address of a workbench, and a function that kills its process as kill -9 does."""
+    command = [sys.executable, "-m", "fifthwheel", "app", str(folder), "--port", "0", "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        yield process.stdout.readline().strip(), lambda: os.kill(process.pid, signal.SIGKILL)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_a_killed_server_loses_nothing(browser, tmp_path):
+    prepared(tmp_path / "w", count=40)
+    with killed_server(tmp_path / "w") as (address, kill):
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(f"{address}identify")
+        page.get_by_text("Settings").click()
+        page.get_by_label("Load of any shape").click()
+        page.get_by_role("button", name="Identify", exact=True).click()
+        page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
+        kill()
+        context.close()
+    write_record(simulate(TRUCK, count=2, seed=1), tmp_path / "w" / "logs" / "run.csv")
+    with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
+        assert page.get_by_label("Load of any shape").is_checked()
+        assert page.get_by_label("Name of the result").input_value() == "run-1"
+        page.get_by_role("button", name="Identify", exact=True).click()
+        report(page)
+    assert (tmp_path / "w" / "runs" / "run-1" / "run.json").exists()
+
+
+def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
+    workspace = prepared(tmp_path / "w")
+    with (
+        served(workspace.folder) as address,
+        tab(browser, f"{address}identify") as one,
+        tab(browser, f"{address}identify") as two,
+    ):
+        one.get_by_text("Settings").click()
+        one.get_by_label("Load of any shape").click()
+        two.get_by_label("Load of any shape").wait_for()  # it has reloaded, and shows the settings
+        assert two.get_by_label("Load of any shape").is_checked()
+        two.get_by_label("Refuse implausible signals").click()
+        one.wait_for_timeout(2500)
+        assert not one.get_by_label("Refuse implausible signals").is_checked()
+    assert Workspace(workspace.folder).choices().identify == {"any_load": True, "check": False}
+
+
+def test_a_slider_by_keys_changes_the_prediction(browser, tmp_path):
+    workspace = prepared(tmp_path / "w")
+    name = "semitrailer.cornering_stiffness"
+    with served(workspace.folder) as address, tab(browser, f"{address}explore") as page:
+        table = page.get_by_role("table", name="Fit of each signal")
+        table.wait_for(timeout=LONG)
+        before = table.inner_text()
+        slider = page.get_by_role("slider", name=name, exact=True)
+        slider.focus()
+        for _ in range(10):
+            page.keyboard.press("ArrowRight")
+        page.get_by_text(re.compile(f"^{name}$")).wait_for()
+        page.wait_for_timeout(1500)
+        assert table.inner_text() != before
+        page.reload()
+        slider.wait_for()
+        assert slider.input_value() == "10"
+        page.get_by_role("button", name="Write to vehicle.toml").click()
+        page.wait_for_timeout(1500)
+        assert slider.input_value() == "0"
+    changed = Vehicle.load(workspace.folder / "vehicle.toml").parameters()[name]
+    assert changed == pytest.approx(TRUCK.parameters()[name] * 2**0.25, rel=1e-3)
+
+
+def test_names_are_no_markup_and_no_file_outside_is_given(browser, tmp_path, result):
+    evil = "<img src=x onerror=document.title='owned'>"
+    workspace = prepared(tmp_path / "w", truck=TRUCK.model_copy(update={"name": evil}))
+    for name in ("a", f"b {evil}".replace("/", "")):
+        result.identification.save(workspace.folder / "runs" / name)
+        (workspace.folder / "runs" / name / "report.html").write_text("<h1 id=verdict>report</h1>")
+    (tmp_path / "secret").write_text("secret")
+    (workspace.folder / "runs" / "a" / "states.parquet").symlink_to(tmp_path / "secret")
+    with served(workspace.folder) as address, tab(browser, address) as page:
+        for path in ("truck", "check", "identify", "explore", "compare"):
+            page.goto(f"{address}{path}", wait_until="networkidle")
+            page.wait_for_timeout(1500)
+            assert page.title().endswith("- fifthwheel")
+            assert page.locator("img[src=x]").count() == 0
+        cookies = "; ".join(f"{c['name']}={c['value']}" for c in page.context.cookies())
+        for outside in (
+            "..%2F..%2Fsecret/x",
+            "a/..%2F..%2Fvehicle.toml",
+            "a/states.parquet",
+            "a/run.json",
+            "c/vehicle.toml",
+        ):
+            request = urllib.request.Request(f"{address}runs/{outside}", headers={"Cookie": cookies})
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(request, timeout=10)

@@ -1,0 +1,103 @@
+"""Comparison of identifications: differences in sigmas, and what the runs share."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel import vehicle
+from fifthwheel.diagnose import compare
+from fifthwheel.errors import SignalError
+from fifthwheel.identify import OneStage, Verdict, identify
+from fifthwheel.simulate import simulate
+from tests.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
+
+
+def run(result, log, *estimates, **others):
+    """A result on a log of this name."""
+    logs = tuple(replace(summary, name=log) for summary in result.identification.logs[:1])
+    return of(result, *estimates, logs=logs, **others)
+
+
+def difference(a, b, parameter=0):
+    return compare({"a": a, "b": b}).parameters[parameter].differences[1]
+
+
+def test_independent_errors_add(result):
+    a, b = run(result, "1", estimate(FRONT, sigma=0.03)), run(result, "2", estimate(FRONT, value=1.1, sigma=0.04))
+    found = difference(a, b)
+    assert found.value == pytest.approx(0.1)
+    assert found.sigma == pytest.approx(0.05)
+    assert found.sigmas == pytest.approx(2.0)
+    assert not found.at_least
+
+
+def test_errors_of_a_common_vehicle_file_cancel(result):
+    """9/25 and 16/25 of the variances come from the softening: 0.05^2 (16/25 + 9/25) + (0.03 - 0.04)^2."""
+    a = run(result, "1", estimate(FRONT, sigma=0.05), variance_budget={FRONT: {SOFTENING: 9 / 25}})
+    b = run(result, "2", estimate(FRONT, value=1.1, sigma=0.05), variance_budget={FRONT: {SOFTENING: 16 / 25}})
+    assert difference(a, b).sigma == pytest.approx(np.sqrt(0.04**2 + 0.03**2 + 0.01**2))
+
+
+def test_errors_of_different_vehicle_files_do_not_cancel(result):
+    path = "semitrailer.roll_axis_height"
+    budget = {"variance_budget": {FRONT: {path: 9 / 25}}}
+    a, b = (run(result, log, estimate(FRONT, sigma=0.05), **budget) for log in "12")
+    truck = b.initial_vehicle
+    other = replace(b, initial_vehicle=truck.replace({path: 0.9 * truck.parameters()[path]}))
+    assert difference(a, b).sigma == pytest.approx(np.sqrt(2) * 0.04)
+    assert difference(a, other).sigma == pytest.approx(np.sqrt(2) * 0.05)
+
+
+def test_shared_logs_make_the_difference_a_lower_bound(result):
+    a, b = (run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, **fixed)) for fixed in ({}, FIXED))
+    comparison = compare({"a": a, "b": b})
+    assert [p.differences[1].at_least for p in comparison.parameters] == [True, False]
+    assert any("a and b share 1" in note for note in comparison.notes)
+    assert ("at least" in comparison.rows()[1][3], "at least" in comparison.rows()[3][3]) == (True, False)
+
+
+FIXED = {"verdict": Verdict.FIXED, "sigma": None}
+
+
+def test_a_fixed_value_counts_as_exact(result):
+    a, b = run(result, "1", estimate(FRONT, sigma=0.03)), run(result, "2", estimate(FRONT, **FIXED))
+    assert difference(a, b).sigma == pytest.approx(0.03)
+    assert difference(b, b).sigmas is None
+
+
+def test_parameters_that_one_run_does_not_have(result):
+    a, b = run(result, "1", estimate(FRONT)), run(result, "2", estimate(HEIGHT))
+    comparison = compare({"a": a, "b": b})
+    assert [p.name for p in comparison.parameters] == [FRONT, HEIGHT]
+    assert [p.differences for p in comparison.parameters] == [(None, None), (None, None)]
+    assert comparison.rows()[1][2:] == ("–", "")
+
+
+def test_the_influence_of_a_prior_is_noted(result):
+    run_with_prior = run(result, "1", estimate(FRONT, sigma=0.15, prior=0.3))
+    notes = compare({"a": run_with_prior, "b": run(result, "2", estimate(FRONT))}).notes
+    assert any(note.startswith("a: fraction of the information") and f"{FRONT} 25 %" in note for note in notes)
+
+
+def test_a_single_run_is_refused(result):
+    with pytest.raises(SignalError, match="at least two"):
+        compare({"a": result.identification})
+
+
+def test_csv_has_no_formulas(result):
+    a, b = run(result, "1", estimate(FRONT)), run(result, "2", estimate(FRONT))
+    lines = compare({"=1+1": a, "b,c": b}).to_csv().splitlines()
+    assert lines[1].startswith(f"{FRONT},'=1+1,1.0,0.01,N/rad,converged")
+    assert lines[2].startswith(f'{FRONT},"b,c",1.0')
+
+
+@pytest.mark.slow
+def test_the_differences_of_equal_trucks_have_their_sigma():
+    """Over many pairs of logs of one truck, differences of the stiffness are as large as their sigmas."""
+    truck, name = vehicle.get("cheng_cebon_2011"), "semitrailer.cornering_stiffness"
+    settings = OneStage(free=(name,))
+    runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(20)]
+    found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
+    assert 0.4 < np.sqrt(np.mean([d.sigmas**2 for d in found])) < 1.6
+    assert found[0].sigma < 0.5 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off

@@ -1,0 +1,65 @@
+"""Predicted against measured with changed numbers of the vehicle."""
+
+import time
+
+import numpy as np
+import pytest
+
+from fifthwheel import vehicle
+from fifthwheel.diagnose import LogPrediction
+from fifthwheel.dynamics import all_parameters
+from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.errors import VehicleError
+from fifthwheel.simulate import simulate
+
+TRUCK = vehicle.get("cheng_cebon_2011")
+NAME = "semitrailer.cornering_stiffness"
+
+
+@pytest.fixture(scope="module")
+def record():
+    return simulate(TRUCK, count=2, seed=1)
+
+
+def explained(fits):
+    return {fit.signal: fit.explained for fit in fits}
+
+
+def test_the_true_numbers_predict_best(record):
+    prediction = LogPrediction.of(record, TRUCK)
+    true, wrong = (explained(prediction.fits(values)) for values in ({}, {NAME: 0.5 * TRUCK.parameters()[NAME]}))
+    assert all(true[name] > wrong[name] for name in true)
+    assert true["yaw_rate.semitrailer"] > 0.98
+
+
+def test_the_predictions_are_those_of_the_identification(result):
+    """Compared with the fits that the identification of the same log has stored."""
+    identification, log = result.identification, result.records[0]
+    found = LogPrediction.of(log, identification.vehicle, identification).fits()
+    stored = [fit for fit in identification.fits if fit.log == log.name]
+    assert [fit.signal for fit in found] == [fit.signal for fit in stored]
+    for ours, theirs in zip(found, stored, strict=True):
+        scatter = np.nanstd(theirs.measured - theirs.predicted)
+        np.testing.assert_allclose(ours.predicted, theirs.predicted, atol=0.1 * scatter)
+
+
+def test_an_impossible_number_is_refused(record):
+    with pytest.raises(VehicleError):
+        LogPrediction.of(record, TRUCK).fits({NAME: -1.0})
+
+
+def test_a_simulation_of_two_minutes_takes_less_than_50_ms():
+    """Of three, because other programs may run."""
+    log = simulate(TRUCK, count=15, seed=1)
+    assert log.span[1] > 119
+    prediction = LogPrediction.of(log, TRUCK)
+    model, inputs = prediction.model, {name: log.signals[name] for name in prediction.model.inputs}
+
+    def once(stiffness):
+        truck = TRUCK.replace({NAME: stiffness})
+        begin = time.perf_counter()
+        linear_response(model, all_parameters(truck, model.outputs), log.time, inputs)
+        return time.perf_counter() - begin
+
+    once(1.0e6)  # compiles
+    assert min(once(1.0e6 + k) for k in range(3)) < 0.05
