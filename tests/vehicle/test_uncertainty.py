@@ -26,10 +26,12 @@ def slopes(vehicle: Vehicle) -> dict[str, Mapping[str, float]]:
 
 @pytest.mark.parametrize("name", catalogue.names())
 def test_names(name: str) -> None:
-    laden = [] if name.endswith("unladen") else ["semitrailer.payload.mass"]
-    tractor = [f"tractor.{key}" for key in ("mass", "cog", "axle_positions", "coupling")]
-    trailer = ["semitrailer.mass", *laden, "semitrailer.cog", "semitrailer.axle_positions"]
-    assert list(slopes(catalogue.get(name))) == ["mass_scale", *tractor, *trailer]
+    vehicle, expected = catalogue.get(name), ["mass_scale"]
+    for unit in vehicle.units:
+        load = ["payload.mass"] if unit.payload else []
+        behind = [] if unit is vehicle.units[-1] else ["coupling"]
+        expected += [f"{unit.name}.{key}" for key in ("mass", *load, "cog", "axle_positions", *behind)]
+    assert list(slopes(vehicle)) == expected
 
 
 def test_masses_by_hand() -> None:

@@ -6,7 +6,6 @@ from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
-from fifthwheel.vehicle.weighing.chain_masses import nearest_masses
 
 
 def with_axle_loads(
@@ -45,6 +44,8 @@ def with_axle_loads(
                 f"unladen_tractor: expected none for {vehicle.name}, which is no tractor with two axle groups and a"
                 " trailer with one; write the tractor's mass and CoG into the vehicle file"
             )
+        from fifthwheel.vehicle.weighing.chain_masses import nearest_masses  # only this needs NumPy
+
         _check_loads(loads, paths)
         return nearest_masses(vehicle, loads)
     tractor, trailer = vehicle.units
