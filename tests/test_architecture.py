@@ -45,6 +45,8 @@ ROOMS = (
     "report",
     "workflow",
     "live",
+    "cluster",
+    "fleet",
     "studies",
     "cli",
 )
