@@ -29,7 +29,20 @@ MAX_FILE = 2_000_000_000
 """Bytes of a table."""
 BATCH = 500
 """Trips that are combined at a time: this bounds the memory of a worker."""
-_KEYS = ("log", "truck", "trailer", "load", "date", "error", "digest", "log_digest", "finished", "seconds", "duration")
+_KEYS = (
+    "log",
+    "truck",
+    "trailer",
+    "load",
+    "date",
+    "error",
+    "digest",
+    "log_digest",
+    "finished",
+    "seconds",
+    "duration",
+    "doubts",
+)
 
 
 @dataclass(frozen=True)

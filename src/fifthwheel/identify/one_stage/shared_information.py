@@ -9,9 +9,9 @@ at its estimate z^, without the prior, and with the prior N(0, I) of b, the log 
 b is marginalised (Schur complement). The prior of a is not contained, so that v and H_s of several logs are added and
 the prior counts once. The covariance of the sum of the scores M becomes [I, -K] M [I, -K]' + K K'.
 
-Logs are linearised at different estimates. A gain of a sensor acts as a factor of a stiffness, so that the cost is closer
-to its quadratic model in the logarithm of the gain: with gain = 1 + s z = exp(s u), the derivatives are scaled by
-dz/du = gain.
+Logs are linearised at different estimates. A gain of a sensor acts as a factor of a stiffness, so that the cost is
+closer to its quadratic model in the logarithm of the gain: with gain = 1 + s z = exp(s u), the derivatives are scaled
+by dz/du = gain.
 """
 
 from collections.abc import Sequence
