@@ -17,6 +17,8 @@ WORKER_MEMORY = "1GB"
 """Limit of each local worker; it is restarted beyond it, and its task is tried again."""
 TIMEOUT = 20.0
 """For a scheduler to answer, s."""
+LOCAL_TIMEOUT = "3s"
+"""For a worker of a local cluster to answer."""
 AHEAD = 4
 """Tasks that the scheduler holds for each worker thread; the others wait here, so that its memory is bounded."""
 REFRESH = 64
@@ -44,31 +46,33 @@ def connected(scheduler: str | None = None, *, jobs: int | None = None) -> Itera
         FifthwheelError: Dask is not installed, or no scheduler answers.
     """
     distributed = require("distributed", "fleet")
-    cluster = None
-    try:
-        if scheduler is None:
-            cluster = distributed.LocalCluster(
-                n_workers=jobs,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                dashboard_address=None,
-                memory_limit=WORKER_MEMORY,
-                silence_logs="ERROR",
-                env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "DASK_DISTRIBUTED__WORKER__DAEMON": "False"},
-            )
+    dask = require("dask", "fleet")
+    cluster, local = None, {} if scheduler else {"distributed.comm.timeouts.connect": LOCAL_TIMEOUT}
+    with dask.config.set(local):
         try:
-            client = distributed.Client(cluster or scheduler, timeout=TIMEOUT, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as error:
-            raise FifthwheelError(
-                f"scheduler: {scheduler} does not answer ({error}); expected the address of a Dask scheduler, such as "
-                "tcp://10.0.0.5:8786"
-            ) from None
-        with client:
-            yield client
-    finally:
-        if cluster is not None:
-            cluster.close()
+            if scheduler is None:
+                cluster = distributed.LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address=None,
+                    memory_limit=WORKER_MEMORY,
+                    silence_logs="ERROR",
+                    env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                )
+            try:
+                client = distributed.Client(cluster or scheduler, timeout=TIMEOUT, set_as_default=False)
+            except (OSError, ValueError, TimeoutError) as error:
+                raise FifthwheelError(
+                    f"scheduler: {scheduler} does not answer ({error}); expected the address of a Dask scheduler, such"
+                    " as tcp://10.0.0.5:8786"
+                ) from None
+            with client:
+                yield client
+        finally:
+            if cluster is not None:
+                cluster.close()
 
 
 def run_on(
@@ -83,12 +87,12 @@ def run_on(
     Args:
         client: of `connected`.
         function: at the top level of a module that the workers can import; takes `shared` and a task.
-        shared: sent once to each worker.
+        shared: sent once to the scheduler, and from there to each worker.
         tasks: consumed as the cluster can take them.
     """
     distributed = require("distributed", "fleet")
     remaining = iter(tasks)
-    common = client.scatter(shared, broadcast=True, hash=False) if client.nthreads() else shared
+    common = client.submit(_itself, shared, pure=False)  # not scattered: a task survives the loss of all workers
     running: dict[Any, T] = {}
     done = 0
 
@@ -119,3 +123,7 @@ def run_on(
                 ended.add(new)
     finally:
         client.cancel(list(running))
+
+
+def _itself(value: T) -> T:
+    return value
