@@ -56,7 +56,7 @@ def connected(scheduler: str | None = None, *, jobs: int | None = None) -> Itera
                     threads_per_worker=1,
                     processes=True,
                     host="127.0.0.1",
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # cannot be switched off; a free port, of this machine only
                     memory_limit=WORKER_MEMORY,
                     silence_logs="ERROR",
                     env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
