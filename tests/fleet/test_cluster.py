@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from fifthwheel.cluster import Lost, connected, run_on
+from fifthwheel.cluster import AHEAD, Lost, connected, run_on
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import report, run
 from fifthwheel.fleet.dataset import Dataset
@@ -38,6 +38,27 @@ def test_tasks_of_a_killed_worker_are_tried_again(tmp_path) -> None:
     assert isinstance(results.pop(2), Lost)
     assert results == {0: 0, 1: 1, 3: 9}
     assert len((tmp_path / "1").read_text()) > 1
+
+
+def square(_, task):
+    return task**2
+
+
+def test_tasks_wait_here_and_not_at_the_scheduler() -> None:
+    """However many tasks there are, the scheduler holds a few for each worker."""
+    taken = 0
+
+    def tasks():
+        nonlocal taken
+        for k in range(500):
+            taken += 1
+            yield k
+
+    with connected(jobs=2) as client:
+        for done, (task, result) in enumerate(run_on(client, square, None, tasks())):
+            assert result == task**2
+            assert taken - done <= 2 * AHEAD
+    assert taken == 500
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch) -> None:

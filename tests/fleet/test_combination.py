@@ -148,6 +148,7 @@ def test_a_single_different_trip_is_an_outlier() -> None:
     assert (change.kind.name, change.trip) == ("outlier", 5)
 
 
+@pytest.mark.slow
 def test_false_alarms_are_as_stated() -> None:
     """Of 60 fleets of 4 trucks without a change at most the stated 30 % report one (95 % limit of the binomial
     distribution), and the p-values of the trips are uniform."""

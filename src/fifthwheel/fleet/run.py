@@ -4,9 +4,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
+from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import Lost, connected, run_on
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
@@ -94,12 +96,16 @@ def run(
         progress: called while trips end.
 
     Raises:
-        FifthwheelError: the manifest or the data set cannot be read or written, or no scheduler answers.
+        FifthwheelError: the manifest or the data set cannot be read or written, another run writes to the same folder,
+            or no scheduler answers.
     """
     trips = read_manifest(str(manifest)) if isinstance(manifest, str) else list(manifest)
     dataset, settings, fleet = Dataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
     result = FleetRun(path=dataset.path, trips=len(trips))
     with ExitStack() as stack:
+        if not storage.is_remote(dataset.path):
+            Path(dataset.path).mkdir(parents=True, exist_ok=True)
+            stack.enter_context(held(Path(dataset.path) / "fleet.lock", subject=Path(dataset.path)))
         if scheduler is None and jobs == 1:
             execute: Any = _in_this_process
         else:
