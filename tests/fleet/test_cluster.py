@@ -88,7 +88,7 @@ def test_a_killed_run_loses_only_running_trips(tmp_path) -> None:
     time.sleep(1)
     assert kept == len(Dataset(str(out)).index()), "workers end with the run"
     assert 4 <= kept < 20
-    result = run(str(manifest), str(out), settings=FAST, jobs=1)
+    result = run(manifest, out, settings=FAST, jobs=1)
     assert (result.unchanged, result.new, result.failed) == (kept, 20 - kept, 0)
 
 
@@ -121,7 +121,7 @@ def test_manifest_logs_and_data_set_in_an_object_store(tmp_path, store) -> None:
     with manifest.open("a", encoding="utf-8") as file:
         file.write("logs/none.parquet,truck 0,A,truck.toml,steel,2026-02-01\n")
     store.put(str(tmp_path / "local"), "depot/fleet", recursive=True)
-    local = run(str(manifest), str(tmp_path / "out"), settings=FAST, jobs=1)
+    local = run(manifest, tmp_path / "out", settings=FAST, jobs=1)
     remote = run("s3://depot/fleet/manifest.csv", "s3://depot/out", settings=FAST, jobs=2)
     assert (remote.new, remote.failed) == (local.new, local.failed) == (3, 1)
     assert "no such file" in remote.errors[0][1]

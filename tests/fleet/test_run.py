@@ -18,7 +18,7 @@ def rows(path, name):
 def fleet(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fleet")
     manifest = make_fleet(folder, trucks=1, trips=6, changed_from=3)
-    result = run(str(manifest), str(folder / "out"), settings=FAST, jobs=1)
+    result = run(manifest, folder / "out", settings=FAST, jobs=1)
     return folder, manifest, result
 
 
@@ -38,16 +38,16 @@ def test_estimates_and_the_change_of_tyres(fleet) -> None:
 def test_a_trip_that_is_done_is_not_done_again(fleet, tmp_path) -> None:
     folder, manifest, _ = fleet
     before = Dataset(str(folder / "out")).index()
-    again = run(str(manifest), str(folder / "out"), settings=FAST, jobs=1)
+    again = run(manifest, folder / "out", settings=FAST, jobs=1)
     assert (again.new, again.unchanged) == (0, 6)
     assert Dataset(str(folder / "out")).index().equals(before)
 
 
 def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> None:
     manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
-    run(str(manifest), str(out), settings=FAST, jobs=1)
+    run(manifest, out, settings=FAST, jobs=1)
     first = rows(out, "trucks")
-    other = run(str(manifest), str(out), settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
+    other = run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
     assert other.new == 2
     assert len(Dataset(str(out)).index()) == 2
     assert rows(out, "trucks")[0]["trips"] == 2
@@ -65,7 +65,7 @@ def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
     given[-1]["log"] = given[1]["log"]
     given = given[:1] + given[2:]
     write_manifest(manifest, given)
-    result = run(str(manifest), str(out), settings=FAST, jobs=1)
+    result = run(manifest, out, settings=FAST, jobs=1)
     assert (result.new, result.failed) == (1, 3)
     messages = " ".join(message for _, message in result.errors)
     assert "cut short or damaged" in messages
@@ -73,7 +73,7 @@ def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
     errors = [row["error"] for row in Dataset(str(out)).index().to_pylist() if row["error"]]
     assert len(errors) == 3
     (tmp_path / "none.csv").write_bytes((tmp_path / given[0]["log"]).read_bytes())
-    again = run(str(manifest), str(out), settings=FAST, jobs=1)
+    again = run(manifest, out, settings=FAST, jobs=1)
     assert again.unchanged + again.new == 4 - again.failed
     assert again.failed == 0, "a missing log is tried again, a damaged one is not"
 
@@ -82,7 +82,7 @@ def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None
     manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
     text = manifest.read_text().replace("truck 0", "<script>alert(1)</script>").replace(",A,", ",<b>A</b>,")
     manifest.write_text(text + text.splitlines()[-1].replace("truck0_1", "<img>") + "\n")
-    run(str(manifest), str(out), settings=FAST, fleet=FleetSettings(wear=0.001), jobs=1)
+    run(manifest, out, settings=FAST, fleet=FleetSettings(wear=0.001), jobs=1)
     attention = report(out, tmp_path / "fleet.html")
     assert {"not processed", "tyre wear"} <= {item.kind for item in attention}
     page = (tmp_path / "fleet.html").read_text()
@@ -95,7 +95,7 @@ def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None
 def test_load_height_beyond_a_limit(tmp_path) -> None:
     manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
     settings = fw.OneStage(consider={})
-    run(str(manifest), str(out), settings=settings, fleet=FleetSettings(height_limit=0.5), jobs=1)
+    run(manifest, out, settings=settings, fleet=FleetSettings(height_limit=0.5), jobs=1)
     (finding,) = report(out, tmp_path / "fleet.html")
     assert finding.kind == "load height"
     assert "steel" in finding.text

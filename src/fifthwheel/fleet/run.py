@@ -71,8 +71,8 @@ class FleetRun:
 
 
 def run(
-    manifest: str | Sequence[Trip],
-    out: str,
+    manifest: str | Path | Sequence[Trip],
+    out: str | Path,
     *,
     settings: OneStage | None = None,
     fleet: FleetSettings | None = None,
@@ -99,7 +99,7 @@ def run(
         FifthwheelError: the manifest or the data set cannot be read or written, another run writes to the same folder,
             or no scheduler answers.
     """
-    trips = read_manifest(str(manifest)) if isinstance(manifest, str) else list(manifest)
+    trips = read_manifest(str(manifest)) if isinstance(manifest, str | Path) else list(manifest)
     dataset, settings, fleet = Dataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
     result = FleetRun(path=dataset.path, trips=len(trips))
     with ExitStack() as stack:
