@@ -2,6 +2,7 @@
 
     python benchmarks/fleet.py overhead --trips 40        CPU time per trip: identification alone, and in a run
     python benchmarks/fleet.py scale --trips 2000         memory and throughput of a local cluster
+    python benchmarks/fleet.py queue --trips 10000        the same without identification: the logs are missing
     python benchmarks/fleet.py coverage --trucks 30       coverage and changes on logs of the linear model
 
 CPU times count, because other processes may use the machine.
@@ -79,7 +80,11 @@ def cpu():
 
 def scale(folder, trips, jobs, settings):
     """A run on a local cluster."""
-    manifest = make(folder, trips, trucks=max(trips // 20, 1), rate=25.0)
+    measure(folder, make(folder, trips, trucks=max(trips // 20, 1), rate=25.0), jobs, settings)
+
+
+def measure(folder, manifest, jobs, settings):
+    """Memory and time of a run."""
     peaks = Peaks()
     peaks.start()
     start, used = time.monotonic(), cpu()
@@ -95,8 +100,17 @@ def scale(folder, trips, jobs, settings):
         f"{result.trips} trips: {result.new} new, {result.failed} failed, {result.lost} lost, {result.changes} changes"
     )
     print(f"wall {wall:.1f} s, CPU of all processes {cpu() - used:.1f} s, of trips {result.seconds:.1f} s")
-    print(f"logs {result.hours:.2f} h: {result.hours / result.seconds:.4f} trip-hours per s of CPU of a worker")
+    if result.seconds:
+        print(f"logs {result.hours:.2f} h: {result.hours / result.seconds:.4f} trip-hours per s of CPU of a worker")
     print(f"largest memory: this process with the scheduler {peaks.own:.0f} MB, a worker {peaks.child:.0f} MB")
+
+
+def queue(folder, trips, jobs):
+    """Trips whose logs are missing: the work of scheduler, rows and tables without identification."""
+    folder.mkdir(parents=True)
+    lines = [f"logs/{k}.parquet,truck {k % 500},cheng_cebon_2011" for k in range(trips)]
+    (folder / "manifest.csv").write_text("\n".join(["log,truck,vehicle", *lines]) + "\n")
+    measure(folder, str(folder / "manifest.csv"), jobs, fw.OneStage())
 
 
 def overhead(folder, trips, count):
@@ -158,7 +172,7 @@ def coverage(folder, trucks, trips, jobs):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["overhead", "scale", "coverage"])
+    parser.add_argument("what", choices=["overhead", "scale", "queue", "coverage"])
     parser.add_argument("--trips", type=int, default=20)
     parser.add_argument("--trucks", type=int, default=30)
     parser.add_argument("--count", type=int, default=1, help="lane changes in a log")
@@ -168,6 +182,8 @@ def main():
         folder = Path(name) / "fleet"
         if given.what == "overhead":
             overhead(folder, given.trips, given.count)
+        elif given.what == "queue":
+            queue(folder, given.trips, given.jobs)
         elif given.what == "scale":
             scale(folder, given.trips, given.jobs, LIGHT)
         else:
