@@ -47,6 +47,8 @@ ROOMS = (
     "workflow",
     "live",
     "app",
+    "cluster",
+    "fleet",
     "studies",
     "cli",
 )

@@ -22,6 +22,7 @@ PACKAGES = (
     "plant",
     "assess",
     "report",
+    "fleet",
     "studies",
 )
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     vehicle = get
 
+    from fifthwheel import fleet as fleet
     from fifthwheel import plot as plot
     from fifthwheel.assess import Assessment as Assessment
     from fifthwheel.assess import Body as Body
@@ -103,6 +104,7 @@ _MODULES = {
     "exact_guess": "studies",
     "export_c": "export",
     "export_fmu": "export",
+    "fleet": "",
     "identify": "",
     "linear_system": "dynamics",
     "plot": "",

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from fifthwheel.cluster import connected
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import OneStage, TwoStage
 from fifthwheel.identify.online import Learner, LearnerSettings
@@ -298,3 +299,13 @@ def test_columns_that_some_runs_do_not_have_are_null() -> None:
     table = as_table([{**name, "rms.roll.a": 1.0}, {**name, "rms.yaw.b": 2.0}])
     assert table.column("rms.roll.a").to_pylist() == [1.0, None]
     assert table.column("rms.yaw.b").to_pylist() == [None, 2.0]
+
+
+@pytest.mark.slow
+def test_a_study_on_a_dask_cluster_is_that_of_one_process(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    estimators = {"own": MeanYawRate()}
+    one = run(tmp_path / "one.parquet", estimators, jobs=1)
+    with connected(jobs=2) as client:
+        two = run(tmp_path / "two.parquet", estimators, scheduler=client.scheduler.address)
+    assert without_time(one) == without_time(two)

@@ -14,6 +14,7 @@ from fifthwheel.cli import (  # importing a command registers it
     check,  # noqa: F401
     design,  # noqa: F401
     export,  # noqa: F401
+    fleet,  # noqa: F401
     identify,  # noqa: F401
     live,  # noqa: F401
     reproduce,  # noqa: F401

@@ -23,6 +23,14 @@ export_app = typer.Typer(
 app.add_typer(export_app, name="export")
 
 
+fleet_app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Many trips of many trucks: identify, combine, follow changes.",
+)
+app.add_typer(fleet_app, name="fleet")
+
+
 class _VehicleGroup(TyperGroup):
     """Commands on vehicles; another word is the name of a vehicle of the catalogue."""
 

@@ -11,9 +11,9 @@ from fifthwheel import dynamics
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
-from fifthwheel.names import ACCELEROMETER, PLACE_KINDS, ParameterPath, SignalName, ends_with
+from fifthwheel.names import ACCELEROMETER, PLACE_KINDS, ParameterPath, SensorErrorName, SignalName, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.uncertainty import changes
+from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
@@ -157,6 +157,15 @@ def lacks_roll_rate(name: str, channels: Container[str]) -> bool:
     """
     unit = ParameterPath.of(name).unit
     return any(ends_with(name, key) for key in ROLL_PARAMETERS) and f"roll_rate.{unit}" not in channels
+
+
+def unit_of_unknown(unknown: str) -> str:
+    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters; "" for
+    the mass scale of all units."""
+    if unknown == MASS_SCALE:
+        return ""
+    error = SensorErrorName.of(unknown)
+    return SignalName.of(error.signal).unit if error else ParameterPath.of(unknown).unit
 
 
 def longest_matching_key(path: str, table: Mapping[str, float]) -> str | None:

@@ -50,6 +50,7 @@ def study(
     guess: Guess = initial_guess,
     settling_time: float = 0.0,
     jobs: int | None = None,
+    scheduler: str | None = None,
     progress: Progress = lambda *_: None,
 ) -> pa.Table:
     """Simulate and estimate every combination of truck, manoeuvre, sensors, estimator and seed.
@@ -76,13 +77,16 @@ def study(
             only, `exact_guess`.
         settling_time: time at the start of each run that the rms errors of the states leave out, s.
         jobs: processes; by default one per core. More than one needs functions at the top level of a module.
+        scheduler: address of a Dask scheduler that runs the estimators instead, as of `fifthwheel.cluster.connected`;
+            its workers import the functions from the same modules.
         progress: called while trucks are simulated and runs end.
 
     Returns:
         The content of `out`.
 
     Raises:
-        FifthwheelError: `out` is not the table of a study, another process writes to it, or a worker was killed.
+        FifthwheelError: `out` is not the table of a study, another process writes to it, a worker was killed, or the
+            scheduler does not answer.
         SignalError: a nonlinear manoeuvre cannot be simulated. What fails in a single run is in its row.
 
     Example:
@@ -120,7 +124,7 @@ def study(
                 setup = _Setup(
                     scenarios=scenarios, estimators=methods, guess=guess, settling_time=settling_time, digests=digests
                 )
-                for k, (name, rows) in enumerate(run_all(_run, setup, todo, jobs=jobs), start=1):
+                for k, (name, rows) in enumerate(run_all(_run, setup, todo, jobs=jobs, scheduler=scheduler), start=1):
                     results.add(name, rows)
                     progress("estimating", k, len(todo))
         finally:

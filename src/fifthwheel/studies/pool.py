@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+from fifthwheel.cluster import Lost, connected, run_on
 from fifthwheel.errors import FifthwheelError
 
 S = TypeVar("S")
@@ -22,7 +23,12 @@ _shared: list[Any] = []
 
 
 def run_all(
-    function: Callable[[S, T], R], shared: S, tasks: Sequence[T], *, jobs: int | None = None
+    function: Callable[[S, T], R],
+    shared: S,
+    tasks: Sequence[T],
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
 ) -> Iterator[tuple[T, R]]:
     """Each task with its result, in the order in which they end.
 
@@ -33,10 +39,20 @@ def run_all(
         shared: sent once to each process.
         tasks: may be pickled.
         jobs: processes; by default one per core, up to `MAX_PROCESSES`. 1 computes in this process.
+        scheduler: address of a Dask scheduler that computes instead of processes.
 
     Raises:
-        FifthwheelError: `shared` or the function cannot be pickled, or a process was ended from outside.
+        FifthwheelError: `shared` or the function cannot be pickled, a process was ended from outside, or the scheduler
+            does not answer.
     """
+    if scheduler is not None:
+        _require_picklable(function, shared)
+        with connected(scheduler) as client:
+            for task, result in run_on(client, function, shared, tasks):
+                if isinstance(result, Lost):
+                    raise FifthwheelError(f"{task}: {result.reason}; give the workers more memory")
+                yield task, result
+        return
     jobs = min(os.cpu_count() or 1, MAX_PROCESSES) if jobs is None else jobs
     if jobs <= 1 or len(tasks) <= 1:
         for task in tasks:

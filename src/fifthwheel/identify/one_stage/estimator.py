@@ -27,7 +27,7 @@ from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
 from fifthwheel.identify.one_stage.problem import Directions, Problem
-from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.one_stage.solution import Solution, linearise
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
@@ -59,6 +59,19 @@ def identify_one_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in one stage; arguments and errors as in `identify`."""
+    solution = solve_one_stage(records, vehicle, settings, validate=validate, progress=progress)
+    return build_identification(solution, linearise(solution))
+
+
+def solve_one_stage(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: OneStage,
+    *,
+    validate: Sequence[Record] = (),
+    progress: Progress = lambda *_: None,
+) -> Solution:
+    """The maximum of the posterior; arguments and errors as in `identify`."""
     dataset = prepare_dataset(records, vehicle, settings, validate)
     outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
     free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True))
@@ -75,7 +88,7 @@ def identify_one_stage(
         model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=settings.nuisances, free=free, extended=True),
         estimated=tuple(estimated),
     )
-    return build_identification(estimator.solve(progress))
+    return estimator.solve(progress)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.one_stage.solution import Linearisation, Solution, linearise
+from fifthwheel.identify.one_stage.solution import Linearisation, Solution
 from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Estimate, Identification, LogSummary
 from fifthwheel.identify.settings import OneStage
@@ -24,10 +24,9 @@ from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 
 
-def build_identification(solution: Solution) -> Identification:
+def build_identification(solution: Solution, linearisation: Linearisation) -> Identification:
     """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs."""
     dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
-    linearisation = linearise(solution)
     posterior, doubts = linearisation.posterior, find_doubts(solution, linearisation)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
     given = dataset.initial_vehicle.parameters()

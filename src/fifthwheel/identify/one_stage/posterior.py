@@ -59,7 +59,7 @@ class Posterior:
         H = information[np.ix_(free, free)]
         M = H if scores is None else scores[np.ix_(free, free)]
         P = np.linalg.inv(np.eye(len(H)) + H)
-        widening = np.sqrt(np.maximum(np.diag(P @ (np.eye(len(H)) + M) @ P) / np.diag(P), 1.0))
+        widening = model_error_factors(P, M)
         shift = -P @ information[np.ix_(free, fixed)]
         covariance = np.eye(k)
         covariance[np.ix_(free, free)] = P * np.outer(widening, widening) + shift @ shift.T
@@ -98,6 +98,11 @@ class Posterior:
         reduction = self.covariance[i] ** 2 / np.diag(self.covariance)
         reduction[i] = 0.0
         return int(np.argmax(reduction))
+
+
+def model_error_factors(P: Array, M: Array) -> Array:
+    """d (k,) of the second equation of this module, from P (k, k) and M (k, k)."""
+    return np.sqrt(np.maximum(np.diag(P @ (np.eye(len(P)) + M) @ P) / np.diag(P), 1.0))
 
 
 def without(information: Array, indices: Sequence[int]) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import Dataset
 from fifthwheel.identify.doubts import ScoreTest, score_tests
@@ -43,6 +44,10 @@ class Linearisation:
     """What follows from the logs, linearised at a solution."""
 
     posterior: Posterior
+    gradient: Array
+    """Of the loss of the logs (k,), without the prior."""
+    score_covariance: Array
+    """Long-run covariance of the sum of the scores (k, k)."""
     history: ParameterHistory
     """How the estimates would have developed sample after sample."""
     tests: tuple[ScoreTest, ...]
@@ -103,4 +108,10 @@ def linearise(solution: Solution) -> Linearisation:
         considered=considered,
         nuisances=problem.nuisances,
     )
-    return Linearisation(posterior=posterior, history=history, tests=tuple(tests))
+    return Linearisation(
+        posterior=posterior,
+        gradient=gradient,
+        score_covariance=score_covariance,
+        history=history,
+        tests=tuple(tests),
+    )

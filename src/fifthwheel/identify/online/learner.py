@@ -22,14 +22,13 @@ from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
+from fifthwheel.identify.parameters import Unknown, lacks_roll_rate, unit_of_unknown
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
-from fifthwheel.names import ParameterPath, SensorErrorName, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.observe import Status
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -291,7 +290,7 @@ class Learner:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
         problem = self._live.problem
         tractor = problem.vehicle.units[0].name
-        places = [i for i, name in enumerate(problem.names) if (_unit_of(name) in (tractor, "")) == of_tractor]
+        places = [i for i, name in enumerate(problem.names) if (unit_of_unknown(name) in (tractor, "")) == of_tractor]
         return self._block_of(places)
 
     def _block_of(self, places: Sequence[int]) -> EstimateBlock:
@@ -360,15 +359,6 @@ class Learner:
                 "with the version that wrote it"
             ) from error
         return learner
-
-
-def _unit_of(unknown: str) -> str:
-    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters; "" for
-    the mass scale of all units."""
-    if unknown == MASS_SCALE:
-        return ""
-    error = SensorErrorName.of(unknown)
-    return SignalName.of(error.signal).unit if error else ParameterPath.of(unknown).unit
 
 
 def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:

@@ -101,8 +101,8 @@ def crosses(time: Array, values: Array, texts: Sequence[str], name: str, colour:
     return {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": y, "text": list(texts), "marker": marker}
 
 
-def vertical(at: float) -> Figure:
-    """A vertical line across the figure."""
+def vertical(at: float | str) -> Figure:
+    """A vertical line across the figure, at a number or a date."""
     style = {"color": "#bbbbbb", "width": 1}
     return {"type": "line", "xref": "x", "yref": "paper", "x0": at, "x1": at, "y0": 0, "y1": 1, "line": style}
 

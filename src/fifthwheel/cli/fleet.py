@@ -1,0 +1,144 @@
+"""fifthwheel fleet"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fifthwheel._atomic import reserved
+from fifthwheel.cli import options, terminal
+from fifthwheel.cli.app import command, fleet_app
+
+if TYPE_CHECKING:
+    from fifthwheel.fleet import FleetRun
+
+
+@command(
+    "fifthwheel fleet run manifest.csv --out fleet",
+    "fifthwheel fleet run manifest.csv --out fleet --jobs 1",
+    "fifthwheel fleet run s3://depot/manifest.parquet --out s3://depot/fleet --scheduler tcp://10.0.0.5:8786",
+    "fifthwheel fleet run manifest.csv -o fleet --fix payload.height --sensor steer_delay=5ms --height-limit 2.4m",
+    of=fleet_app,
+)
+def run(
+    manifest: Annotated[
+        str,
+        typer.Argument(
+            help="CSV or Parquet with a row for each trip: log, truck, trailer, vehicle, signals, load, date. A path, "
+            "also in an object store such as s3://.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        str, typer.Option("--out", "-o", help="Data set: a folder, or a prefix of an object store. Trips are added.")
+    ] = "fifthwheel-fleet",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of your own Dask scheduler, such as tcp://10.0.0.5:8786. Default: a local cluster."),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes of the local cluster. Default: one per core. 1: this process only."),
+    ] = None,
+    tyre_walk: Annotated[
+        float, typer.Option(help="Drift of a cornering stiffness in a day, as a fraction of its value.")
+    ] = 0.005,
+    false_alarms: Annotated[
+        float, typer.Option(help="Probability of a false change in the whole fleet, at most.")
+    ] = 0.05,
+    wear: Annotated[
+        float, typer.Option(help="Drift of a cornering stiffness that needs attention, as a fraction.")
+    ] = 0.15,
+    height_limit: Annotated[
+        str | None, typer.Option(help="Payload height that needs attention, with a unit; a number is in m.")
+    ] = None,
+    fix: options.FixOption = None,
+    consider: options.ConsiderOption = None,
+    sensor: options.SensorOption = None,
+    check: options.CheckOption = True,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Identify every trip of a fleet that the data set does not have yet, and combine all trips of each truck.
+
+    A damaged trip is recorded with its error and does not stop the run. Finished trips are kept when the run is
+    interrupted or killed; run it again to continue. The data set has the tables trips/, trucks.parquet,
+    trailers.parquet, history.parquet and changes.parquet, in SI. Several processes need
+    `pip install 'fifthwheel[fleet]'`.
+    """
+    from dataclasses import replace
+    from typing import Any
+
+    from fifthwheel.fleet import FleetSettings
+    from fifthwheel.fleet import run as run_fleet
+    from fifthwheel.identify import OneStage
+    from fifthwheel.units import quantity
+    from fifthwheel.workflow.settings import considered_sigmas, sensor_sigmas
+
+    limit = None if height_limit is None else quantity(_with_unit(height_limit), "m")
+    chosen = FleetSettings(tyre_walk=tyre_walk, false_alarms=false_alarms, wear=wear, height_limit=limit)
+    considered = {**OneStage().consider, **considered_sigmas(consider)}
+    sensors: dict[str, Any] = {f"{name}_prior": sigma for name, sigma in sensor_sigmas(sensor).items()}
+    settings = replace(
+        OneStage(),
+        fixed=tuple(fix or ()),
+        check=check,
+        consider={name: sigma for name, sigma in considered.items() if sigma},
+        **sensors,
+    )
+    with terminal.progress_bar(quiet=as_json) as progress:
+        result = run_fleet(
+            manifest, out, settings=settings, fleet=chosen, scheduler=scheduler, jobs=jobs, progress=progress
+        )
+    if as_json:
+        terminal.print_json(result.as_dict())
+    else:
+        _print(result)
+
+
+@command(
+    "fifthwheel fleet report fleet",
+    "fifthwheel fleet report s3://depot/fleet --out fleet.html --json",
+    of=fleet_app,
+)
+def report(
+    dataset: Annotated[str, typer.Argument(help="What `fifthwheel fleet run --out` wrote.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write.")] = Path("fleet.html"),
+    force: options.ForceFileOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Write one HTML page: what needs attention, the fleet's tables, and the history of every truck."""
+    from fifthwheel.fleet import report as write_report
+
+    with reserved(out, force=force):
+        attention = write_report(dataset, out)
+    if as_json:
+        rows = [vars(a) | {"date": a.date.isoformat() if a.date else None} for a in attention]
+        terminal.print_json({"file": str(out), "attention": rows})
+        return
+    from fifthwheel.errors import printable
+
+    for finding in attention:
+        typer.echo(printable(f"{finding.truck}: {finding.kind}: {finding.text}"))
+    typer.echo(f"Written: {out}")
+
+
+def _with_unit(text: str) -> str:
+    """A height with a unit; a number is in metres."""
+    try:
+        return f"{float(text)} m"
+    except ValueError:
+        return text
+
+
+def _print(result: "FleetRun") -> None:
+    """What a run did, in words."""
+    from fifthwheel.errors import printable
+
+    counts = {"new": result.new, "unchanged": result.unchanged, "failed": result.failed, "lost": result.lost}
+    words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    typer.echo(f"{result.trips} trips: {words}")
+    if result.seconds:
+        typer.echo(f"{result.hours:.3g} h of logs in {result.seconds:.1f} s of CPU time")
+    for subject, message in result.errors:
+        typer.echo(printable(f"{subject}: {message}"), err=True)
+    typer.echo(f"{result.changes} changes. Written: {result.path}; next: fifthwheel fleet report {result.path}")

@@ -1,0 +1,129 @@
+"""Many independent tasks on a Dask cluster: a local one, or any by its address."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, TypeVar
+
+from fifthwheel._extras import require
+from fifthwheel.errors import FifthwheelError
+
+S = TypeVar("S")
+T = TypeVar("T")
+R = TypeVar("R")
+
+WORKER_MEMORY = "1GB"
+"""Limit of each local worker; it is restarted beyond it, and its task is tried again."""
+TIMEOUT = 20.0
+"""For a scheduler to answer, s."""
+LOCAL_TIMEOUT = "3s"
+"""For a worker of a local cluster to answer."""
+AHEAD = 4
+"""Tasks that the scheduler holds for each worker thread; the others wait here, so that its memory is bounded."""
+REFRESH = 64
+"""Results after which the number of workers is looked at again: workers may join and leave."""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Instead of a result: a task that ended its worker again and again."""
+
+    reason: str
+
+
+@contextmanager
+def connected(scheduler: str | None = None, *, jobs: int | None = None) -> Iterator[Any]:
+    """A client of a Dask cluster (`distributed.Client`).
+
+    Args:
+        scheduler: address such as "tcp://10.0.0.5:8786", whose workers have this version of fifthwheel. A scheduler
+            can run any code on its clients' data and workers: connect only to your own. None starts a local cluster
+            of processes, which listens on 127.0.0.1 only and ends with the block.
+        jobs: processes of the local cluster; by default one per core.
+
+    Raises:
+        FifthwheelError: Dask is not installed, or no scheduler answers.
+    """
+    distributed = require("distributed", "fleet")
+    dask = require("dask", "fleet")
+    cluster, local = None, {} if scheduler else {"distributed.comm.timeouts.connect": LOCAL_TIMEOUT}
+    with dask.config.set(local):
+        try:
+            if scheduler is None:
+                cluster = distributed.LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",  # cannot be switched off; a free port, of this machine only
+                    memory_limit=WORKER_MEMORY,
+                    silence_logs="ERROR",
+                    env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                )
+            try:
+                client = distributed.Client(cluster or scheduler, timeout=TIMEOUT, set_as_default=False)
+            except (OSError, ValueError, TimeoutError) as error:
+                raise FifthwheelError(
+                    f"scheduler: {scheduler} does not answer ({error}); expected the address of a Dask scheduler, such"
+                    " as tcp://10.0.0.5:8786"
+                ) from None
+            with client:
+                yield client
+        finally:
+            if cluster is not None:
+                cluster.close()
+
+
+def run_on(
+    client: Any, function: Callable[[S, T], R], shared: S, tasks: Sequence[T] | Iterator[T]
+) -> Iterator[tuple[T, R | Lost]]:
+    """Each task with its result, in the order in which they end.
+
+    A task whose worker ended is tried again on another one; after the number of attempts of the cluster's
+    configuration (distributed.scheduler.allowed-failures) the result is `Lost`. When the iteration ends early, tasks
+    that have not started are cancelled.
+
+    Args:
+        client: of `connected`.
+        function: at the top level of a module that the workers can import; takes `shared` and a task.
+        shared: sent once to the scheduler, and from there to each worker.
+        tasks: consumed as the cluster can take them.
+    """
+    distributed = require("distributed", "fleet")
+    remaining = iter(tasks)
+    common = client.submit(_itself, shared, pure=False)  # not scattered: a task survives the loss of all workers
+    running: dict[Any, T] = {}
+    done = 0
+
+    def submit(count: int) -> list[Any]:
+        futures = []
+        for task in islice(remaining, max(count, 0)):
+            future = client.submit(function, common, task, pure=False)
+            running[future] = task
+            futures.append(future)
+        return futures
+
+    limit = AHEAD * max(sum(client.nthreads().values()), 1)
+    ended = distributed.as_completed(submit(limit), loop=client.loop, raise_errors=False)
+    try:
+        for future in ended:
+            task, error = running.pop(future), future.exception()
+            if error is None:
+                yield task, future.result()
+            elif isinstance(error, distributed.KilledWorker):
+                yield task, Lost(f"its worker ended {error.allowed_failures + 1} times, for example for lack of memory")
+            else:
+                raise error
+            future.release()
+            done += 1
+            if done % REFRESH == 0:
+                limit = AHEAD * max(sum(client.nthreads().values()), 1)
+            for new in submit(limit - len(running)):
+                ended.add(new)
+    finally:
+        client.cancel(list(running))
+
+
+def _itself(value: T) -> T:
+    return value

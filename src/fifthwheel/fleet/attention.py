@@ -1,0 +1,121 @@
+"""What in a fleet needs attention, from its tables."""
+
+import datetime
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fifthwheel.fleet.changes import OUTLIER
+from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.formatting import fixed, percent, with_sigma
+from fifthwheel.identify.doubts import DoubtKind
+from fifthwheel.names import ParameterPath
+
+REPEATED = 2
+"""Trips with a doubt about the same sensor from which it needs attention."""
+
+Table = Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Attention:
+    """One thing that needs attention."""
+
+    truck: str
+    kind: str
+    """"tyres changed", "load changed", "sensor", "outlier", "tyre wear", "load height" or "not processed"."""
+    date: datetime.datetime | None
+    text: str
+    """What was found, and what to do."""
+
+
+def find_attention(tables: Mapping[str, Table], settings: FleetSettings) -> list[Attention]:
+    """What needs attention, by truck.
+
+    Args:
+        tables: rows of "trips", "trucks", "trailers" and "changes".
+        settings: with the limits.
+    """
+    found = [
+        *map(_change, tables["changes"]),
+        *_wear([*tables["trucks"], *tables["trailers"]], settings.wear),
+        *_heights(tables["trailers"], settings.height_limit),
+        *_sensors(tables["trips"]),
+        *_failed(tables["trips"]),
+    ]
+    return sorted(found, key=lambda item: (item.truck, item.kind))
+
+
+def _change(row: Mapping[str, Any]) -> Attention:
+    kind, subject, day = row["kind"], row["subject"], _day(row["date"])
+    if kind == OUTLIER:
+        text = f"The trip of {day} ({row['log']}) differs from those before and after it; look at its log."
+        return Attention(row["truck"], "outlier", row["date"], text)
+    moved = f"{row['parameter']} {percent(row['value'] / row['before'] - 1)}" if row["before"] else subject
+    when = f"between {_day(row['after'])} and {day}"
+    cure = {
+        "tyres": f"The tyres of {subject} changed {when} ({moved}). If nobody replaced them, check pressure and tread.",
+        "load": f"The load of {subject} changed {when} ({moved}). Give the trips from {day} on another load name.",
+        "sensor": f"The sensor {subject} changed {when}. Check its mounting and calibration.",
+    }
+    title = "sensor" if kind == "sensor" else f"{kind} changed"
+    return Attention(row["truck"], title, row["date"], f"{cure[kind]} Probability {percent(row['probability'])}.")
+
+
+def _wear(rows: Table, limit: float) -> Iterator[Attention]:
+    for row in rows:
+        if ParameterPath.of(row["parameter"]).quantity != "cornering_stiffness" or not row["first_value"]:
+            continue
+        change = row["value"] / row["first_value"] - 1
+        if abs(change) > limit:
+            now = with_sigma(row["value"], row["sigma"], row["unit"])
+            text = (
+                f"{row['parameter']} drifted by {percent(change)} to {now} in {row['trips']} trips; "
+                "check tread and pressure."
+            )
+            yield Attention(row["truck"], "tyre wear", row["date"], text)
+
+
+def _heights(rows: Table, limit: float | None) -> Iterator[Attention]:
+    for row in rows:
+        if limit is None or not ParameterPath.of(row["parameter"]).is_payload_height or row["value"] <= limit:
+            continue
+        of_load = f" of load {row['load']!r}" if row["load"] else ""
+        text = (
+            f"{row['parameter']}{of_load} on trailer {row['trailer']!r} is"
+            f" {with_sigma(row['value'], row['sigma'], row['unit'])}, above {fixed(limit, 2)} m."
+        )
+        yield Attention(row["truck"], "load height", row["date"], text)
+
+
+def _sensors(trips: Table) -> Iterator[Attention]:
+    counts: Counter[tuple[str, str]] = Counter()
+    last: dict[tuple[str, str], datetime.datetime] = {}
+    for trip in trips:
+        for doubt in trip["doubts"] or ():
+            kind, _, causes = doubt.partition(": ")
+            if kind == DoubtKind.SENSOR:
+                key = (trip["truck"], causes)
+                counts[key] += 1
+                last[key] = trip["date"]
+    for (truck, cause), count in counts.items():
+        if count >= REPEATED:
+            text = f"{cause} is unusual in {count} trips; check this sensor and the signal map."
+            yield Attention(truck, "sensor", last[truck, cause], text)
+
+
+def _failed(trips: Table) -> Iterator[Attention]:
+    failed: dict[str, list[Mapping[str, Any]]] = {}
+    for trip in trips:
+        if trip["error"]:
+            failed.setdefault(trip["truck"], []).append(trip)
+    for truck, rows in failed.items():
+        count = f"{len(rows)} trips were" if len(rows) > 1 else "1 trip was"
+        yield Attention(
+            truck, "not processed", rows[0]["date"], f"{count} not processed; the first: {rows[0]['error'][:300]}"
+        )
+
+
+def _day(date: datetime.datetime) -> str:
+    return f"{date:%Y-%m-%d}"

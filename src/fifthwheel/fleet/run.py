@@ -1,0 +1,150 @@
+"""A run over a fleet: every trip that is not done, then the combination of all trips."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fifthwheel import __version__
+from fifthwheel._atomic.locks import held
+from fifthwheel.cluster import Lost, connected, run_on
+from fifthwheel.fleet import storage
+from fifthwheel.fleet.changes import WINDOWS
+from fifthwheel.fleet.dataset import Dataset, batches
+from fifthwheel.fleet.manifest import Trip, read_manifest
+from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
+from fifthwheel.fleet.trips import Outcome, TripJob, process_trip
+from fifthwheel.identify import OneStage
+
+Progress = Callable[[str, int, int], None]
+"""Called with a title, the steps done and all steps."""
+SHOWN_ERRORS = 20
+"""Errors that a summary keeps; all of them are in the table of trips."""
+JOIN_AFTER = 2000
+"""New trips after which their rows are joined during a run."""
+
+
+@dataclass(kw_only=True)
+class FleetRun:
+    """What a run did."""
+
+    path: str
+    """Of the data set."""
+    trips: int = 0
+    """In the manifest."""
+    new: int = 0
+    unchanged: int = 0
+    failed: int = 0
+    lost: int = 0
+    """Trips that ended their worker again and again; the next run tries them once more."""
+    hours: float = 0.0
+    """Length of the new logs, h."""
+    seconds: float = 0.0
+    """CPU time of the workers for new trips, s."""
+    changes: int = 0
+    errors: list[tuple[str, str]] = field(default_factory=list)
+    """The first errors: log or truck, and message."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """All fields by name."""
+        return {**vars(self), "errors": [list(pair) for pair in self.errors]}
+
+    def count(self, trip: Trip, outcome: Outcome | Lost) -> None:
+        """Add the outcome of a trip."""
+        if isinstance(outcome, Lost):
+            self.lost += 1
+            self._note(trip.log, outcome.reason)
+            return
+        setattr(self, outcome.state, getattr(self, outcome.state) + 1)
+        if outcome.state == "new":
+            self.hours += outcome.duration / 3600
+            self.seconds += outcome.seconds
+        elif outcome.state == "failed":
+            self._note(trip.log, outcome.error)
+
+    def _note(self, subject: str, message: str) -> None:
+        if len(self.errors) < SHOWN_ERRORS:
+            self.errors.append((subject, message))
+
+
+def run(
+    manifest: str | Path | Sequence[Trip],
+    out: str | Path,
+    *,
+    settings: OneStage | None = None,
+    fleet: FleetSettings | None = None,
+    scheduler: str | None = None,
+    jobs: int | None = None,
+    progress: Progress = lambda *_: None,
+) -> FleetRun:
+    """Identify every trip of a manifest that the data set does not have, and combine all trips of each truck.
+
+    A trip is done if the content of its log, signal map and vehicle file, its labels in the manifest, the settings and
+    the version of this package are the same. Finished trips are kept when the run is interrupted or killed. An error
+    of a trip is recorded in the table of trips and does not stop the run.
+
+    Args:
+        manifest: path of a CSV or Parquet file (`read_manifest`), or its trips.
+        out: data set: a folder, or a prefix of an object store such as s3://bucket/fleet.
+        settings: of the identification of each trip; by default `OneStage()`.
+        fleet: of the combination.
+        scheduler: address of a Dask scheduler, as of `fifthwheel.cluster.connected`; None starts a local cluster.
+        jobs: processes of the local cluster, by default one per core; 1 computes in this process, without Dask.
+        progress: called while trips end.
+
+    Raises:
+        FifthwheelError: the manifest or the data set cannot be read or written, another run writes to the same folder,
+            or no scheduler answers.
+    """
+    trips = read_manifest(str(manifest)) if isinstance(manifest, str | Path) else list(manifest)
+    dataset, settings, fleet = Dataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
+    result = FleetRun(path=dataset.path, trips=len(trips))
+    with ExitStack() as stack:
+        if not storage.is_remote(dataset.path):
+            Path(dataset.path).mkdir(parents=True, exist_ok=True)
+            stack.enter_context(held(Path(dataset.path) / "fleet.lock", subject=Path(dataset.path)))
+        if scheduler is None and jobs == 1:
+            execute: Any = _in_this_process
+        else:
+            execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
+        dataset.join()
+        dataset.write_settings({"version": __version__, "fleet": fleet.as_dict(), "identification": settings.as_dict()})
+        job = TripJob(folder=dataset.folder, settings=settings, done=dataset.digests())
+        for k, (trip, outcome) in enumerate(execute(process_trip, job, trips), start=1):
+            result.count(trip, outcome)
+            progress("trips", k, len(trips))
+            if not k % JOIN_AFTER:
+                dataset.join()
+        dataset.join()
+        _combine(dataset, fleet, execute, result, progress)
+    return result
+
+
+def _combine(dataset: Dataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
+    """Combine all trips, and replace the tables of trucks, trailers, histories and changes."""
+    index = dataset.index()
+    groups = list(batches(index))
+    count = sum(len(digests) for group in groups for _, digests in group)
+    job = CombinationJob(
+        path=dataset.path, settings=fleet, false_alarm=fleet.false_alarms / max(count * len(WINDOWS), 1)
+    )
+    every = Rows()
+    for k, (group, rows) in enumerate(execute(combine_trucks, job, groups), start=1):
+        progress("combining", k, len(groups))
+        if isinstance(rows, Lost):
+            rows = Rows(failed={truck: rows.reason for truck, _ in group})
+        for name, table in rows.tables.items():
+            every.tables[name] += table
+        every.failed.update(rows.failed)
+    for name, schema in SCHEMAS.items():
+        dataset.write(name, every.tables[name], schema)
+    result.changes = len(every.tables["changes"])
+    result.errors += every.failed.items()
+
+
+def _in_this_process(function: Any, shared: Any, tasks: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+    for task in tasks:
+        yield task, function(shared, task)

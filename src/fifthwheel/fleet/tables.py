@@ -1,0 +1,191 @@
+"""The tables of a fleet: trucks, trailers, histories and changes, as rows of numbers in SI."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pyarrow as pa
+
+from fifthwheel.fleet.changes import OUTLIER
+from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
+from fifthwheel.fleet.dataset import Dataset
+from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.vehicle import unit_of
+
+_DATE = pa.timestamp("us", tz="UTC")
+_LATEST = [
+    ("parameter", pa.string()),
+    ("value", pa.float64()),
+    ("sigma", pa.float64()),
+    ("unit", pa.string()),
+    ("date", _DATE),
+    ("trips", pa.int64()),
+    ("first_value", pa.float64()),
+]
+SCHEMAS: Mapping[str, pa.Schema] = {
+    "trucks": pa.schema([("truck", pa.string()), *_LATEST]),
+    "trailers": pa.schema([("truck", pa.string()), ("trailer", pa.string()), ("load", pa.string()), *_LATEST]),
+    "history": pa.schema(
+        [
+            ("truck", pa.string()),
+            ("trailer", pa.string()),
+            ("load", pa.string()),
+            ("date", _DATE),
+            ("log", pa.string()),
+            ("parameter", pa.string()),
+            ("value", pa.float64()),
+            ("sigma", pa.float64()),
+            ("unit", pa.string()),
+            ("trip_value", pa.float64()),
+            ("trip_sigma", pa.float64()),
+            ("p_value", pa.float64()),
+            ("outlier", pa.bool_()),
+        ]
+    ),
+    "changes": pa.schema(
+        [
+            ("truck", pa.string()),
+            ("trailer", pa.string()),
+            ("kind", pa.string()),
+            ("subject", pa.string()),
+            ("date", _DATE),
+            ("after", _DATE),
+            ("probability", pa.float64()),
+            ("parameter", pa.string()),
+            ("before", pa.float64()),
+            ("value", pa.float64()),
+            ("sigma", pa.float64()),
+            ("statistic", pa.float64()),
+            ("threshold", pa.float64()),
+            ("log", pa.string()),
+        ]
+    ),
+}
+"""Columns. `date` of a change is that of the first trip with it, `after` that of the last trip without. `value` of a
+history is the estimate at this date from all trips, `trip_value` that of the trip alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CombinationJob:
+    """What all combinations share; sent once to each worker."""
+
+    path: str
+    """Of the data set."""
+    settings: FleetSettings
+    false_alarm: float
+    """Probability of a false alarm in one test."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of the tables by name, and trucks that could not be combined with the reason."""
+
+    tables: dict[str, list[dict[str, Any]]] = field(default_factory=lambda: {name: [] for name in SCHEMAS})
+    failed: dict[str, str] = field(default_factory=dict)
+
+
+def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> Rows:
+    """The rows of some trucks, from their trips in the data set.
+
+    Args:
+        batch: trucks with the digests of their trips.
+    """
+    trips = {row["digest"]: row for row in Dataset(job.path).trips(d for _, digests in batch for d in digests)}
+    result = Rows()
+    for truck, digests in batch:
+        rows = [trips[digest] for digest in digests if digest in trips]
+        try:
+            combined = combine(truck, rows, job.settings, job.false_alarm)
+        except Exception as error:  # one truck must not stop the others
+            result.failed[truck] = f"{type(error).__name__}: {error}"
+            continue
+        for name, table in _tables(combined).items():
+            result.tables[name] += table
+    return result
+
+
+def _tables(combined: Combined) -> dict[str, list[dict[str, Any]]]:
+    tables: dict[str, list[dict[str, Any]]] = {"trucks": [], "trailers": [], "history": [*_history(combined)]}
+    seen: dict[Owned, list[int]] = {}
+    for k in range(len(combined.rows)):
+        for unknown in combined.parameters(k):
+            seen.setdefault(unknown, []).append(k)
+    for unknown, trips in seen.items():
+        value, sigma = combined.estimate(trips[-1], unknown)
+        row = {
+            "truck": combined.truck,
+            "parameter": unknown.name,
+            "value": value,
+            "sigma": sigma,
+            "unit": unit_of(unknown.name),
+            "date": date_of(combined.observations[trips[-1]]),
+            "trips": len(trips),
+            "first_value": combined.estimate(_since_change(combined, unknown, trips), unknown)[0],
+        }
+        if unknown.trailer is None:
+            tables["trucks"].append(row)
+        else:
+            tables["trailers"].append(row | {"trailer": unknown.trailer, "load": unknown.load or ""})
+    return tables | {"changes": [*_changes(combined)]}
+
+
+def _since_change(combined: Combined, unknown: Owned, trips: list[int]) -> int:
+    """The first trip with an unknown after its last change."""
+    place = combined.layout.unknowns[unknown]
+    changed = [c.trip for c in combined.changes if c.kind.name != OUTLIER and place in c.kind.members]
+    return next(k for k in trips if k >= max(changed, default=0))
+
+
+def _history(combined: Combined) -> Iterator[dict[str, Any]]:
+    outliers = {change.trip for change in combined.changes if change.kind.name == OUTLIER}
+    for k, row in enumerate(combined.rows):
+        alone = {e["name"]: (e["value"], e["sigma"]) for e in row["estimates"]}
+        for unknown in combined.parameters(k):
+            value, sigma = combined.estimate(k, unknown)
+            trip_value, trip_sigma = alone.get(unknown.name, (None, None))
+            yield {
+                "truck": combined.truck,
+                "trailer": unknown.trailer,
+                "load": unknown.load,
+                "date": date_of(combined.observations[k]),
+                "log": row["log"],
+                "parameter": unknown.name,
+                "value": value,
+                "sigma": sigma,
+                "unit": unit_of(unknown.name),
+                "trip_value": trip_value,
+                "trip_sigma": trip_sigma,
+                "p_value": combined.p_values[k],
+                "outlier": k in outliers,
+            }
+
+
+def _changes(combined: Combined) -> Iterator[dict[str, Any]]:
+    """A row for each change, with the parameter that it altered most in its sigmas."""
+    for change in combined.changes:
+        k, previous = change.trip, max(change.trip - 1, 0)
+        present = {u for j in (k, previous) for u in combined.parameters(j)}
+        moved = [
+            (abs(after - before) / sigma, u.name, before, after, sigma)
+            for u in present
+            if combined.layout.unknowns[u] in change.kind.members
+            for (before, _), (after, sigma) in [(combined.estimate(previous, u), combined.estimate(k, u))]
+        ]
+        _, name, before, after, sigma = max(moved, default=(0.0, None, None, None, None))
+        row = combined.rows[k]
+        yield {
+            "truck": combined.truck,
+            "trailer": row["trailer"],
+            "kind": change.kind.name,
+            "subject": change.kind.subject,
+            "date": date_of(combined.observations[k]),
+            "after": date_of(combined.observations[previous]),
+            "probability": change.probability,
+            "parameter": name,
+            "before": before,
+            "value": after,
+            "sigma": sigma,
+            "statistic": change.statistic,
+            "threshold": change.threshold,
+            "log": row["log"],
+        }

@@ -1,0 +1,248 @@
+"""One trip: read once, identified, and kept as a row of numbers that later combinations need.
+
+A row is written by the worker itself, as a file of its own in the data set: what has ended is never lost, and the
+scheduler carries no numbers.
+"""
+
+import datetime
+import hashlib
+import io
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from threadpoolctl import threadpool_limits
+
+from fifthwheel import __version__
+from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.fleet import storage
+from fifthwheel.fleet.manifest import Trip
+from fifthwheel.identify import Identification, OneStage, Verdict
+from fifthwheel.identify.one_stage.shared_information import SharedInformation, identify_with_information
+from fifthwheel.input_files import MAX_TOML_SIZE
+from fifthwheel.logs import SignalMap, read_log
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle, catalogue
+
+EARLIEST_DATE = 315_532_800.0
+"""Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
+MAX_ERROR = 2000
+"""Characters of an error that are kept."""
+
+_ESTIMATE = pa.struct(
+    [
+        ("name", pa.string()),
+        ("value", pa.float64()),
+        ("sigma", pa.float64()),
+        ("unit", pa.string()),
+        ("verdict", pa.string()),
+    ]
+)
+_UNKNOWN = pa.struct(
+    [
+        ("name", pa.string()),
+        ("centre", pa.float64()),
+        ("scale", pa.float64()),
+        ("logarithmic", pa.bool_()),
+        ("non_negative", pa.bool_()),
+    ]
+)
+SCHEMA = pa.schema(
+    [
+        ("log", pa.string()),
+        ("truck", pa.string()),
+        ("trailer", pa.string()),
+        ("load", pa.string()),
+        ("date", pa.timestamp("us", tz="UTC")),
+        ("vehicle", pa.string()),
+        ("signals", pa.string()),
+        ("error", pa.string()),
+        ("digest", pa.string()),
+        ("log_digest", pa.string()),
+        ("version", pa.string()),
+        ("finished", pa.timestamp("us", tz="UTC")),
+        ("seconds", pa.float64()),
+        ("duration", pa.float64()),
+        ("tractor", pa.string()),
+        ("estimates", pa.list_(_ESTIMATE)),
+        ("covariance_names", pa.list_(pa.string())),
+        ("covariance", pa.list_(pa.float64())),
+        ("sensors", pa.list_(_ESTIMATE)),
+        ("doubts", pa.list_(pa.string())),
+        ("unknowns", pa.list_(_UNKNOWN)),
+        ("considered", pa.list_(pa.string())),
+        ("vector", pa.list_(pa.float64())),
+        ("information", pa.list_(pa.float64())),
+        ("score_covariance", pa.list_(pa.float64())),
+        ("coupling", pa.list_(pa.float64())),
+    ]
+)
+"""Columns of the table of trips, SI. Matrices are row by row. `seconds` is the CPU time of the worker, `duration` the
+length of the log."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a trip: "new", "unchanged" or "failed", with its error."""
+
+    state: str
+    error: str = ""
+    duration: float = 0.0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class TripJob:
+    """What all trips of a run share; sent once to each worker."""
+
+    folder: str
+    """Of the rows."""
+    settings: OneStage
+    done: Any
+    """Sorted digests of the trips that are done, an array of bytes."""
+
+
+def process_trip(job: TripJob, trip: Trip) -> Outcome:
+    """Process a trip and write its row; an error becomes part of the row."""
+    start, date = time.process_time(), trip.date
+    digest = log_digest = error = ""
+    content: dict[str, Any] = {}
+    try:
+        with storage.local_file(trip.log) as path:
+            log_digest = storage.digest(path)
+            vehicle_text, map_text = _vehicle_text(trip.vehicle), _map_text(trip.signals)
+            digest = _digest(trip, job.settings, log_digest, vehicle_text, map_text)
+            if _contains(job.done, digest):
+                return Outcome("unchanged", seconds=time.process_time() - start)
+            record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
+        with threadpool_limits(limits=1, user_api="blas"):
+            identification, information = identify_with_information(record, Vehicle.loads(vehicle_text), job.settings)
+        date = date or _date(record, trip.log)
+        content = trip_content(identification, information, record)
+    except Exception as problem:  # whatever a log causes, it must not stop the others
+        kind = "" if isinstance(problem, FifthwheelError) else f"{type(problem).__name__}: "
+        error = f"{kind}{printable(str(problem))}"[:MAX_ERROR]
+    seconds = time.process_time() - start
+    row = {
+        **{name: getattr(trip, name) for name in ("log", "truck", "trailer", "load", "vehicle", "signals")},
+        "date": date,
+        "error": error,
+        "digest": digest,
+        "log_digest": log_digest,
+        "version": __version__,
+        "finished": datetime.datetime.now(datetime.UTC),
+        "seconds": seconds,
+        **content,
+    }
+    write_row(job.folder, row)
+    return Outcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
+
+
+def write_row(folder: str, row: Mapping[str, Any]) -> None:
+    """Write the row of a trip; a trip without a digest replaces its former row."""
+    name = row["digest"] or hashlib.sha256(row["log"].encode()).hexdigest()
+    write_table(storage.joined(folder, f"trip-{name[:40]}.parquet"), pa.Table.from_pylist([dict(row)], schema=SCHEMA))
+
+
+def write_table(path: str, table: pa.Table) -> None:
+    """Write a table as Parquet, complete or not at all."""
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True, row_group_size=100)
+    storage.write_bytes(path, sink.getvalue())
+
+
+def _contains(digests: Any, digest: str) -> bool:
+    place = int(np.searchsorted(digests, digest.encode()))
+    return place < len(digests) and bool(digests[place] == digest.encode())
+
+
+def _digest(trip: Trip, settings: OneStage, log_digest: str, vehicle_text: str, map_text: str) -> str:
+    """Digest of everything that determines the row of a trip."""
+    labels = [trip.truck, trip.trailer, trip.load, trip.date and trip.date.isoformat()]
+    databases = []
+    if trip.signals and not storage.is_remote(trip.signals):
+        databases = [storage.digest(path) for path in map(Path, SignalMap.load(trip.signals).databases)]
+    parts = [log_digest, vehicle_text, map_text, databases, settings.as_dict(), __version__, labels]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _vehicle_text(name: str) -> str:
+    if name in catalogue.names():
+        return catalogue.text(name)
+    return _text(name)
+
+
+def _map_text(path: str) -> str:
+    return _text(path) if path else ""
+
+
+def _text(path: str) -> str:
+    try:
+        return storage.read_bytes(path, MAX_TOML_SIZE).decode()
+    except UnicodeDecodeError as error:
+        raise FifthwheelError(f"{path}: not a text in UTF-8 ({error})") from None
+
+
+def _signal_map(path: str, text: str) -> SignalMap | None:
+    if not path:
+        return None
+    if not storage.is_remote(path):
+        return SignalMap.load(path)
+    parsed = SignalMap.parse(text, source=path)
+    if parsed.databases:
+        raise FifthwheelError(f"{path}: names databases, which an object store does not give; use a local map")
+    return parsed
+
+
+def _date(record: Record, log: str) -> datetime.datetime:
+    """The date of the first sample, if the log has one, else that of the file."""
+    first = float(record.time[0])
+    seconds = first if first >= EARLIEST_DATE else storage.modified(log)
+    return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
+
+
+def trip_content(identification: Identification, information: SharedInformation, record: Record) -> dict[str, Any]:
+    """Estimates, covariance, findings and information of a trip as columns of `SCHEMA`."""
+    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
+    names = [e.name for e in estimated if identification.covariance and e.name in identification.covariance.names]
+    joint = identification.covariance.among(names).covariance if identification.covariance else np.zeros((0, 0))
+    unknowns = zip(
+        information.names,
+        information.centre.tolist(),
+        information.scale.tolist(),
+        information.logarithmic.tolist(),
+        information.non_negative.tolist(),
+        strict=True,
+    )
+    return {
+        "duration": record.span[1] - record.span[0],
+        "tractor": identification.vehicle.units[0].name,
+        "estimates": [
+            {"name": e.name, "value": e.value, "sigma": e.sigma, "unit": e.unit, "verdict": e.verdict.value}
+            for e in (*estimated, *identification.derived)
+        ],
+        "covariance_names": names,
+        "covariance": joint.ravel().tolist(),
+        "sensors": [
+            {"name": e.name, "value": e.value, "sigma": e.sigma, "unit": e.unit, "verdict": ""}
+            for e in identification.sensors
+        ],
+        "doubts": [_doubt(doubt) for doubt in identification.doubts],
+        "unknowns": [dict(zip(_UNKNOWN.names, u, strict=True)) for u in unknowns],
+        "considered": list(information.considered),
+        "vector": information.vector.tolist(),
+        "information": information.information.ravel().tolist(),
+        "score_covariance": information.score_covariance.ravel().tolist(),
+        "coupling": information.coupling.ravel().tolist(),
+    }
+
+
+def _doubt(doubt: Any) -> str:
+    """A doubt as "kind: causes"."""
+    return f"{doubt.kind.value}: {', '.join(cause.name for cause in doubt.causes)}".removesuffix(": ")

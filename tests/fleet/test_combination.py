@@ -1,0 +1,161 @@
+"""The combination of trips: shared unknowns, coverage, changes with their dates, false alarms."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.fleet.changes import WINDOWS
+from fifthwheel.fleet.combination import combine, owner
+from fifthwheel.fleet.settings import FleetSettings
+from tests.fleet.synthetic import NAMES, PARAMETERS, SCALES, Synthetic, value
+
+WALK = 0.004
+
+
+def history(rng, *, trips=10, walk=WALK, change=None, **options):
+    """A truck and the rows of its trips every third day; `change(truck)` acts before the given trip."""
+    truck = Synthetic(rng, **options)
+    rows = []
+    for k in range(trips):
+        if k:
+            truck.step(3, walk)
+        if change and k == change[0]:
+            change[1](truck)
+        rows.append(truck.trip(3 * k))
+    return truck, rows
+
+
+def combined(rows, *, walk=WALK, false_alarms=0.05, trucks=1):
+    tests = len(rows) * len(WINDOWS) * trucks
+    return combine("T", rows, FleetSettings(tyre_walk=walk), false_alarms / tests)
+
+
+def estimates(result, k):
+    return {unknown.name: result.estimate(k, unknown) for unknown in result.parameters(k)}
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("tractor.front.cornering_stiffness", (None, None)),
+        ("steer.tractor.front.gain", (None, None)),
+        ("mass_scale", (None, None)),
+        ("semitrailer.cornering_stiffness", ("A", None)),
+        ("semitrailer.payload.height", ("A", "steel")),
+        ("semitrailer.yaw_inertia", ("A", "steel")),
+        ("yaw_rate.semitrailer.gain", ("A", None)),
+    ],
+)
+def test_what_trips_share(name, expected) -> None:
+    unknown = owner(name, "tractor", "A", "steel")
+    assert (unknown.trailer, unknown.load) == expected
+
+
+def test_intervals_cover() -> None:
+    """90 % intervals of every parameter at the first, a middle and the last trip, with drift and considered masses."""
+    rng, inside = np.random.default_rng(3), []
+    for _ in range(60):
+        truck = Synthetic(rng)
+        rows, truth = [], []
+        for k in range(10):
+            truck.step(3 if k else 0, WALK)
+            truth.append(truck.z.copy())
+            rows.append(truck.trip(3 * k))
+        result = combined(rows, false_alarms=1e-6)
+        for k in (0, 5, 9):
+            for name, (estimate, sigma) in estimates(result, k).items():
+                i = NAMES.index(name)
+                inside.append(abs(estimate - value(truth[k][i], i)) < 1.645 * sigma)
+    assert 0.85 < np.mean(inside) < 0.95
+
+
+def test_tractor_parameters_profit_from_all_trailers() -> None:
+    rng = np.random.default_rng(4)
+    truck = Synthetic(rng, considered=False)
+    rows = [truck.trip(k, trailer="AB"[k % 2]) for k in range(8)]
+    all_trips, alone = (combined(part, walk=0.0).states[-1].P[0, 0] ** 0.5 for part in (rows, rows[:1]))
+    assert all_trips < 0.45 * alone
+    assert len([u for u in combined(rows).layout.unknowns if u.name == NAMES[2]]) == 2
+
+
+def test_prior_counts_once() -> None:
+    """Trips without information leave the prior."""
+    truck = Synthetic(np.random.default_rng(5), considered=False)
+    rows = [truck.trip(k, sigma=1e4) for k in range(5)]
+    result = combined(rows, walk=0.0)
+    for unknown in result.parameters(4):
+        if unknown.name in PARAMETERS:
+            i = result.layout.unknowns[unknown]
+            assert result.states[4].P[i, i] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_another_prior_of_a_later_vehicle_file_changes_nothing() -> None:
+    """The information of a trip is converted to the prior of the first trip."""
+    _, rows = history(np.random.default_rng(6), trips=3)
+    other = []
+    for row in rows[1:]:
+        shift, stretch = 0.3, 2.0
+        k = len(NAMES)
+        H, v = np.array(row["information"]).reshape(k, k), np.array(row["vector"])
+        unknowns, a, b = [], np.ones(k), np.zeros(k)
+        for i, u in enumerate(row["unknowns"]):
+            if not u["logarithmic"]:
+                unknowns.append(u)
+                continue
+            a[i], b[i] = stretch, shift / u["scale"]  # z = a z' + b
+            unknowns.append(u | {"centre": u["centre"] * np.exp(shift), "scale": u["scale"] * stretch})
+        G = np.array(row["coupling"]).reshape(k, -1)
+        other.append(
+            row
+            | {
+                "unknowns": unknowns,
+                "information": (H * np.outer(a, a)).ravel().tolist(),
+                "score_covariance": (H * np.outer(a, a)).ravel().tolist(),
+                "vector": (a * (v - H @ b)).tolist(),
+                "coupling": (a[:, None] * G).ravel().tolist(),
+            }
+        )
+    expected, found = (estimates(combined(r), 2) for r in (rows, [rows[0], *other]))
+    for name, pair in expected.items():
+        assert found[name] == pytest.approx(pair, rel=1e-8)
+
+
+def tyres(truck) -> None:
+    truck.z[1] += np.log(0.85) / SCALES[1]
+
+
+def load(truck) -> None:
+    truck.z[3] += np.log(1.25) / SCALES[3]
+    truck.z[4] += 0.3
+
+
+@pytest.mark.parametrize(("change", "kind"), [(tyres, "tyres"), (load, "load")])
+def test_a_change_is_found_and_dated(change, kind) -> None:
+    """In at least 9 of 10 trucks with the right kind and date; on tyres by 15 %, on the load by 25 % and 0.3 m."""
+    rng, hits = np.random.default_rng(7), 0
+    for _ in range(20):
+        _, rows = history(rng, trips=12, change=(6, change))
+        changes = combined(rows, trucks=20).changes
+        hits += any(c.kind.name == kind and c.trip == 6 for c in changes) and len(changes) == 1
+    assert hits >= 18
+
+
+def test_a_single_different_trip_is_an_outlier() -> None:
+    rng = np.random.default_rng(8)
+    _, rows = history(rng, trips=12)
+    _, wrong = history(np.random.default_rng(9), trips=12)
+    rows[5] = rows[5] | {key: wrong[5][key] for key in ("vector", "information", "coupling", "score_covariance")}
+    (change,) = combined(rows).changes
+    assert (change.kind.name, change.trip) == ("outlier", 5)
+
+
+@pytest.mark.slow
+def test_false_alarms_are_as_stated() -> None:
+    """Of 60 fleets of 4 trucks without a change at most the stated 30 % report one (95 % limit of the binomial
+    distribution), and the p-values of the trips are uniform."""
+    rng, stated = np.random.default_rng(10), 0.3
+    results = [[combined(history(rng, trips=8)[1], false_alarms=stated, trucks=4) for _ in range(4)] for _ in range(60)]
+    alarms = np.mean([any(result.changes for result in fleet) for fleet in results])
+    p_values = np.concatenate([result.p_values for fleet in results for result in fleet])
+    assert 0.02 < alarms <= 0.3 + 1.645 * np.sqrt(0.3 * 0.7 / 60)
+    assert 0.43 < np.mean(p_values < 0.5) < 0.57
+    assert 0.07 < np.mean(p_values < 0.1) < 0.13
