@@ -73,7 +73,8 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
                 )
                 total = np.maximum(own + variance[part.sample_indices], 0.0)
                 # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
-                output[samples, n : 2 * n] = np.maximum(total, excess * np.minimum(own, total))
+                raised = np.where(total < own, excess * total, output[samples, n : 2 * n])  # less: the bank is known
+                output[samples, n : 2 * n] = np.maximum(total, raised)
             del part, filtered, rows, run  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
