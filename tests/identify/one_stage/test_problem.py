@@ -38,7 +38,7 @@ def records(truck: Vehicle) -> list[Record]:
     return [first.with_signals({"speed": speed, "yaw_rate.tractor": gyro}), second]
 
 
-@pytest.mark.parametrize("form", ["output_error", "prediction_error"])
+@pytest.mark.parametrize("form", ["output_error", pytest.param("prediction_error", marks=pytest.mark.slow)])
 def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     """By all unknowns: parameters, sensor errors, initial states and bank."""
     p = problem(truck, records, OneStage(form=form, initial_payload_height=1.0, rate_gain_prior=0.05))

@@ -28,6 +28,7 @@ def test_files(drawn):
     assert sorted(folder.iterdir()) == sorted(files)
 
 
+@pytest.mark.slow
 def test_not_blank(drawn):
     from matplotlib.image import imread
 
