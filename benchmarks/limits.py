@@ -54,9 +54,7 @@ def main() -> None:
                     run,
                     exact
                     if factor is None
-                    else ObserverSettings(
-                        bank=0.0, steer_offset=0.0, tyres="saturating", friction=PEAK * friction * factor
-                    ),
+                    else ObserverSettings(bank=0.0, steer_offset=0.0, friction=PEAK * friction * factor),
                 )
                 for factor in OBSERVERS.values()
             ]

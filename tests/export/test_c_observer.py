@@ -29,7 +29,7 @@ SETTINGS = {
     "sensor errors": ObserverSettings(sensor_errors=ERRORS, bank_mean=0.02),
     "exact": ObserverSettings(bank=0.0, steer_offset=0.0),
     "bank": ObserverSettings(bank=0.04, bank_mean=0.01, estimate_bank=True, steer_offset=0.001),
-    "saturating": ObserverSettings(tyres="saturating", friction=0.5),
+    "saturating": ObserverSettings(friction=0.5),
     "eager": ObserverSettings(hold=0.05, max_gap=0.2, coast=0.1, gate=2.0, restart_after=0.0, min_speed=24.3),
 }
 TOLERANCE = {"double": 1e-12, "float": 1e-4}

@@ -51,21 +51,21 @@ def test_sideslip_near_the_limit(acceleration: float, friction: float, limit: fl
     record = driven(acceleration, friction)
     linear = errors(record)
     for factor in (0.85, 1.0):
-        saturating = errors(record, tyres="saturating", friction=factor * friction)
+        saturating = errors(record, friction=factor * friction)
         assert max(saturating) < limit
         assert saturating[1] < 0.4 * linear[1]
 
 
 def test_push_and_batch_agree() -> None:
-    observer = Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(tyres="saturating"))
+    observer = Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=0.8))
     assert_same(pushed(observer, LANE_CHANGES), batched(observer, LANE_CHANGES))
 
 
 def test_small_slip_is_linear() -> None:
     """In a lane change of 0.1 g of the linear truck both observers agree within a small part of sigma."""
     linear, saturating = (
-        Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(tyres=law)).batch(LANE_CHANGES)
-        for law in ("linear", "saturating")
+        Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=friction)).batch(LANE_CHANGES)
+        for friction in (None, 0.8)
     )
     for name in SIDESLIP:
         assert np.abs(linear.values[name] - saturating.values[name]).max() < 0.5 * linear.sigma[name].min()
@@ -75,7 +75,7 @@ def test_uncertain_friction_is_in_sigma() -> None:
     """Its part of sigma is the change of the states with the friction, with the gains of the filter as they are."""
 
     def observer(friction: float) -> Observer:
-        return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(tyres="saturating", friction=friction))
+        return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=friction))
 
     known, more, less = (observer(friction).batch(LANE_CHANGES) for friction in (1.2, 1.21, 1.19))
     uncertain = observer(1.2).batch(LANE_CHANGES, Uncertainty(names=("road.friction",), covariance=[[0.1**2]]))
@@ -86,7 +86,13 @@ def test_uncertain_friction_is_in_sigma() -> None:
         assert 0.8 < np.sqrt(np.mean(part**2) / np.mean(change**2)) < 1.2, name
 
 
-@pytest.mark.parametrize(("key", "value"), [("friction", 0.0), ("friction", float("nan")), ("tyres", "brush")])
-def test_settings_out_of_range(key: str, value: object) -> None:
-    with pytest.raises(SignalError, match=key):
-        ObserverSettings(**{key: value})
+@pytest.mark.parametrize("friction", [0.0, float("nan"), 80.0])
+def test_friction_out_of_range(friction: float) -> None:
+    with pytest.raises(SignalError, match="friction: expected between"):
+        ObserverSettings(friction=friction)
+
+
+def test_a_state_is_not_resumed_with_another_friction() -> None:
+    dry, snow = (Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=f)) for f in (0.8, 0.3))
+    with pytest.raises(SignalError, match="same vehicle"):
+        snow.resume(dry.save())

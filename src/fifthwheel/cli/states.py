@@ -2,7 +2,6 @@
 
 import math
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -13,20 +12,13 @@ from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
 
 
-class Tyres(StrEnum):
-    """Laws of the side forces."""
-
-    LINEAR = "linear"
-    SATURATING = "saturating"
-
-
 @command(
     "fifthwheel states run.csv --vehicle fifthwheel-out/vehicle.toml",
     "fifthwheel states run.csv -v fifthwheel-out/vehicle.toml -i fifthwheel-out/identification.json",
     "fifthwheel states run.parquet -v truck.toml --json > states.json",
     "fifthwheel states run.csv -v truck.toml --at sideslip.semitrailer=-2.34",
     "fifthwheel states run.csv -v truck.toml --smooth --bank",
-    "fifthwheel states run.csv -v truck.toml --tyres saturating --friction 0.3",
+    "fifthwheel states run.csv -v truck.toml --friction 0.3",
 )
 def states(
     logs: options.Logs,
@@ -62,20 +54,16 @@ def states(
             help="Also estimate the bank of the road. Default: sigma contains the bank.",
         ),
     ] = False,
-    tyres: Annotated[
-        Tyres,
-        typer.Option(
-            "--tyres",
-            help="Law of the side forces: linear, or saturating, for lateral accelerations above 3 m/s² and slippery "
-            "roads.",
-        ),
-    ] = Tyres.LINEAR,
     friction: Annotated[
-        float,
+        float | None,
         typer.Option(
-            "--friction", min=0.05, max=1.5, help="Of the road, with saturating tyres: 0.8 dry, 0.6 wet, 0.3 snow."
+            "--friction",
+            min=0.05,
+            max=1.5,
+            help="Tyres saturate at this friction of the road: 0.8 dry, 0.6 wet, 0.3 snow. For lateral accelerations "
+            "above 3 m/s² and slippery roads. Default: linear tyres.",
         ),
-    ] = 0.8,
+    ] = None,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
@@ -106,9 +94,7 @@ def states(
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None
     positions = named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
-    settings = ObserverSettings(
-        min_speed=min_speed, positions=positions, estimate_bank=bank, tyres=tyres.value, friction=friction
-    )
+    settings = ObserverSettings(min_speed=min_speed, positions=positions, estimate_bank=bank, friction=friction)
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
     with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(logs, signals, allow_outside=allow_outside)

@@ -63,7 +63,7 @@ class ObserverModel:
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
         values = dynamics.all_parameters(self.vehicle, self.model.outputs, tyres=self.settings.tyres)
-        if self.settings.tyres == "saturating":
+        if self.settings.friction is not None:
             values |= {FRICTION: self.settings.friction}
         return values | dict(self.settings.sensor_errors) | {BANK: self.settings.bank_mean}
 

@@ -4,7 +4,6 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import get_args
 
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
@@ -59,11 +58,9 @@ class ObserverSettings:
     steer_offset: float = 0.01
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
-    tyres: TyreLaw = "linear"
-    """Law of the side forces: "linear" in the slip angle, or "saturating" at the friction of the road, for lateral
-    accelerations above 3 m/s^2 and for slippery roads."""
-    friction: float = 0.8
-    """Friction of the road, for tyres that saturate: 0.8 dry, 0.6 wet, 0.3 snow."""
+    friction: float | None = None
+    """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads: 0.8
+    dry, 0.6 wet, 0.3 snow; None: linear tyres."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
@@ -84,10 +81,11 @@ class ObserverSettings:
         ):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
-        if self.tyres not in get_args(TyreLaw):
-            raise SignalError(f'tyres: expected "linear" or "saturating", got {self.tyres!r}')
-        if not _is_finite(self.friction) or not 0.05 <= self.friction <= 1.5:
-            raise SignalError(f"friction: expected between 0.05 and 1.5, got {self.friction}; a dry road has 0.8")
+        if self.friction is not None and not (_is_finite(self.friction) and 0.05 <= self.friction <= 1.5):
+            raise SignalError(
+                f"friction: expected between 0.05 and 1.5, or None for linear tyres, got {self.friction}; a dry road "
+                "has 0.8"
+            )
         for name in ("hold", "process_noise", "restart_after"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
@@ -108,6 +106,11 @@ class ObserverSettings:
                 raise SignalError(
                     f"{name}: expected a finite variance above 0, got {variance}; give the noise variance in SI"
                 )
+
+    @property
+    def tyres(self) -> TyreLaw:
+        """Law of the side forces."""
+        return "linear" if self.friction is None else "saturating"
 
 
 def _is_finite(value: object) -> bool:

@@ -88,9 +88,17 @@ def run_states(
         states=tuple(states),
         smoothed=smooth,
         uncertain=() if uncertainty is None else uncertainty.names,
-        conclusion=conclude_states(states, records),
+        conclusion=_with_tyres(conclude_states(states, records), settings),
         notes=tuple(notes),
     )
+
+
+def _with_tyres(conclusion: Conclusion, settings: ObserverSettings) -> Conclusion:
+    """The conclusion, with a note on tyres that are not linear."""
+    if settings.friction is None:
+        return conclusion
+    note = f"Tyres saturate at a friction of the road of {settings.friction:g}."
+    return replace(conclusion, notes=(*conclusion.notes, note))
 
 
 def _summary(states: States) -> dict[str, Any]:
