@@ -296,7 +296,7 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
             )
         message = (
             f"{states.name}: the rms of the normalised innovations is above 1: {channels}. The {blamed} or the assumed "
-            "noise is wrong, and the sigma of the states is too small."
+            "noise is wrong, and the sigma of the states may be too small."
         )
         value = max(large.values())
         yield Caution(CautionKind.LARGE_INNOVATIONS, message, cure, value, signals=tuple(large), log=states.name)
