@@ -58,9 +58,13 @@ def blocks(path: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
+SLOW = {("live", "python")}
+"""Pages and languages of the examples that compile the learner."""
+
+
 def examples(language: str, first: str = "") -> list[object]:
     return [
-        pytest.param(block, id=f"{path.stem}-{i}")
+        pytest.param(block, id=f"{path.stem}-{i}", marks=[pytest.mark.slow] if (path.stem, language) in SLOW else [])
         for path in PAGES
         for i, block in enumerate(blocks(path, language))
         if block.startswith(first)

@@ -114,6 +114,7 @@ def test_other_settings(name: str, guess: Vehicle, lane: Record, tmp_path: Path)
     assert_equal_with_faults(learner, compiled(learner, tmp_path), lane)
 
 
+@pytest.mark.slow
 def test_sensor_errors_and_verdicts(guess: Vehicle, truck: Vehicle, tmp_path: Path) -> None:
     """Offsets, gains, delays and the play of the steering; a roll rate that has no samples."""
     record = simulate(truck, count=1, seed=5)

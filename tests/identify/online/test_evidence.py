@@ -14,6 +14,7 @@ from fifthwheel.vehicle import Vehicle
 from tests.identify.online.conftest import CONSIDERING, FIVE, learn
 
 
+@pytest.mark.slow
 def test_correct_assumptions_give_no_doubt(guess: Vehicle, lanes: Record) -> None:
     assert learn(guess, lanes, CONSIDERING).doubts == ()
 
