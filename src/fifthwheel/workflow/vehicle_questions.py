@@ -52,10 +52,14 @@ class Question:
                     raise VehicleError(f"no such choice {answer!r}; {suggestion(answer, self.choices)}")
                 return answer
             if self.is_slip:
-                return _loads(answer, GROUPS[:2] if self.key == "solo" else GROUPS)
-            value, sigma = uncertain_quantity(answer, self.unit, unit_needed=True)
+                loads: Any = _loads(answer, GROUPS[:2] if self.key == "solo" else GROUPS)
+            else:
+                value, sigma = uncertain_quantity(answer, self.unit, unit_needed=True)
         except FifthwheelError as error:
             raise VehicleError(f"{self.key}: {error}") from None
+        if self.is_slip:
+            Slip(**{self.key: loads})  # refuses loads that no axle group has
+            return loads
         low, high = self.limits
         if not low <= value <= high:
             raise VehicleError(

@@ -139,7 +139,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     if lengths.coupling is None and not slip.solo:
         raise VehicleError(
             "solo: expected the loads of the tractor alone, because the position of the fifth wheel is not known; give"
-            " one of them"
+            " them (--solo), or the distance from the front axle to the kingpin (--fifth-wheel)"
         )
     results = propagate(lambda values: _solve(values, lengths), inputs)
     if results["hitch"][0] <= 0:
