@@ -171,6 +171,19 @@ def test_uncertain_quantities(text: str | float, value: float, sigma: float | No
     assert uncertain_quantity(text, "kg") == (value, sigma if sigma is None else pytest.approx(sigma, rel=1e-15))
 
 
+def test_a_number_without_a_unit_is_refused_where_one_is_needed() -> None:
+    assert uncertain_quantity("8 t +- 2 %", "kg", unit_needed=True) == (8000.0, 160.0)
+    assert uncertain_quantity("0", "kg", unit_needed=True) == (0.0, None)
+    with pytest.raises(UnitError, match=r"expected a number with a unit such as '1 kg', got '8 exact'; add its unit"):
+        uncertain_quantity("8 exact", "kg", unit_needed=True)
+
+
+@pytest.mark.parametrize("text", ["7,6 m", "6,900 m", "7.6 m +- 0,1 m"])
+def test_a_comma_in_a_number_is_named(text: str) -> None:
+    with pytest.raises(UnitError, match=r"expected a decimal point, and no separator of thousands, got "):
+        uncertain_quantity(text, "m")
+
+
 @given(st.text("+-±/% exact0123456789.kgt", max_size=300))
 def test_any_text_is_an_uncertain_quantity_or_refused(text: str) -> None:
     try:

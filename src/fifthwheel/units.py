@@ -134,11 +134,13 @@ def quantity(value: float | str, si: str, *, strict: bool = False) -> float:
     return number * (factor(unit, si, strict=strict) if unit else 1.0)
 
 
-def uncertain_quantity(value: float | str, si: str, *, strict: bool = False) -> tuple[float, float | None]:
+def uncertain_quantity(
+    value: float | str, si: str, *, strict: bool = False, unit_needed: bool = False
+) -> tuple[float, float | None]:
     """A value in the SI unit `si` and its standard deviation: 0 if it is exact, None if the text does not state it.
 
     The standard deviation follows "+-", "+/-" or "±", with a unit or in percent of the value. Its unit may be missing
-    only if the value has none either.
+    only if the value has none either. With `unit_needed`, a text has a unit, unless its number is 0.
 
     Raises:
         UnitError: the value or its standard deviation is not valid; arguments as in `factor`.
@@ -152,6 +154,8 @@ def uncertain_quantity(value: float | str, si: str, *, strict: bool = False) -> 
     if len(statement) > 2 or (statement[:1] == ["exact"] and statement[1]):
         raise UnitError(f"expected one '+- ...' or 'exact' at the end, got {_shown(value)}; keep only one")
     size = quantity(text, si, strict=strict)
+    if unit_needed and size and not _number_and_unit(text, si)[1]:
+        raise UnitError(f"expected a number with a unit such as '1 {si}', got {_shown(value)}; add its unit")
     if not statement:
         return size, None
     if statement[0] == "exact":
@@ -210,6 +214,10 @@ def _number_and_unit(value: object, si: str, place: str = "") -> tuple[float, st
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) <= 2 * MAX_LENGTH else None
     if match is None:
         raise UnitError(f"{place}expected a number with a unit such as '1 {si}', got {_shown(value)}")
+    if re.match(r",\d", match[2]):
+        raise UnitError(
+            f"{place}expected a decimal point, and no separator of thousands, got {_shown(value)}; correct it"
+        )
     return float(match[1]), match[2]
 
 

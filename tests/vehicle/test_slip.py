@@ -85,7 +85,8 @@ def test_a_slip_file(tmp_path: Path) -> None:
     [
         ("[loaded]\na = 1", r"slip\.toml: loaded: no such key; .*laden"),
         ('[laden]\ntractor.front = "6 m"', r"laden\.tractor\.front: .*give the load as a mass"),
-        ("[laden]\nsemitrailer = -1", r"laden\.semitrailer: expected a load above 0 kg, got -1; correct it"),
+        ("[laden]\nsemitrailer = -1", r"laden\.semitrailer: expected a load of 500 to 40000 kg, got -1 kg; correct it"),
+        ('[laden]\nsemitrailer = "215 t"', r"laden\.semitrailer: expected a load of .*, got 215000 kg; correct it"),
         ("[laden", r"slip\.toml: .*"),
         ('accuracy = "good"', r"accuracy: expected a fraction such as '1 %', got 'good'"),
         ('accuracy = "80 %"', r"accuracy: expected a fraction from 0 to 0\.5"),
@@ -100,9 +101,12 @@ def test_refused_slip_files(text: str, message: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"laden": LADEN | {"semitrailer.rear": 1.0}}, r"laden\.semitrailer\.rear: no such axle load; .*semitrailer"),
+        (
+            {"laden": LADEN | {"semitrailer.rear": 1000.0}},
+            r"laden\.semitrailer\.rear: no such axle load; .*semitrailer",
+        ),
         ({"laden": {"tractor.front": 6900.0}}, r"laden\.tractor\.drive: expected a load, got none; weigh every axle"),
-        ({"laden": SOLO | {"semitrailer": 5.0}}, r"laden: expected more on tractor\.front and tractor\.drive than"),
+        ({"laden": SOLO | {"semitrailer": 5000.0}}, r"laden: expected more on tractor\.front and tractor\.drive than"),
         (
             {"laden": LADEN | {"tractor.front": 8300.0, "tractor.drive": 9300.0}},
             r"laden\.tractor\.front: differs by \+\d+ kg .* check the position of the fifth wheel",

@@ -102,15 +102,58 @@ def test_three_axle_tractors_and_twin_tyres() -> None:
     [
         ({"tractor": "lorry"}, r"tractor: no such choice 'lorry'; "),
         ({"wheelbase": "3.7 kg"}, r"wheelbase: .*"),
-        ({"wheelbase": "-3.7 m"}, r"wheelbase: expected a number above 0, got -3\.7 m; give its magnitude"),
+        ({"wheelbase": "-3.7 m"}, r"wheelbase: expected 2 to 8 m, got -3\.7 m; check the number and its unit"),
+        ({"wheelbase": "3600"}, r"wheelbase: expected a number with a unit such as '1 m', got '3600'; add its unit"),
+        ({"wheelbase": "3600 m"}, r"wheelbase: expected 2 to 8 m, got 3600 m; "),
+        ({"wheelbase": "36m"}, r"wheelbase: expected 2 to 8 m, got 36m; "),
+        ({"wheelbase": "3,7m"}, r"wheelbase: expected a decimal point, and no separator of thousands, got '3,7m'"),
+        ({"load_height": "1.5"}, r"load_height: expected a number with a unit"),
+        ({"trailer_tare": "6900 +- 100"}, r"trailer_tare: expected a number with a unit"),
+        ({"trailer_tare": "6.9 kg"}, r"trailer_tare: expected 1500 to 25000 kg, got 6\.9 kg; "),
+        ({"laden": "6900 11200 215000"}, r"laden\.semitrailer: expected a load of 500 to 40000 kg, got 215000 kg; "),
+        ({"laden": "6,900 11,200 21,500"}, r"laden: expected a decimal point, and no separator of thousands, got '6,9"),
+        (
+            {"solo": "1990 5200"},
+            r"solo: expected less on tractor\.drive than on tractor\.front, got 5200 and 1990 ",
+        ),
+        (
+            {"laden": "11200 6900 21500"},
+            r"laden: expected a kingpin 2\.22 to 4\.44 m behind the front axle, got 1",
+        ),
+        (
+            {"laden": "11200 6900 21500"},
+            r".*order of the loads \(tractor\.front, tractor\.drive, semitrailer\)",
+        ),
+        ({"solo": None}, r"solo: .* is not known; give them \(--solo\), or the distance .* \(--fifth-wheel\)"),
+        (
+            {"trailer_tare": "6.9 t", "load_mass": "20 t"},
+            r"load_mass: expected 26\d\d\d kg, because the trailer has 33\d\d\d kg by the laden slip and 6900 kg"
+            r" without load by trailer_tare, got 20000 kg; correct one of the three",
+        ),
+        (
+            {"empty": "5450 5600 9480", "load_mass": "25 t"},
+            r"load_mass: expected 20\d\d\d kg, .* kg without load by the empty slip, got 25000 kg",
+        ),
+        ({"solo": "1990 5200", "fifth_wheel": "3.1 m"}, r"solo: expected less on tractor\.drive than on "),
+        ({"load_mass": "0"}, r"load_mass: expected 20\d\d\d kg, because .*, got 0 kg"),
+        ({"solo": "5,300 kg"}, r"solo: expected a decimal point, and no separator of thousands"),
         ({"wheelbase": None}, r"wheelbase: expected a value, got none; give --wheelbase, or answer on a terminal"),
         ({"solo": "5200"}, r"solo: expected 2 loads, of tractor\.front, tractor\.drive, got '5200'; give them in kg"),
-        ({"trailer_tare": "34 t"}, r"payload\.mass: expected above 0 kg, got -\d+ kg from the slips"),
+        (
+            {"trailer_tare": "24.9 t", "laden": "6000 7000 11000"},
+            r"payload\.mass: expected above 0 kg, got -\d+ kg",
+        ),
     ],
 )
 def test_errors_name_the_answer_and_the_cure(changed: dict[str, str | None], message: str) -> None:
     with pytest.raises(VehicleError, match=message):
         written(**changed)
+
+
+def test_a_stated_load_that_agrees_with_the_slips_is_kept() -> None:
+    trailer = Vehicle.loads(written(load_mass="20.5 t")).unit("semitrailer")
+    assert trailer.payload is not None
+    assert trailer.payload.mass == 20500
 
 
 def test_a_slip_file_and_loads_are_not_both_given(tmp_path) -> None:
@@ -125,3 +168,18 @@ def test_a_slip_file_and_loads_are_not_both_given(tmp_path) -> None:
 def test_every_question_is_a_field() -> None:
     fields = {*Description.__dataclass_fields__, "laden", "solo", "empty"}
     assert {question.key for question in QUESTIONS} == fields - {"name", "slip"}
+
+
+def test_questions_on_the_load_follow_from_its_mass() -> None:
+    height = next(question for question in QUESTIONS if question.key == "load_height")
+    assert [height.applies({"load_mass": text}) for text in ("20 t +- 300 kg", "0", "0 kg")] == [True, False, False]
+
+
+def test_a_load_outside_its_range_is_refused_with_its_question() -> None:
+    laden = next(question for question in QUESTIONS if question.key == "laden")
+    with pytest.raises(VehicleError, match=r"^laden\.semitrailer: expected a load of 500 to 40000 kg, got 215000 kg"):
+        laden.parse("6900 11200 215000")
+
+
+def test_every_quantity_has_limits() -> None:
+    assert all(0 <= q.limits[0] < q.limits[1] < 1e5 for q in QUESTIONS if q.unit)

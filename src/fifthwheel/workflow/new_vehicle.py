@@ -1,6 +1,7 @@
 """A vehicle file from a brochure, a tape measure and the slips of a weighbridge."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,12 +10,17 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.commented import commented_toml
 from fifthwheel.vehicle.classes.figures import TYRES
-from fifthwheel.vehicle.weighing.slip import Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.weighing.slip import CONTRADICTION, Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"
 TARE_SIGMA = 0.03
-"""Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ."""
+"""Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ. A load
+without a standard deviation has it too where it is compared with slips."""
+MAX_SOLO = 0.55
+"""Largest fraction of the tractor's mass on its drive axles without a trailer: published tractors have up to 0.48."""
+COUPLING_RANGE = (0.6, 1.2)
+"""Positions of a fifth wheel, by the wheelbase to the middle of the drive axles: published tractors have 0.84 and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +169,11 @@ class _Builder:
             trailer=known.trailer_wheelbase[0],
         )
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
+        _check_solo(known.slip.solo, *groups[:2])
         results = weigh(lengths, known.slip, groups, self._tares(lengths))
+        if "coupling" in results:
+            _check_coupling(results["coupling"][0], lengths.wheelbase, groups)
+        _check_load(known, results)
         for key, unit, name in (("tractor", tractor, TRACTOR), ("trailer", trailer, TRAILER)):
             if key == "trailer" or known.slip.solo:
                 cog, sigma = results[f"{key}.cog"]
@@ -204,6 +214,38 @@ class _Builder:
             "tractor.cog": (kind.cog.value * lengths.wheelbase, kind.cog.sigma * lengths.wheelbase),
             **({"trailer.mass": known.trailer_tare} if known.trailer_tare else {}),
         }
+
+
+def _check_solo(loads: Mapping[str, float], front: str, drive: str) -> None:
+    if {front, drive} <= loads.keys() and loads[drive] > MAX_SOLO * (loads[front] + loads[drive]):
+        raise VehicleError(
+            f"solo: expected less on {drive} than on {front}, got {loads[drive]:g} and {loads[front]:g} kg; correct"
+            " the order of the loads, front axle first"
+        )
+
+
+def _check_coupling(coupling: float, wheelbase: float, groups: tuple[str, ...]) -> None:
+    low, high = (ratio * wheelbase for ratio in COUPLING_RANGE)
+    if not low <= coupling <= high:
+        raise VehicleError(
+            f"laden: expected a kingpin {low:.2f} to {high:.2f} m behind the front axle, got {coupling:.2f} m from the"
+            f" laden and solo loads; correct the order of the loads ({', '.join(groups)}), or the wheelbase"
+        )
+
+
+def _check_load(known: Description, results: Mapping[str, Number]) -> None:
+    """Whether the slips less the unladen mass give the stated load."""
+    if known.load_mass is None or "payload.mass" not in results:
+        return
+    (weighed, sigma_weighed), (load, sigma) = results["payload.mass"], known.load_mass
+    sigma = TARE_SIGMA * load if sigma is None else sigma
+    if abs(weighed - load) > CONTRADICTION * math.hypot(sigma_weighed or 0.0, sigma) + 1:  # kg, for exact numbers
+        mass = results["trailer.mass"][0]
+        raise VehicleError(
+            f"load_mass: expected {weighed:.0f} kg, because the trailer has {mass:.0f} kg by the laden slip and"
+            f" {mass - weighed:.0f} kg without load by {'the empty slip' if known.slip.empty else 'trailer_tare'}, got"
+            f" {load:.0f} kg; correct one of the three"
+        )
 
 
 def _check(description: Description) -> None:

@@ -1,5 +1,7 @@
 """The questions whose answers describe a tractor-semitrailer, as data, and the description from the answers."""
 
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,9 @@ class Question:
     """Field of `Description`, or of `Slip`."""
     text: str
     unit: str = ""
+    limits: tuple[float, float] = (0.0, math.inf)
+    """Least and largest quantity, in the unit. The ranges are wider than those of road vehicles, heavy haulage
+    included: an answer outside has a wrong unit or digit."""
     choices: tuple[str, ...] = ()
     required: bool = False
     sigma: float | None = None
@@ -47,16 +52,25 @@ class Question:
                     raise VehicleError(f"no such choice {answer!r}; {suggestion(answer, self.choices)}")
                 return answer
             if self.is_slip:
-                return _loads(answer, GROUPS[:2] if self.key == "solo" else GROUPS)
-            value, sigma = uncertain_quantity(answer, self.unit)
+                loads: Any = _loads(answer, GROUPS[:2] if self.key == "solo" else GROUPS)
+            else:
+                value, sigma = uncertain_quantity(answer, self.unit, unit_needed=True)
         except FifthwheelError as error:
             raise VehicleError(f"{self.key}: {error}") from None
-        if value < 0 or (value == 0 and self.key != "load_mass"):
-            raise VehicleError(f"{self.key}: expected a number above 0, got {answer}; give its magnitude")
+        if self.is_slip:
+            Slip(**{self.key: loads})  # refuses loads that no axle group has
+            return loads
+        low, high = self.limits
+        if not low <= value <= high:
+            raise VehicleError(
+                f"{self.key}: expected {low:g} to {high:g} {self.unit}, got {answer}; check the number and its unit"
+            )
         return value, self.sigma * value if sigma is None and self.sigma else sigma
 
 
 def _loads(answer: str, paths: tuple[str, ...]) -> dict[str, float]:
+    if re.search(r"(?<!\d)\d{1,3},\d", answer):
+        raise VehicleError(f"expected a decimal point, and no separator of thousands, got {answer!r}; correct it")
     loads = answer.replace(",", " ").replace(";", " ").split()
     if len(loads) != len(paths):
         raise VehicleError(f"expected {len(paths)} loads, of {', '.join(paths)}, got {answer!r}; give them in kg")
@@ -64,9 +78,11 @@ def _loads(answer: str, paths: tuple[str, ...]) -> dict[str, float]:
 
 
 def _is_laden(answers: Mapping[str, str]) -> bool:
-    return quantity(answers.get("load_mass", "1"), "kg") > 0
+    return uncertain_quantity(answers.get("load_mass", "1"), "kg")[0] > 0
 
 
+SPREADS = (0.8, 3.5)
+"""Between neighbouring axles, m: from a tyre's diameter to the 3.1 m of North American spread axles."""
 QUESTIONS = (
     Question(
         key="tractor",
@@ -80,25 +96,49 @@ QUESTIONS = (
         choices=tuple(name for name in CLASSES if name.startswith(TRAILER)),
         required=True,
     ),
-    Question(key="wheelbase", text="Front axle to the first axle behind it", unit="m", required=True),
+    Question(key="wheelbase", text="Front axle to the first axle behind it", unit="m", limits=(2, 8), required=True),
     Question(
         key="tractor_spread",
         text="Between the rear axles of the tractor",
         unit="m",
+        limits=SPREADS,
         applies=lambda answers: CLASSES[answers["tractor"]].axle_counts[-1] > 1,
     ),
-    Question(key="fifth_wheel", text="Front axle to the kingpin; a laden and a solo slip also give it", unit="m"),
-    Question(key="trailer_wheelbase", text="Kingpin to the middle of the trailer's axles", unit="m", required=True),
-    Question(key="trailer_spread", text="Between neighbouring axles of the trailer", unit="m"),
+    Question(
+        key="fifth_wheel",
+        text="Front axle to the kingpin; a laden and a solo slip also give it",
+        unit="m",
+        limits=(1, 9),
+    ),
+    Question(
+        key="trailer_wheelbase",
+        text="Kingpin to the middle of the trailer's axles",
+        unit="m",
+        limits=(3, 15),
+        required=True,
+    ),
+    Question(key="trailer_spread", text="Between neighbouring axles of the trailer", unit="m", limits=SPREADS),
     Question(key="laden", text="Slip of the laden truck: front, drive and trailer axles, kg, such as 6850 10500 22500"),
     Question(key="solo", text="Slip of the tractor alone: front and drive axles, kg"),
     Question(key="empty", text="Slip of the truck without load: front, drive and trailer axles, kg"),
-    Question(key="tractor_tare", text="Mass of the tractor in the brochure", unit="kg", sigma=TARE_SIGMA),
-    Question(key="trailer_tare", text="Mass of the trailer without load", unit="kg", sigma=TARE_SIGMA),
-    Question(key="load_mass", text="Mass of the load; 0 for none", unit="kg"),
-    Question(key="load_height", text="Height of the load, from the floor to its top", unit="m", applies=_is_laden),
-    Question(key="load_width", text="Width of the load", unit="m", applies=_is_laden),
-    Question(key="floor_height", text="Height of the floor above the ground", unit="m", applies=_is_laden),
+    Question(
+        key="tractor_tare", text="Mass of the tractor in the brochure", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA
+    ),
+    Question(
+        key="trailer_tare", text="Mass of the trailer without load", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA
+    ),
+    Question(key="load_mass", text="Mass of the load; 0 for none", unit="kg", limits=(0, 8e4)),
+    Question(
+        key="load_height",
+        text="Height of the load, from the floor to its top",
+        unit="m",
+        limits=(0.05, 4),
+        applies=_is_laden,
+    ),
+    Question(key="load_width", text="Width of the load", unit="m", limits=(0.2, 5), applies=_is_laden),
+    Question(
+        key="floor_height", text="Height of the floor above the ground", unit="m", limits=(0.2, 2), applies=_is_laden
+    ),
     Question(
         key="load_shape",
         text="Kind of load: a uniform block, or a point",

@@ -32,6 +32,8 @@ CONDITIONS = ("laden", "solo", "empty")
 ACCURACY = 0.01
 """Standard deviation of a load, as a fraction: axle by axle, with the slope of the ground and the friction of the
 suspension; a weighbridge that carries the whole vehicle at once has 0.1 %."""
+LOADS = (500.0, 40e3)
+"""Least and largest load of an axle group, kg: the drive axle of a light tractor has 1.4 t, heavy tridems 36 t."""
 CONTRADICTION = 4.0
 """Largest difference of a measured and a predicted load, in standard deviations."""
 
@@ -51,8 +53,11 @@ class Slip:
             raise VehicleError(f"accuracy: expected a fraction from 0 to 0.5, got {self.accuracy:g}; such as 1 %")
         for condition in CONDITIONS:
             for path, load in getattr(self, condition).items():
-                if not 0 < load < 1e6:
-                    raise VehicleError(f"{condition}.{path}: expected a load above 0 kg, got {load:g}; correct it")
+                if not LOADS[0] <= load <= LOADS[1]:
+                    raise VehicleError(
+                        f"{condition}.{path}: expected a load of {LOADS[0]:g} to {LOADS[1]:g} kg, got {load:g} kg;"
+                        " correct it"
+                    )
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -134,7 +139,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     if lengths.coupling is None and not slip.solo:
         raise VehicleError(
             "solo: expected the loads of the tractor alone, because the position of the fifth wheel is not known; give"
-            " one of them"
+            " them (--solo), or the distance from the front axle to the kingpin (--fifth-wheel)"
         )
     results = propagate(lambda values: _solve(values, lengths), inputs)
     if results["hitch"][0] <= 0:
