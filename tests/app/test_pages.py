@@ -35,8 +35,11 @@ def opened(browser, folder, *files, **size):
 
 
 def drop(page, *files):
+    """Drop files, the first of which is read; none is called refused, and the list of the uploader is empty again."""
     page.set_input_files("input[type=file]", [str(file) for file in files])
     page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
+    assert page.get_by_text("Refused").count() == 0
+    page.locator(".q-uploader__file").first.wait_for(state="detached")
 
 
 def signals(page):

@@ -13,6 +13,7 @@ from fifthwheel.app.workspace import Choices, LogChoice, Workspace
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.logs import write_record
+from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 from tests.report.conftest import NASTY, result
@@ -140,6 +141,17 @@ def test_a_log_that_does_not_exist_is_refused(workspace):
         inputs.record(workspace.folder, "../vehicle.toml")
 
 
+STYLES = [(BLUE, "dash"), (VERMILLION, "solid")]
+"""Of the vehicle file and of the sliders, as the page Explore explains them."""
+
+
+def test_predictions_have_the_styles_of_the_linear_model():
+    fits = exploration.Exploration.of(simulate(TRUCK, count=1), TRUCK).fits({})
+    measured, *predicted = exploration.fit_plot(fits, fits).panels[0].items
+    assert measured.colour == GREY
+    assert [(line.colour, line.dash) for line in predicted] == STYLES
+
+
 @pytest.mark.parametrize("kind", exploration.KINDS)
 def test_a_changed_number_moves_the_line_of_the_sliders(kind):
     name = "semitrailer.cornering_stiffness" if kind != "handling diagram" else FRONT
@@ -147,6 +159,7 @@ def test_a_changed_number_moves_the_line_of_the_sliders(kind):
     plot = exploration.model_plot(kind, TRUCK, softer, 22.0, simulate(TRUCK, count=1))
     lines = [item for item in plot.panels[-1].items if getattr(item, "name", "") in ("vehicle file", "sliders")]
     assert [line.name for line in lines] == ["vehicle file", "sliders"]
+    assert [(line.colour, line.dash) for line in lines] == STYLES
     assert np.ptp(np.asarray(lines[0].y) - np.asarray(lines[1].y)) + np.ptp(
         np.asarray(lines[0].x) - np.asarray(lines[1].x)
     ) > 1e-3 * np.ptp(lines[0].y)

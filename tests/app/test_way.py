@@ -58,7 +58,7 @@ def report(page, headline=True):
     return frame
 
 
-def test_from_the_example_log_to_a_comparison(browser, tmp_path):
+def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
     folder = tmp_path / "w"
     with served(folder) as address, tab(browser, address) as page:
         page.set_input_files("input[type=file]", str(EXAMPLES / "lane_changes.csv"))
@@ -71,6 +71,7 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path):
             page.get_by_role("button", name="Import").click()
         chooser.value.set_files(str(EXAMPLES / "truck.toml"))
         page.get_by_role("img", name="example_truck").wait_for()
+        page.get_by_text("The vehicle file is example_truck now.").wait_for()
 
         go(page, "Check")
         page.get_by_text("5 of 5 parameters are identifiable").wait_for(timeout=LONG)
@@ -80,12 +81,15 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path):
         page.get_by_role("button", name="Identify", exact=True).click()
         assert "All 5 parameters are identified" in report(page).locator(".headline").inner_text()
         page.get_by_role("button", name="Use the identified truck").click()
-        page.wait_for_load_state()
+        page.get_by_text("vehicle.toml is the identified truck of run-1 now.").wait_for()
         page.get_by_text("Settings").click()
         field = page.get_by_label(re.compile(r"^Fix\."))
         field.fill(FRONT)
         page.get_by_role("option", name=FRONT).click()
         field.press("Escape")
+        page.get_by_label("Name of the result").fill("../fixed front")
+        page.get_by_role("button", name="Identify", exact=True).click()
+        page.get_by_text("name: expected letters").first.wait_for()
         page.get_by_label("Name of the result").fill("fixed front")
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text("fixed front: done").wait_for(timeout=LONG)
@@ -99,6 +103,9 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path):
         assert download.value.path().read_text().startswith("parameter,run,value,sigma")
         page.get_by_role("img", name="Measured and predicted, lane_changes.csv").wait_for(timeout=LONG)
 
+    logged = capsys.readouterr().out
+    assert "name: expected letters" in logged
+    assert "Traceback" not in logged
     found = Identification.load(folder / "runs" / "run-1")
     assert Vehicle.load(folder / "vehicle.toml").parameters() == found.vehicle.parameters()
     fixed = Identification.load(folder / "runs" / "fixed front")[FRONT]
@@ -160,7 +167,12 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
         page.get_by_role("button", name="Use this truck").click()
         page.get_by_role("table", name="Assumed numbers").wait_for(timeout=LONG)
         assert page.evaluate("document.documentElement.scrollWidth") == 390
-    assert Vehicle.load(folder / "vehicle.toml").wheelbase == pytest.approx(3.7)
+        assert Vehicle.load(folder / "vehicle.toml").wheelbase == pytest.approx(3.7)
+        page.get_by_role("button", name="Undo: describe the truck").wait_for()
+        page.locator("input[type=file]").set_input_files(str(EXAMPLES / "truck.toml"))
+        page.get_by_text("The answers to the questions are cleared").wait_for()
+        page.get_by_text("Still needed: ").wait_for()
+        assert page.get_by_role("region", name="Described truck").get_by_role("img").count() == 0
 
 
 def test_a_reload_keeps_an_identification_and_cancel_ends_it(browser, tmp_path):
@@ -245,10 +257,18 @@ def test_a_slider_by_keys_changes_the_prediction(browser, tmp_path):
         slider.wait_for()
         assert slider.input_value() == "10"
         page.get_by_role("button", name="Write to vehicle.toml").click()
-        page.wait_for_timeout(1500)
+        page.get_by_text("1 number written to vehicle.toml").wait_for()
         assert slider.input_value() == "0"
     changed = Vehicle.load(workspace.folder / "vehicle.toml").parameters()[name]
     assert changed == pytest.approx(TRUCK.parameters()[name] * 2**0.25, rel=1e-3)
+
+
+def test_the_verdict_of_the_check_fits_a_narrow_screen(browser, tmp_path):
+    prepared(tmp_path / "w")
+    with served(tmp_path / "w") as address, tab(browser, f"{address}check", width=390) as page:
+        table = page.get_by_role("table", name="Predicted sigma")
+        table.wait_for(timeout=LONG)
+        assert table.evaluate("table => table.scrollWidth <= table.parentElement.clientWidth")
 
 
 def test_names_are_no_markup_and_no_file_outside_is_given(browser, tmp_path, result):

@@ -16,7 +16,7 @@ def test_a_run_and_its_page(run, tmp_path):  # noqa: F811
     again = run("fleet", "run", manifest, "--out", out, "--jobs", "1", *OPTIONS, "--json").json()
     assert (again["new"], again["unchanged"]) == (0, 2)
     written = run("fleet", "report", out, "--out", page)
-    assert written.out == f"Written: {page}\n"
+    assert written.out == f"Written: {page}; nothing needs attention\n"
     assert "nothing needs attention" in page.read_text()
     assert run("fleet", "report", out, "--out", page).code == 2, "a file is replaced only with --force"
     assert run("fleet", "report", out, "--out", page, "--force", "--json").json()["attention"] == []

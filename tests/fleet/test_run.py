@@ -67,15 +67,35 @@ def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
     write_manifest(manifest, given)
     result = run(manifest, out, settings=FAST, jobs=1)
     assert (result.new, result.failed) == (1, 3)
-    messages = " ".join(message for _, message in result.errors)
-    assert "cut short or damaged" in messages
-    assert "none.csv" in messages
+    messages = [f"{subject.rpartition('/')[2]}: {message}" for subject, message in result.errors]
+    assert "cut short or damaged" in " ".join(messages)
+    for name in ("bad.parquet", "none.csv"):
+        assert sum(message.count(name) for message in messages) == 1, "a log is named once"
+    findings = [item.text for item in report(out, tmp_path / "fleet.html") if item.kind == "not processed"]
+    assert [text.partition(";")[0] for text in findings] == ["1 trip was not processed"] * 3, "each kind is named"
     errors = [row["error"] for row in Dataset(str(out)).index().to_pylist() if row["error"]]
     assert len(errors) == 3
     (tmp_path / "none.csv").write_bytes((tmp_path / given[0]["log"]).read_bytes())
     again = run(manifest, out, settings=FAST, jobs=1)
     assert again.unchanged + again.new == 4 - again.failed
     assert again.failed == 0, "a missing log is tried again, a damaged one is not"
+
+
+def test_logs_that_are_read_in_part_need_attention(tmp_path) -> None:
+    manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
+    for name in ("truck0_0", "truck0_1"):
+        path = tmp_path / "logs" / f"{name}.csv"
+        fw.write_record(fw.read_log(path.with_suffix(".parquet")), path)
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join([*lines[:100], "1,2", *lines[100:]])[:-3])
+    manifest.write_text(manifest.read_text().replace(".parquet", ".csv"))
+    result = run(manifest, out, settings=FAST, jobs=1)
+    assert (result.new, result.failed) == (2, 0)
+    short, uneven = report(out, tmp_path / "fleet.html")
+    assert {short.kind, uneven.kind} == {"damaged log"}
+    assert "2 logs are damaged" in short.text
+    assert "may be cut short" in short.text
+    assert "1 lines left out" in uneven.text
 
 
 def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from fifthwheel import plot
 from fifthwheel.diagnose import LogPrediction
@@ -38,13 +39,11 @@ def fit_plot(given: list[Fit], changed: list[Fit]) -> Plot:
     panels = []
     for before, after in zip(given, changed, strict=True):
         unit = shown(si_unit(after.signal))
+        line = partial(Line, after.time, gaps=True)
         items = [
-            Line(after.time, values * unit.factor, name=name, colour=colour, gaps=True)
-            for values, name, colour in (
-                (after.measured, "measured", GREY),
-                (before.predicted, "vehicle file", BLUE),
-                (after.predicted, "sliders", VERMILLION),
-            )
+            line(after.measured * unit.factor, name="measured", colour=GREY),
+            line(before.predicted * unit.factor, name="vehicle file", colour=BLUE, dash="dash"),
+            line(after.predicted * unit.factor, name="sliders", colour=VERMILLION),
         ]
         panels.append(Panel(items=items, title=after.signal, x=Axis(label="time", unit="s"), y=Axis(unit=unit.name)))
     return Plot(panels=panels)
@@ -92,7 +91,7 @@ def _panels(kind: str, vehicle: Vehicle, speed: float, record: Record | None) ->
 
 def _together(given: Panel, changed: Panel) -> Panel:
     """The line of the vehicle file, dashed, then that of the sliders; points of the first are left out."""
-    old = [replace(i, colour=GREY, dash="dash", name="vehicle file") for i in given.items if isinstance(i, Line)]
+    old = [replace(i, colour=BLUE, dash="dash", name="vehicle file") for i in given.items if isinstance(i, Line)]
     new = [replace(i, colour=VERMILLION, name="sliders") if isinstance(i, Line) else i for i in changed.items]
     points = [item for item in new if isinstance(item, Points)]
     rest = [item for item in new if not isinstance(item, Points)]

@@ -1,5 +1,6 @@
 """What all pages share: navigation, undo, errors, and the check that a tab is not stale."""
 
+import logging
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from typing import Any
 from urllib.parse import urlencode
 from weakref import WeakKeyDictionary
 
-from nicegui import Client, events, ui
+from nicegui import Client, app, events, ui
 
 from fifthwheel.app import result_files
 from fifthwheel.app.workspace import StaleError, Workspace
@@ -24,6 +25,8 @@ ICON = (
     '<circle cx="4" cy="12" r="2"/><circle cx="12.5" cy="12" r="2"/></svg>'
 )
 _CURRENT = "document.querySelector('.fw-nav [aria-current]')"
+_MESSAGE = "message"
+"""Key of the note that a tab shows after its reload."""
 POLL = 1.0
 """s between two looks for changes by other tabs."""
 
@@ -33,8 +36,16 @@ def register(folder: Path) -> None:
     style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
     ui.add_head_html(f"<style>{style}</style>", shared=True)
     result_files.register(folder)
+    logging.getLogger("nicegui").addFilter(_without_traceback)
     for name in PAGES:
         _register(name, folder)
+
+
+def _without_traceback(record: logging.LogRecord) -> bool:
+    """Log an error that a message explains as one line."""
+    if isinstance(record.msg, FifthwheelError):
+        record.exc_info = None
+    return True
 
 
 def _register(name: str, folder: Path) -> None:
@@ -74,6 +85,7 @@ def frame(workspace: Workspace, name: str) -> Iterator[None]:
             ui.label(name.capitalize())
         yield
     ui.run_javascript(f"{_CURRENT}.scrollIntoView({{inline: 'center', block: 'nearest'}})")
+    ui.timer(0, _say_after_reload, once=True)
     ui.timer(POLL, lambda: _reload_if_stale(workspace))
 
 
@@ -103,9 +115,16 @@ def say(message: str) -> None:
     ui.notify(message, position="bottom", multi_line=True)
 
 
-def reload() -> None:
-    """Show the page anew."""
+def reload(message: str = "") -> None:
+    """Show the page anew; then the message as a note, if there is one."""
+    if message:
+        app.storage.tab[_MESSAGE] = message
     ui.run_javascript("location.reload()")
+
+
+def _say_after_reload() -> None:
+    if message := app.storage.tab.pop(_MESSAGE, ""):
+        say(message)
 
 
 class _UndoButtons:

@@ -119,7 +119,8 @@ def report(
 
     for finding in attention:
         typer.echo(printable(f"{finding.truck}: {finding.kind}: {finding.text}"))
-    typer.echo(f"Written: {out}")
+    nothing = "" if attention else "; nothing needs attention"
+    typer.echo(f"Written: {out}{nothing}")
 
 
 def _with_unit(text: str) -> str:

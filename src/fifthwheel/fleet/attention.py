@@ -1,8 +1,9 @@
 """What in a fleet needs attention, from its tables."""
 
 import datetime
+import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,13 @@ from fifthwheel.names import ParameterPath
 REPEATED = 2
 """Trips with a doubt about the same sensor from which it needs attention."""
 
+_DAMAGE = re.compile(r"^broken|cut short|\b(line|row|sample|message)s?\b.* left out|are no numbers")
+"""Notes of the readers on data that is lost; other notes are on formats, such as a start time or channels left out."""
+_VARIABLE = re.compile(r"'[^']*'|\d[\d.]*")
+"""What differs between messages of one kind."""
+MAX_MESSAGE = 300
+"""Characters of a message in a finding."""
+
 Table = Sequence[Mapping[str, Any]]
 
 
@@ -24,7 +32,8 @@ class Attention:
 
     truck: str
     kind: str
-    """"tyres changed", "load changed", "sensor", "outlier", "tyre wear", "load height" or "not processed"."""
+    """"tyres changed", "load changed", "sensor", "outlier", "tyre wear", "load height", "damaged log" or
+    "not processed"."""
     date: datetime.datetime | None
     text: str
     """What was found, and what to do."""
@@ -42,6 +51,7 @@ def find_attention(tables: Mapping[str, Table], settings: FleetSettings) -> list
         *_wear([*tables["trucks"], *tables["trailers"]], settings.wear),
         *_heights(tables["trailers"], settings.height_limit),
         *_sensors(tables["trips"]),
+        *_damaged(tables["trips"]),
         *_failed(tables["trips"]),
     ]
     return sorted(found, key=lambda item: (item.truck, item.kind))
@@ -105,16 +115,29 @@ def _sensors(trips: Table) -> Iterator[Attention]:
             yield Attention(truck, "sensor", last[truck, cause], text)
 
 
+def _damaged(trips: Table) -> Iterator[Attention]:
+    """Logs of which a part was lost; those that were not processed have a finding of their own."""
+    notes = ((t, note) for t in trips if not t["error"] for note in t["notes"] or () if _DAMAGE.search(note))
+    for first, note, count in _kinds(notes):
+        logs = f"{count} logs are" if count > 1 else "1 log is"
+        text = f"{logs} damaged, the rest is used; {first['log']}: {note}. Check the logger, or leave the log out."
+        yield Attention(first["truck"], "damaged log", first["date"], text)
+
+
 def _failed(trips: Table) -> Iterator[Attention]:
-    failed: dict[str, list[Mapping[str, Any]]] = {}
-    for trip in trips:
-        if trip["error"]:
-            failed.setdefault(trip["truck"], []).append(trip)
-    for truck, rows in failed.items():
-        count = f"{len(rows)} trips were" if len(rows) > 1 else "1 trip was"
-        yield Attention(
-            truck, "not processed", rows[0]["date"], f"{count} not processed; the first: {rows[0]['error'][:300]}"
-        )
+    for first, error, count in _kinds((trip, trip["error"]) for trip in trips if trip["error"]):
+        were = f"{count} trips were" if count > 1 else "1 trip was"
+        text = f"{were} not processed; {first['log']}: {error}"
+        yield Attention(first["truck"], "not processed", first["date"], text)
+
+
+def _kinds(messages: Iterable[tuple[Mapping[str, Any], str]]) -> Iterator[tuple[Mapping[str, Any], str, int]]:
+    """For each truck and kind of message: the first trip, its message, and the number of trips."""
+    found: dict[tuple[str, str], list[tuple[Mapping[str, Any], str]]] = {}
+    for trip, message in messages:
+        found.setdefault((trip["truck"], _VARIABLE.sub("", message)), []).append((trip, message))
+    for same in found.values():
+        yield same[0][0], same[0][1][:MAX_MESSAGE], len({trip["log"] for trip, _ in same})
 
 
 def _day(date: datetime.datetime) -> str:

@@ -36,6 +36,7 @@ _KEYS = (
     "load",
     "date",
     "error",
+    "notes",
     "digest",
     "log_digest",
     "finished",
@@ -71,7 +72,8 @@ class Dataset:
         tables = list(self._tables(columns))
         if not tables:
             return SCHEMA.empty_table().select(columns)
-        every = pa.concat_tables(tables).sort_by("finished")
+        tables = [SCHEMA.empty_table().select(columns), *tables]  # tables of an older version have fewer columns
+        every = pa.concat_tables(tables, promote_options="default").sort_by("finished")
         last_of_log = {log: k for k, log in enumerate(every["log"].to_pylist())}
         contents = every["log_digest"].to_pylist()
         last_of_content = {contents[k] or f"row {k}": k for k in sorted(last_of_log.values())}
@@ -97,7 +99,7 @@ class Dataset:
         for begin in range(0, len(single), ROWS):
             names = single[begin : begin + ROWS]
             paths = [storage.joined(self.folder, name) for name in names]
-            table = pa.concat_tables([_read(path) for path in paths]).sort_by("truck")
+            table = pa.concat_tables([_read(path) for path in paths], promote_options="default").sort_by("truck")
             key = hashlib.sha256("".join(names).encode() + str(table["finished"].to_pylist()).encode()).hexdigest()
             write_table(storage.joined(self.folder, f"part-{key[:40]}.parquet"), table)
             for path in paths:

@@ -63,6 +63,7 @@ SCHEMA = pa.schema(
         ("vehicle", pa.string()),
         ("signals", pa.string()),
         ("error", pa.string()),
+        ("notes", pa.list_(pa.string())),
         ("digest", pa.string()),
         ("log_digest", pa.string()),
         ("version", pa.string()),
@@ -84,7 +85,7 @@ SCHEMA = pa.schema(
     ]
 )
 """Columns of the table of trips, SI. Matrices are row by row. `seconds` is the CPU time of the worker, `duration` the
-length of the log."""
+length of the log; `error` and `notes` are about this log, without its name."""
 
 
 @dataclass(frozen=True)
@@ -121,13 +122,14 @@ def process_trip(job: TripJob, trip: Trip) -> Outcome:
             if _contains(job.done, digest):
                 return Outcome("unchanged", seconds=time.process_time() - start)
             record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
+        content = {"notes": list(record.notes)}
         with threadpool_limits(limits=1, user_api="blas"):
             identification, information = identify_with_information(record, Vehicle.loads(vehicle_text), job.settings)
         date = date or _date(record, trip.log)
-        content = trip_content(identification, information, record)
+        content |= trip_content(identification, information, record)
     except Exception as problem:  # whatever a log causes, it must not stop the others
         kind = "" if isinstance(problem, FifthwheelError) else f"{type(problem).__name__}: "
-        error = f"{kind}{printable(str(problem))}"[:MAX_ERROR]
+        error = f"{kind}{_without_name(printable(str(problem)), trip.log)}"[:MAX_ERROR]
     seconds = time.process_time() - start
     row = {
         **{name: getattr(trip, name) for name in ("log", "truck", "trailer", "load", "vehicle", "signals")},
@@ -142,6 +144,13 @@ def process_trip(job: TripJob, trip: Trip) -> Outcome:
     }
     write_row(job.folder, row)
     return Outcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
+
+
+def _without_name(message: str, log: str) -> str:
+    """A message without the name of the log in front, which its row has."""
+    for name in (log, log.rpartition("/")[2], storage.stem(log)):
+        message = message.removeprefix(f"{name}: ")
+    return message
 
 
 def write_row(folder: str, row: Mapping[str, Any]) -> None:

@@ -69,7 +69,7 @@ class _Page:
     @ui.refreshable_method
     def _sliders(self) -> None:
         layout.heading("Numbers of the truck")
-        ui.label("Blue and dashed: the vehicle file. Orange: with the sliders.")
+        ui.label("Grey: measured. Blue and dashed: the vehicle file. Orange: with the sliders.")
         with ui.row():
             ui.button("Back to the vehicle file", on_click=self._reset).props("outline dense no-caps")
             take = ui.button("Write to vehicle.toml", on_click=self._take).props("outline dense no-caps")
@@ -138,7 +138,8 @@ class _Page:
         text = edited(self.workspace.read(VEHICLE) or "", self.truck.replace(self.values))
         cleared = self.workspace.choices().model_copy(update={"explore": {}})
         self.workspace.write({VEHICLE: text, CHOICES: cleared.text()}, "write the numbers of Explore")
-        layout.reload()
+        numbers = "1 number" if len(self.values) == 1 else f"{len(self.values)} numbers"
+        layout.reload(f"{numbers} written to {VEHICLE}. Undo restores the file, and the sliders as they were.")
 
     # Predicted against measured
 

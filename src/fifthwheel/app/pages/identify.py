@@ -192,4 +192,4 @@ def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
 def _take(workspace: Workspace, name: str) -> None:
     text = (workspace.run(name) / VEHICLE).read_text(encoding="utf-8")
     workspace.write({VEHICLE: text}, f"use the truck of {name}")
-    layout.reload()
+    layout.reload(f"{VEHICLE} is the identified truck of {printable(name)} now.")

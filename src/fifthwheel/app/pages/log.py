@@ -33,8 +33,9 @@ class _Page:
         upload = ui.upload(multiple=True, auto_upload=True, label="Drop files, or pick them with +")
         upload.classes("w-full").props('aria-label="Drop files, or pick them"')
         upload.on_upload(self._keep)
-        upload.on_multi_upload(upload.reset)
-        upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."))
+        # Not `reset`, which aborts an upload that the browser has not heard the answer of, so that it counts as failed.
+        upload.on("uploaded", lambda: upload.run_method("removeUploadedFiles"), args=[])
+        upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."), args=[])
         plots.preload()
         self._logs()
         self._channels()

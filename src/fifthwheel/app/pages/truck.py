@@ -7,10 +7,10 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.app import jobs, layout, plots, tables
-from fifthwheel.app.workspace import VEHICLE, Workspace
+from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.diagnose.assumptions import AssumedNumber, assumed_numbers
 from fifthwheel.dynamics.summary import VehicleSummary, summarize
-from fifthwheel.errors import FifthwheelError, VehicleError
+from fifthwheel.errors import FifthwheelError, VehicleError, printable
 from fifthwheel.formatting import enumerated, percent, with_sigma
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.vehicle import Vehicle, catalogue, unit_of
@@ -49,17 +49,22 @@ def build(workspace: Workspace) -> None:
 def _files(workspace: Workspace, current: Vehicle | None) -> None:
     """Import, export and the catalogue."""
 
+    def taken(text: str, label: str) -> None:
+        """Replace the vehicle file; the answers to the questions go, because they describe another truck."""
+        name = printable(Vehicle.loads(text).name)  # refuses what is not a vehicle
+        choices = workspace.choices()
+        workspace.write({VEHICLE: text, CHOICES: choices.model_copy(update={"truck": {}}).text()}, label)
+        cleared = " The answers to the questions are cleared; undo restores them." if choices.truck else ""
+        layout.reload(f"The vehicle file is {name} now.{cleared}")
+
     async def imported(event: events.UploadEventArguments) -> None:
         if event.file.size() > MAX_TOML_SIZE:
             raise VehicleError(f"{event.file.name}: larger than {MAX_TOML_SIZE // 1000} kB; not a vehicle file")
         text = await event.file.text()
-        Vehicle.loads(text)  # refuses what is not a vehicle
-        workspace.write({VEHICLE: text}, f"import {event.file.name}")
-        layout.reload()
+        taken(text, f"import {event.file.name}")
 
     def published(event: events.ValueChangeEventArguments[Any]) -> None:
-        workspace.write({VEHICLE: catalogue.text(event.value)}, f"use {event.value}")
-        layout.reload()
+        taken(catalogue.text(event.value), f"use {event.value}")
 
     with ui.row().classes("items-center"):
         upload = ui.upload(on_upload=imported, auto_upload=True, max_files=1).classes("hidden").props("accept=.toml")
