@@ -48,9 +48,8 @@ SETTINGS = {
     ),
     "considered": (OneStage(), LearnerSettings()),
 }
-STATES, ESTIMATES = 2e-12, 1e-11
-"""Largest difference in double precision, of states relative to their range (measured: 1.04e-12; machine code fuses
-products and sums, C does not), of estimates in sigmas."""
+STATES, ESTIMATES = 1e-12, 1e-11
+"""Largest difference in double precision, of states relative to their range, of estimates in sigmas."""
 AMPLIFIED = {"reversed_steer": 100.0}
 """Factor of both for a fault with which the state restarts again and again, which amplifies rounding."""
 

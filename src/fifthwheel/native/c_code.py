@@ -11,7 +11,7 @@ import casadi as ca
 
 from fifthwheel.native.instructions import translate
 
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*"}
 _COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
 _FUNCTIONS = {
     ca.OP_SQRT: "FW_SQRT",
@@ -54,6 +54,7 @@ def function(
     """
     lines: list[str] = []
     read = set[int]()
+    reciprocals: dict[str, str] = {}
 
     def load(place: int, element: int) -> str:
         read.add(place)
@@ -63,8 +64,16 @@ def function(
         lines.append(f"    const fw_real v{len(lines)} = {text};")
         return f"v{len(lines) - 1}"
 
+    def reciprocal(value: str) -> str:
+        """One over a value; all its divisions share it, as in machine code."""
+        if value not in reciprocals:
+            reciprocals[value] = assign(f"{ONE} / {value}")
+        return reciprocals[value]
+
     def operation(op: int, values: Sequence[str]) -> str:
         a, b = values[0], values[-1]
+        if op == ca.OP_DIV:
+            return assign(f"{a} * {reciprocal(b)}")
         if op in _BINARY:
             return assign(f"{a} {_BINARY[op]} {b}")
         if op in _COMPARE:
@@ -79,7 +88,7 @@ def function(
             case ca.OP_TWICE:
                 return assign(f"{a} + {a}")
             case ca.OP_INV:
-                return assign(f"{ONE} / {a}")
+                return reciprocal(a)
             case ca.OP_FMIN:
                 return assign(f"({a} < {b}) ? {a} : {b}")
             case ca.OP_FMAX:
