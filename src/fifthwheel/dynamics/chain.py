@@ -21,6 +21,7 @@ Range: small angles, linear tyres, slowly varying speed, and longitudinal forces
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -146,6 +147,26 @@ def solve_positive_definite(M: ca.SX, right: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
+class CouplingArms(NamedTuple):
+    """Place of a coupling from the points under the CoG on the roll axes of both units, m."""
+
+    ahead: ca.SX  # of the unit in front, along x
+    behind: ca.SX  # of the unit behind, along x
+    above_front: ca.SX  # the roll axis of the unit in front
+    above_rear: ca.SX  # the roll axis of the unit behind
+
+
+def coupling_arms(p: Mapping[str, ca.SX], vehicle: Vehicle, i: int) -> CouplingArms:
+    """The arms of the coupling between units i and i + 1; p: parameters by path."""
+    coupling, front, rear = vehicle.couplings[i].name, vehicle.units[i].name, vehicle.units[i + 1].name
+    return CouplingArms(
+        ahead=p[f"{coupling}.leading_position"] - p[f"{front}.cog"],
+        behind=p[f"{coupling}.trailing_position"] - p[f"{rear}.cog"],
+        above_front=p[f"{coupling}.height"] - p[f"{front}.roll_axis_height"],
+        above_rear=p[f"{coupling}.height"] - p[f"{rear}.roll_axis_height"],
+    )
+
+
 def motion(
     p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool = False
 ) -> Motion:
@@ -168,14 +189,14 @@ def motion(
     basis = ca.SX.eye(m)
     yaw, rolling = [basis[1 + i, :] for i in range(n)], [basis[1 + n + i, :] if roll else ca.SX(1, m) for i in range(n)]
     lateral, heading = [basis[0, :]], [ca.SX(0)]
-    for i, coupling in enumerate(vehicle.couplings):
-        front, rear = units[i].name, units[i + 1].name
-        ahead = p[f"{coupling.name}.leading_position"] - p[f"{front}.cog"]
-        behind = p[f"{coupling.name}.trailing_position"] - p[f"{rear}.cog"]
-        above_front = p[f"{coupling.name}.height"] - p[f"{front}.roll_axis_height"]
-        above_rear = p[f"{coupling.name}.height"] - p[f"{rear}.roll_axis_height"]
+    for i in range(n - 1):
+        arms, rear = coupling_arms(p, vehicle, i), units[i + 1].name
         lateral.append(
-            lateral[i] + ahead * yaw[i] - above_front * rolling[i] - behind * yaw[i + 1] + above_rear * rolling[i + 1]
+            lateral[i]
+            + arms.ahead * yaw[i]
+            - arms.above_front * rolling[i]
+            - arms.behind * yaw[i + 1]
+            + arms.above_rear * rolling[i + 1]
         )
         heading.append(heading[i] + x[index[f"articulation.{rear}"]])
     w = x[velocity_indices(vehicle, roll=roll)]

@@ -104,18 +104,14 @@ def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *,
     """`chain.motion` with rotations in place of small angles; (u, v) are in the axes of each unit."""
     small = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
     forward, lateral = [speed], [small.v[0]]
-    for i, coupling in enumerate(vehicle.couplings):
-        front, rear = vehicle.units[i].name, vehicle.units[i + 1].name
-        ahead = p[f"{coupling.name}.leading_position"] - p[f"{front}.cog"]
-        behind = p[f"{coupling.name}.trailing_position"] - p[f"{rear}.cog"]
-        above_front = p[f"{coupling.name}.height"] - p[f"{front}.roll_axis_height"]
-        above_rear = p[f"{coupling.name}.height"] - p[f"{rear}.roll_axis_height"]
-        at_hitch = lateral[i] + ahead * small.r[i] - above_front * small.roll_rate[i]
+    for i in range(len(vehicle.couplings)):
+        arms = chain.coupling_arms(p, vehicle, i)
+        at_hitch = lateral[i] + arms.ahead * small.r[i] - arms.above_front * small.roll_rate[i]
         angle = small.heading[i + 1] - small.heading[i]
         cos, sin = ca.cos(angle), ca.sin(angle)
         forward.append(forward[i] * cos + at_hitch * sin)
         lateral.append(
-            at_hitch * cos - forward[i] * sin - behind * small.r[i + 1] + above_rear * small.roll_rate[i + 1]
+            at_hitch * cos - forward[i] * sin - arms.behind * small.r[i + 1] + arms.above_rear * small.roll_rate[i + 1]
         )
     return replace(small, u=tuple(forward), v=tuple(lateral))
 

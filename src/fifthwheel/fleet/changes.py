@@ -8,7 +8,7 @@ probability of the fleet (Bonferroni), which is therefore an upper bound.
 
 Date. Each kind of change at each date near the alarm is a hypothesis: from this trip on, the unknowns of this kind have
 their priors again. The hypothesis with the smallest cost, minus the logarithm of the likelihood of all trips about the
-alarm, is reported. Its probability is that among all hypotheses, which count as equally probable beforehand.
+alarm, is reported, with its posterior probability. All hypotheses have the same prior probability.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,7 @@
 """Results beside each other: a table with differences in sigmas, and their predictions over one log."""
 
-from typing import Any
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
 
 from nicegui import ui
 
@@ -10,6 +11,7 @@ from fifthwheel.diagnose import Comparison
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.report.text import comparison as words
 
+T = TypeVar("T")
 MOST = 6
 """Results that are compared without being asked for."""
 
@@ -29,18 +31,24 @@ def build(workspace: Workspace) -> None:
         ui.spinner(size="2em").props('role=status aria-label="Comparing"')
 
     async def show() -> None:
-        try:
-            found = await jobs.compute(runs.comparison, workspace.folder, chosen)
-        except FifthwheelError as error:
-            place.clear()
-            with place:
-                layout.failure(str(error))
-            return
-        place.clear()
-        with place:
-            _comparison(workspace, found, chosen)
+        computed = jobs.compute(runs.comparison, workspace.folder, chosen)
+        await _show(place, computed, lambda found: _comparison(workspace, found, chosen))
 
     ui.timer(0, show, once=True)
+
+
+async def _show(place: ui.column, computed: Awaitable[T], build: Callable[[T], object]) -> None:
+    """Build what is computed in place of the spinner, or say why it cannot be."""
+    try:
+        found = await computed
+    except FifthwheelError as error:
+        place.clear()
+        with place:
+            layout.failure(str(error))
+        return
+    place.clear()
+    with place:
+        build(found)
 
 
 def _choice(results: list[str], chosen: list[str]) -> None:
@@ -91,16 +99,8 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
         place.clear()
         with place:
             ui.spinner(size="2em").props('role=status aria-label="Predicting"')
-        try:
-            plot = await jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
-        except FifthwheelError as error:
-            place.clear()
-            with place:
-                layout.failure(str(error))
-            return
-        place.clear()
-        with place:
-            plots.show(plot, height=170 * len(plot.panels) + 100)
+        computed = jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
+        await _show(place, computed, lambda plot: plots.show(plot, height=170 * len(plot.panels) + 100))
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)
