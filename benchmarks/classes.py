@@ -19,7 +19,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.record import Record
@@ -216,7 +216,7 @@ def logged(draw: Draw, truck: Vehicle, seed: int) -> Record:
     noise = article_gyro_variance(units)
     record = simulate(truck, count=COUNT, speed=SPEED, seed=seed, sensors=noise)
     model = dynamics.model(truck, tuple(noise), roll=True)
-    _, y = linear_response(model, dynamics.all_parameters(truck, tuple(noise)), record.time, record.signals)
+    _, y = free_response(model, dynamics.all_parameters(truck, tuple(noise)), record.time, record.signals)
     truth: dict[str, Array] = dict(zip(noise, y.T, strict=True))
     steer, t = truck.steer_signals()[0], record.time
     signals = {"speed": record.signals["speed"]}

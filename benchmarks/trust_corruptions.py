@@ -16,7 +16,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.names import ParameterPath, SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
@@ -245,7 +245,7 @@ def with_bank(amplitude: float, period: float) -> OfRecord:
         values, start = dynamics.all_parameters(truck, GYROS), np.zeros(len(model.states))
         start[model.states.index(BANK)] = 1.0
         inputs = {STEER: np.zeros(len(record)), SPEED: np.full(len(record), record.signals[SPEED].mean())}
-        _, step_response = linear_response(model, values, record.time, inputs, start)
+        _, step_response = free_response(model, values, record.time, inputs, start)
         bank = amplitude * np.sin(2 * np.pi * (record.time - record.time[0]) / period)
         rate = np.gradient(bank, record.time)
         signals = {}

@@ -15,7 +15,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
@@ -90,7 +90,7 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     model = dynamics.model(truck, outputs, roll=True, bank=True)
     first = {name: float(values[0]) for name, values in inputs.items()}
     start = np.append(steady_initial_state(truck, first, {}, roll=True, bank=bank)[0], bank)
-    _, y = linear_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs, start)
+    _, y = free_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs, start)
     return run.time, inputs | {name: y[:, i] for i, name in enumerate(outputs)}
 
 

@@ -6,7 +6,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from fifthwheel import dynamics
 from fifthwheel.checks import check
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES
 from fifthwheel.record import Record
@@ -180,7 +180,7 @@ def test_the_response_starts_at_the_initial_state(truck):
     inputs = {name: np.zeros_like(time) for name in truck.steer_signals()} | {"speed": np.full_like(time, 20.0)}
     start = {"lateral_velocity": 0.1, "yaw_rate": 0.02, "articulation": 0.01, "slip_angle": 0.003}
     x0 = np.array([start[name.split(".")[0]] for name in model.states])
-    states, outputs = linear_response(model, dynamics.all_parameters(truck, model.outputs), time, inputs, x0)
+    states, outputs = free_response(model, dynamics.all_parameters(truck, model.outputs), time, inputs, x0)
     np.testing.assert_array_equal(states[0], x0)
     assert np.abs(states[-1]).max() < 0.2 * np.abs(x0).max()
     np.testing.assert_array_equal(outputs[:, 0], states[:, model.states.index("yaw_rate.tractor")])

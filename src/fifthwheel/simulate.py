@@ -6,7 +6,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._callable import make_callable
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
 from fifthwheel.names import SignalName
@@ -75,7 +75,7 @@ def simulate(
     states += [f"articulation.{u}" for u in units[1:]]
     outputs = (*sensors, *states)
     model = dynamics.model(vehicle, outputs, roll=roll)
-    _, y = linear_response(model, dynamics.all_parameters(vehicle, outputs), time, inputs)
+    _, y = free_response(model, dynamics.all_parameters(vehicle, outputs), time, inputs)
     noise = np.random.default_rng(seed).normal(size=(len(time), len(sensors)))
     measured = {n: y[:, i] + np.sqrt(variance) * noise[:, i] for i, (n, variance) in enumerate(sensors.items())}
     return Record(

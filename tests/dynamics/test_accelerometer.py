@@ -6,7 +6,7 @@ import pytest
 from fifthwheel import dynamics, vehicle
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -37,7 +37,7 @@ def run(truck: Vehicle, outputs: tuple[str, ...], *, extended: bool = False, **e
         values |= {f"{sensor}.{kind}": value for kind, value in errors.items() if f"{sensor}.{kind}" in values}
     start = np.zeros(len(model.states))
     start[model.states.index(BANK)] = 0.02
-    _, y = linear_response(model, values, time, corrected_inputs(record, model.inputs, values), start)
+    _, y = free_response(model, values, time, corrected_inputs(record, model.inputs, values), start)
     return dict(zip(outputs, y.T, strict=True))
 
 
@@ -59,7 +59,7 @@ def test_it_is_positive_in_a_left_turn() -> None:
     model = dynamics.model(TRUCK, outputs, roll=True)
     time = np.arange(1000) / 100
     inputs = {"speed": np.full_like(time, SPEED), STEER: np.full_like(time, 0.005)}
-    _, y = linear_response(model, dynamics.all_parameters(TRUCK, outputs), time, inputs)
+    _, y = free_response(model, dynamics.all_parameters(TRUCK, outputs), time, inputs)
     yaw_rate, roll, acceleration = y[-1]
     assert acceleration == pytest.approx(SPEED * yaw_rate + GRAVITY * roll, rel=1e-3)
     assert yaw_rate > 0.02

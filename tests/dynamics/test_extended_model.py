@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.dynamics import TIME_SCALE, ChainModel, all_parameters, contact_input, model, rate_input
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -102,7 +102,7 @@ def response(chain: ChainModel, record: Record, errors: dict[str, float]) -> Arr
     """Outputs (N, m) to the inputs of a record, corrected by delay and play as an estimator does."""
     inputs = corrected_inputs(record, chain.inputs, errors)
     values = all_parameters(LOGGED, chain.outputs, extended=chain.extended) | errors | {f"{STEER}.delay": 0.0}
-    return linear_response(chain, values, record.time, inputs)[1]
+    return free_response(chain, values, record.time, inputs)[1]
 
 
 def test_a_delay_of_a_sensor_shifts_its_output() -> None:
@@ -158,7 +158,7 @@ def test_a_remaining_delay_of_the_steering_is_corrected_by_its_rate(gain: float)
     shifted = response(extended, record, errors | {f"{STEER}.delay": delay})
     inputs = corrected_inputs(record, extended.inputs, errors)
     values = all_parameters(LOGGED, SENSORS, extended=True) | errors | {f"{STEER}.delay": delay}
-    by_rate = linear_response(extended, values, record.time, inputs)[1]
+    by_rate = free_response(extended, values, record.time, inputs)[1]
     on_time = response(extended, record, errors)
     settled = record.time > 2  # before that the contact of the play is unknown
     effect = np.abs(shifted - on_time)[settled].max(axis=0)

@@ -9,7 +9,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics import linear_system
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.vehicle import get
 from tests.dynamics.test_analysis import ARTICLE, COG, FRONT, REAR, WHEELBASE, G, truck
@@ -79,7 +79,7 @@ def test_response_equals_the_simulation(relaxation: float, roll: bool) -> None:
     model = dynamics.model(vehicle, outputs, roll=roll)
     inputs = {name: np.zeros_like(time) for name in model.inputs} | {"speed": np.full_like(time, SPEED)}
     inputs["steer.tractor.front"] = steer
-    _, expected = linear_response(model, dynamics.all_parameters(vehicle, outputs), time, inputs)
+    _, expected = free_response(model, dynamics.all_parameters(vehicle, outputs), time, inputs)
     for i, name in enumerate(outputs):
         assert response[name] == pytest.approx(expected[:, i], abs=1e-6 * np.abs(expected[:, i]).max())
 

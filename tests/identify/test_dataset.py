@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, TwoStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
@@ -112,7 +112,7 @@ def test_a_steered_trailer(truck: Vehicle) -> None:
     outputs = tuple(name for name in record.signals if "rate" in name)
     inputs = {n: record.signals[n] for n in ("speed", FRONT)} | {REAR: rear}
     model = dynamics.model(steered, outputs, roll=True)
-    _, y = linear_response(model, dynamics.all_parameters(steered, outputs), record.time, inputs)
+    _, y = free_response(model, dynamics.all_parameters(steered, outputs), record.time, inputs)
     noise = np.random.default_rng(0).normal(size=y.shape) * [2e-2, 7e-3, 4e-3, 3.3e-3]
     log = record.with_signals(inputs | {name: y[:, i] + noise[:, i] for i, name in enumerate(outputs)})
     other = simulate(truck, count=1, seed=2, name="other")

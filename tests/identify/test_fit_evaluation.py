@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation, parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import _is_unexplained, _speed_notes, evaluate_fits, free_run_fits
@@ -29,7 +29,7 @@ def response(steered: Vehicle, seed: int = 1, count: int = 1) -> Record:
     model = dynamics.model(steered, OUTPUTS, roll=True)
     inputs = {name: record.signals[name] for name in ("speed", STEER)}
     x0 = np.array([0.02 if name.startswith("yaw_rate") else 0.0 for name in model.states])
-    _, y = linear_response(model, dynamics.all_parameters(steered, OUTPUTS), record.time, inputs, x0)
+    _, y = free_response(model, dynamics.all_parameters(steered, OUTPUTS), record.time, inputs, x0)
     return replace(record, signals=inputs | {name: y[:, i] for i, name in enumerate(OUTPUTS)})
 
 
@@ -122,10 +122,10 @@ def test_only_the_response_to_the_bank_lasts(steered: Vehicle, monkeypatch: pyte
 
     def counted(*arguments) -> tuple[np.ndarray, np.ndarray]:
         lengths.append(len(arguments[2]))
-        return linear_response(*arguments)
+        return free_response(*arguments)
 
     monkeypatch.setattr(fit_evaluation, "BLOCK", 97)
-    monkeypatch.setattr(fit_evaluation, "linear_response", counted)
+    monkeypatch.setattr(fit_evaluation, "free_response", counted)
     model = dynamics.model(steered, OUTPUTS, roll=True, bank=True)
     free_run_fits(model, steered, LogData(name="a", segments=[record]), [], values={}, identified_on=True)
     assert lengths.count(len(record)) == 3  # of the initial state, of none, of the bank

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import step_rows
 from fifthwheel.identify import OneStage, TwoStage, parameters
@@ -83,7 +83,7 @@ def test_steady_state_on_a_banked_road(truck: Vehicle, roll: bool) -> None:
     constant = {name: np.full_like(time, value) for name, value in inputs.items()}
     level, banked = (steady_state(model, steered, inputs, {}, bank) for bank in (0.0, 0.05))
     start = np.eye(len(level))[-1] * 0.05
-    after_long, constantly = (linear_response(model, values, time, constant, x0)[1] for x0 in (start, banked))
+    after_long, constantly = (free_response(model, values, time, constant, x0)[1] for x0 in (start, banked))
     np.testing.assert_allclose(after_long[-1], constantly[0], rtol=1e-4)
     np.testing.assert_allclose(constantly[-1], constantly[0], rtol=1e-6)
     slope = steady_state_bank_slope(model, steered, inputs, {})

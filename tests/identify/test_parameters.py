@@ -49,10 +49,10 @@ def test_longest_matching_key() -> None:
 
 def test_expand_names(truck: Vehicle) -> None:
     stiffnesses = [name for name in stage_1_names(truck) if name.endswith(".cornering_stiffness")]
-    assert expand_names(truck, ["cornering_stiffness", stiffnesses[0]]) == stiffnesses
-    assert expand_names(truck, ["payload.height"]) == [HEIGHT]
+    assert expand_names(truck, ["cornering_stiffness", stiffnesses[0]], OneStage()) == stiffnesses
+    assert expand_names(truck, ["payload.height"], OneStage()) == [HEIGHT]
     with pytest.raises(VehicleError, match=r"ering_stiffness: no such parameter in .*cheng"):
-        expand_names(truck, ["ering_stiffness"])
+        expand_names(truck, ["ering_stiffness"], OneStage())
 
 
 @pytest.mark.parametrize(

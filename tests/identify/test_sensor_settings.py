@@ -41,7 +41,7 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     settings = Identification.sensor_settings(IDENTIFICATION, log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
     exact = {"bank": 0.0, "steer_offset": 0.0}
-    assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}} | exact
+    assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}, "friction": None} | exact
 
 
 @pytest.mark.parametrize(

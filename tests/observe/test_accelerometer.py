@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -22,7 +22,7 @@ def banked(truck: Vehicle, lane_changes: Record) -> Record:
     start = np.zeros(len(model.states))
     start[model.states.index(BANK)] = 0.03
     inputs = {name: lane_changes.signals.get(name, np.zeros(len(lane_changes))) for name in model.inputs}
-    _, y = linear_response(model, dynamics.all_parameters(truck, outputs), lane_changes.time, inputs, start)
+    _, y = free_response(model, dynamics.all_parameters(truck, outputs), lane_changes.time, inputs, start)
     noise = np.random.default_rng(1).normal(size=y.shape) * [0.004, 0.004, 0.1, 0.0]
     values = dict(zip(outputs, (y + noise).T, strict=True))
     signals = {name: inputs[name] for name in ("speed", STEER)} | {name: values[name] for name in (*YAWS, NAME)}

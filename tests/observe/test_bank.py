@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.manoeuvres import acceleration_course, inverse_steer
@@ -34,7 +34,7 @@ def banked(bank: float, *, roll: bool = True, manoeuvre: str = "lane_changes", s
     inputs = {"speed": np.full_like(time, SPEED), STEER: steer}
     first = {name: float(values[0]) for name, values in inputs.items()}
     start = np.append(steady_initial_state(TRUCK, first, {}, roll=roll, bank=bank)[0], bank)
-    _, y = linear_response(model, dynamics.all_parameters(TRUCK, model.outputs), time, inputs, start)
+    _, y = free_response(model, dynamics.all_parameters(TRUCK, model.outputs), time, inputs, start)
     signals, random = dict(inputs), np.random.default_rng(seed)
     for i, name in enumerate(outputs):
         variance = GYRO_VARIANCE[name.split(".")[0]][0 if name.endswith(".tractor") else 1]

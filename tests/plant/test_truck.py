@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.manoeuvres import OpenLoop, constant_radius, lane_changes, straight
 from fifthwheel.plant import Plant, PlantRun, Properties
@@ -46,7 +46,7 @@ def linear(truck: Vehicle, run: PlantRun, outputs: tuple[str, ...] = OUTPUTS) ->
     """Response of the linear model to the same inputs."""
     model = dynamics.model(truck, outputs, roll=True)
     inputs = {name: run.truth[name] for name in model.inputs}
-    _, y = linear_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs)
+    _, y = free_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs)
     return dict(zip(outputs, y.T, strict=True))
 
 

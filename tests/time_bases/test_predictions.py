@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.simulate import simulate
 from fifthwheel.time_bases.predictions import predict_channels
 from fifthwheel.vehicle import get
@@ -33,7 +33,7 @@ def response(vehicle, name, time):
     model, n = dynamics.model(steered, (name,), roll=True), len(dynamics.state_names(steered, roll=True))
     inputs = {signal: RECORD.signals[signal] for signal in ("speed", STEER)}
     values = dynamics.all_parameters(steered, (name,))
-    return np.interp(time, RECORD.time, linear_response(model, values, RECORD.time, inputs, np.zeros(n))[1][:, 0])
+    return np.interp(time, RECORD.time, free_response(model, values, RECORD.time, inputs, np.zeros(n))[1][:, 0])
 
 
 def assert_close(predicted, expected, known):

@@ -158,6 +158,10 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
         yield Finding(signal=name, fault=Fault.SPIKE, severity="warning", message=message)
 
 
+SETTLING_TIME = 2.0
+"""Time until the units behind follow a constant steer angle, s."""
+
+
 def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
     """A constant value for over 1 s, and over three times the typical hold time, while other signals show a turn.
 
@@ -202,7 +206,9 @@ def _turns(record: Record, name: str, start: float, stop: float, min_speed: floa
     factor = 2.0 if is_input(name) else 1.0  # steer is constant in a steady turn, and other signals follow it late
     for other, values in record.signals.items():
         limit = limit_of(other)
-        within = values[rows]
+        late = is_input(name) and SignalName.of(other).unit != SignalName.of(name).unit
+        settled = record.time[rows] >= start + SETTLING_TIME * late  # the units behind still turn
+        within = values[rows][settled]
         within = within[~np.isnan(within)]
         if other != name and limit is not None and within.size > 3:
             low, high = np.quantile(within, [0.1, 0.9])

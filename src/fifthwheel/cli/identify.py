@@ -27,6 +27,14 @@ class Form(StrEnum):
     prediction_error = "prediction-error"
 
 
+class Tyres(StrEnum):
+    """Law of the side forces in the one-stage method."""
+
+    linear = "linear"
+    saturating = "saturating"
+    auto = "auto"
+
+
 @command(
     "fifthwheel identify run.csv --vehicle truck.toml",
     "fifthwheel identify bend.csv ramp.csv -v truck.toml -s signals.toml -o result",
@@ -34,6 +42,7 @@ class Form(StrEnum):
     "fifthwheel identify run.csv -v truck.toml --exclude 12.5..14",
     "fifthwheel identify run.csv -v truck.toml --fix tractor.front.cornering_stiffness",
     "fifthwheel identify run.csv -v truck.toml --free tractor.yaw_inertia --consider roll_stiffness=5%",
+    "fifthwheel identify snow.csv -v truck.toml --tyres saturating --friction 0.3",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
@@ -63,6 +72,21 @@ def identify(
         Form,
         typer.Option(help="Compare the logs with a free-running model, or with one-step predictions."),
     ] = Form.output_error,
+    tyres: Annotated[
+        Tyres,
+        typer.Option(
+            help="linear; saturating: at the friction of the road, which is estimated too; auto: what the logs support."
+        ),
+    ] = Tyres.linear,
+    friction: Annotated[
+        float | None,
+        typer.Option(
+            min=0.05,
+            max=1.5,
+            help="Probable peak friction of the road for tyres that saturate: 0.75 dry, 0.6 wet, 0.3 snow. Default: "
+            "0.75.",
+        ),
+    ] = None,
     validate: Annotated[
         list[Path] | None,
         typer.Option(
@@ -85,7 +109,7 @@ def identify(
 
     Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
     states.parquet, report.html and run.json (digests of these files). --free, --prior, --consider, --any-load,
-    --sensor, --suspension-from and --form belong to the one-stage method.
+    --sensor, --suspension-from, --form, --tyres and --friction belong to the one-stage method.
     """
     from fifthwheel.logs import start_reader
 
@@ -107,6 +131,8 @@ def identify(
     chosen = IdentifyOptions(
         method=method,
         form=form,
+        tyres=tyres,
+        friction=friction,
         fix=fix or (),
         free=free or (),
         prior=prior or (),

@@ -60,8 +60,8 @@ def states(
             "--friction",
             min=0.05,
             max=1.5,
-            help="Tyres saturate at this friction of the road: 0.8 dry, 0.6 wet, 0.3 snow. For lateral accelerations "
-            "above 3 m/s² and slippery roads. Default: linear tyres.",
+            help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.6 wet, 0.3 snow. For lateral "
+            "accelerations above 3 m/s² and slippery roads. Default: that of the identification, or linear tyres.",
         ),
     ] = None,
     check: options.CheckOption = True,

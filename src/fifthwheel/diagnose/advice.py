@@ -11,6 +11,7 @@ from fifthwheel.diagnose.fit_quality import predicted_logs
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.variance_budget import dominant_terms
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS
@@ -65,6 +66,7 @@ def next_steps(
     poor = tuple(p.log for p in predicted_logs(identification) if p.poor)
     steps = [Advice(_use_poor(poor), logs=poor)] if poor else []
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
+    steps += [*_friction(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
     steps += [*_separation(identification), *_dominant_uncertainties(identification)]
     for verdict, message in VERDICTS.items():
@@ -146,6 +148,8 @@ def _more_excitation(identification: Identification, runs: Sequence[RunSummary])
 def _roll_rates(identification: Identification) -> Iterator[Advice]:
     missing: dict[str, list[str]] = {}
     for e in identification.parameters:
+        if e.name == FRICTION:
+            continue
         without_channel = e.verdict is Verdict.NOT_IDENTIFIABLE and not e.correlated_with
         if without_channel or (e.verdict is Verdict.NOT_EXCITED and e.sigma is None):
             missing.setdefault(ParameterPath.of(e.name).unit, []).append(e.name)
@@ -156,6 +160,16 @@ def _roll_rates(identification: Identification) -> Iterator[Advice]:
             tuple(names),
             signals=(f"roll_rate.{unit}",),
         )
+
+
+def _friction(identification: Identification) -> Iterator[Advice]:
+    for e in identification.parameters:
+        if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
+            yield Advice(
+                "To estimate road.friction, add a run that uses more of it: a lateral acceleration of 2 m/s² or more "
+                "on a dry road, 1 m/s² on snow. Without it, tyres that are known as linear are enough (--tyres linear).",
+                (FRICTION,),
+            )
 
 
 def _predicted_improvements(identification: Identification, outlook: "InformationAssessment") -> Iterator[Advice]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -83,7 +83,7 @@ def _response(vehicle: Vehicle, record: Record) -> Mapping[str, Array]:
     outputs = [f"{quantity}.{unit.name}" for unit in vehicle.units for quantity in ("yaw_rate", "roll_rate")]
     steered = vehicle.with_logged_steering(record.signals, record.name)
     model = dynamics.model(steered, outputs, roll=True)
-    _, y = linear_response(model, dynamics.all_parameters(steered, outputs), record.time, record.signals)
+    _, y = free_response(model, dynamics.all_parameters(steered, outputs), record.time, record.signals)
     return dict(zip(outputs, y.T, strict=True))
 
 

@@ -81,7 +81,7 @@ def identification_cautions(
         *estimate_cautions(identification),
         *sensor_cautions(identification),
         *fit_cautions(identification),
-        *run_cautions(runs),
+        *(run_cautions(runs) if identification.friction is None else ()),
         *[caution for s in states for caution in state_cautions(s, "identified truck")],
     ]
 
@@ -274,7 +274,7 @@ def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
                 f"{run.name}: the lateral acceleration reaches {run.acceleration:.1f} m/s². The model of tyres and "
                 f"suspensions is linear, which holds up to about {NONLINEAR_ACCELERATION:g} m/s²."
             )
-            cure = "Use a log with a smaller lateral acceleration."
+            cure = "Use tyres that saturate (--tyres saturating), or a log with a smaller lateral acceleration."
             yield Caution(CautionKind.NONLINEAR_RANGE, message, cure, run.acceleration, log=run.name)
 
 

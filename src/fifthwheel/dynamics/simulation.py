@@ -1,4 +1,4 @@
-"""Response of the linear model to speed and steer angles, without noise."""
+"""Response of a model to speed and steer angles, without noise."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.native import Scan, compiled
 
 
-def linear_response(
+def free_response(
     model: ChainModel, values: Mapping[str, float], time: Array, inputs: Mapping[str, Array], x0: Array | None = None
 ) -> tuple[Array, Array]:
     """States (N, n) and outputs (N, m) of the model.

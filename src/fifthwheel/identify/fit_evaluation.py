@@ -1,7 +1,7 @@
 """How well the identified vehicle explains each log: the model runs free, and no measurement corrects it.
 
 The model is linear in the initial state of each segment, in the bank of the road there and in the sensor offsets of
-the log, theta together. The prediction of a log is
+the log, theta together; one with tyres that saturate is linear in their small effects. The prediction of a log is
 
     y(theta) = y_0 + Phi theta,    theta ~ N(0, S),
 
@@ -18,7 +18,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_factor, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
@@ -73,7 +73,7 @@ def evaluate_fits(
         model: without free parameters.
         vehicle: as identified.
         unknowns: of the identification; the sensor offsets among them have their priors here.
-        values: sensor gains and delays that all logs share, SI.
+        values: sensor gains and delays that all logs share and, if tyres saturate, the friction, SI.
     """
     fits: list[Fit] = []
     notes: list[str] = []
@@ -185,7 +185,7 @@ def _free_run(
     unknowns: Sequence[Unknown],
     values: Mapping[str, float],
 ) -> _FreeRun:
-    p = dynamics.all_parameters(vehicle, model.outputs)
+    p = dynamics.all_parameters(vehicle, model.outputs, tyres=model.tyres)
     p |= {name: value for name, value in values.items() if not is_sensor_error(name, "delay")}
     inputs = corrected_inputs(segment, model.inputs, values)
     first = {name: float(v[0]) for name, v in inputs.items()}
@@ -196,7 +196,7 @@ def _free_run(
     return _FreeRun(
         time=segment.time,
         measured=np.column_stack([segment.signals.get(name, missing) for name in model.outputs]),
-        response=linear_response(model, p, segment.time, inputs, x0)[1],
+        response=free_response(model, p, segment.time, inputs, x0)[1],
         deviation=np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs]),
         own=own,
         shared=shared,
@@ -257,7 +257,7 @@ def _unit_responses(
 
     def run(x0: Array | None, steer: Mapping[str, Array], count: int = len(time)) -> Array:
         channels = {name: values[:count] for name, values in {**inputs, **steer}.items()}
-        return linear_response(model, p, time[:count], channels, x0)[1]
+        return free_response(model, p, time[:count], channels, x0)[1]
 
     baseline = run(None, straight)
     columns, count = [], min(BLOCK, len(time))

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel.dynamics.saturation import FRICTION, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
@@ -132,6 +133,18 @@ def _two_stage_unknown(name: str, value: float, settings: TwoStage) -> Unknown:
     )
 
 
+def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
+    """Every parameter of the vehicle, and of tyres that saturate, before the identification, by path, SI.
+
+    Raises:
+        VehicleError: tyres saturate, and the static axle loads are not determined.
+    """
+    values = vehicle.parameters()
+    if settings.tyre_law == "saturating":
+        values |= saturation_parameters(vehicle) | {FRICTION: settings.friction}
+    return values
+
+
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
     """Paths of the parameters that one stage estimates.
 
@@ -139,14 +152,16 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
         VehicleError: a name in the settings is neither a parameter nor the end of one.
     """
     if settings.free is not None:
-        names = expand_names(vehicle, settings.free)
+        names = expand_names(vehicle, settings.free, settings)
     elif settings.uniform_payload:
         names = [*stage_1_names(vehicle), *stage_2_names(vehicle)]
     else:
         bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
         separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
         names = [*stage_1_names(vehicle), *separate]
-    fixed = expand_names(vehicle, settings.fixed)
+    if settings.tyre_law == "saturating":
+        names = list(dict.fromkeys([*names, FRICTION]))
+    fixed = expand_names(vehicle, settings.fixed, settings)
     return [name for name in names if name not in fixed]
 
 
@@ -173,13 +188,13 @@ def longest_matching_key(path: str, table: Mapping[str, float]) -> str | None:
     return max((key for key in table if ends_with(path, key)), key=len, default=None)
 
 
-def expand_names(vehicle: Vehicle, names: Iterable[str]) -> list[str]:
+def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> list[str]:
     """Paths of the parameters that are named by their path or by the end of it, each once.
 
     Raises:
         VehicleError: a name is neither.
     """
-    known = vehicle.parameters()
+    known = given_parameters(vehicle, settings)
     paths: list[str] = []
     for name in names:
         matching = [path for path in known if ends_with(path, name)]
@@ -206,7 +221,7 @@ def one_stage_unknowns(
     """
     estimated = estimated_parameters(vehicle, settings)
     for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
-        if all(path in estimated for path in expand_names(vehicle, [name])) and name in settings.consider:
+        if all(path in estimated for path in expand_names(vehicle, [name], settings)) and name in settings.consider:
             raise VehicleError(
                 f"{name}: is estimated, so it cannot be considered; fix it, or remove it from the considered parameters"
             )
@@ -305,7 +320,7 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
         for change in (changes(vehicle) if factor else ())
     }
     given = {change.name: change.slopes for change in settings.changes}
-    exact = expand_names(vehicle, settings.fixed)
+    exact = expand_names(vehicle, settings.fixed, settings)
     unknowns = []
     for name, slopes in {**of_file, **given}.items():
         moves = {path: slope for path, slope in slopes.items() if path not in done and path not in exact}
@@ -322,7 +337,7 @@ def _changed_paths(settings: OneStage) -> set[str]:
 def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
     """The considered model errors: softening tyres and latency of the gyros."""
     unknowns = []
-    factor = settings.consider.get("softening", 0.0)
+    factor = settings.consider.get("softening", 0.0) if settings.tyre_law == "linear" else 0.0
     for path, slope in (softening(vehicle) if factor else {}).items():
         unknowns.append(_considered(f"{path}.softening", slope * factor))
     latency = settings.consider.get("gyro_delay", 0.0)
@@ -362,7 +377,7 @@ def _considered(name: str, sigma: float, moves: Mapping[str, float] = MappingPro
 
 
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
-    values = vehicle.parameters()
+    values = given_parameters(vehicle, settings)
     unknowns = []
     for name in estimated:
         if ParameterPath.of(name).is_payload_height:
@@ -370,6 +385,7 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
         else:
             roll_inertia = ends_with(name, "sprung.roll_inertia")
             default = settings.roll_inertia_prior if roll_inertia else settings.prior
+            default = settings.friction_prior if name == FRICTION else default
             unknowns.append(_logarithmic(name, values[name], settings.priors.get(name, default)))
     return unknowns
 
@@ -381,11 +397,11 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
     is estimated: its CoG height would be the same unknown again. What the vehicle file states replaces a default.
     """
     loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
-    done = {*estimated, *expand_names(vehicle, settings.fixed)}
+    done = {*estimated, *expand_names(vehicle, settings.fixed, settings)}
     changed = _changed_paths(settings)
     unknowns = []
     for table, considered in ((settings.priors, False), (settings.consider, True)):
-        for name, value in vehicle.parameters().items():
+        for name, value in given_parameters(vehicle, settings).items():
             key, path = longest_matching_key(name, table), ParameterPath.of(name)
             excluded = value <= 0 or (path.unit in loaded and path.component == "sprung")
             if key is None or name in done or (considered and name in changed) or (excluded and key != name):

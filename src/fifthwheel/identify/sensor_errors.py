@@ -1,10 +1,12 @@
 """Sensor errors of a log of an identified vehicle."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.parameters import estimated_parameters
@@ -17,7 +19,7 @@ from fifthwheel.vehicle import Vehicle
 
 
 def estimate_sensor_errors(
-    record: Record, vehicle: Vehicle, known: Uncertainty | None
+    record: Record, vehicle: Vehicle, known: Uncertainty | None, friction: float | None = None
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
 
@@ -29,6 +31,7 @@ def estimate_sensor_errors(
         vehicle: as identified.
         known: joint uncertainty from the identification. Its sensor errors and banks are dropped; those of the new
             log are taken as independent of the parameters of the vehicle. None if not known.
+        friction: peak friction of the road, at which tyres saturate; None: linear tyres.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
@@ -37,7 +40,9 @@ def estimate_sensor_errors(
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
     exact = OneStage(priors={}, consider={}, check=False)
-    fixed = OneStage(fixed=tuple(estimated_parameters(vehicle, exact)), priors={}, consider={}, check=False)
+    if friction is not None:
+        exact = replace(exact, tyres="saturating", friction=friction)
+    fixed = replace(exact, fixed=tuple(estimated_parameters(vehicle, exact)))
     identification = identify_one_stage([record], vehicle, fixed)
     settings = identification.sensor_settings(record.name)
     sensors = identification.uncertainty(record.name)
@@ -60,18 +65,25 @@ class LogSensors(NamedTuple):
     """Where the sensor errors come from, if not from the identification; else empty."""
 
 
-def log_sensors(identification: Identification, record: Record, vehicle: Vehicle) -> LogSensors:
+def log_sensors(
+    identification: Identification, record: Record, vehicle: Vehicle, friction: float | None = None
+) -> LogSensors:
     """The sensors of a log; those of a log that was not identified on are estimated from the log itself.
 
     Args:
         vehicle: as identified.
+        friction: known peak friction of the road; None: that of the identification, which has linear tyres or an
+            estimate.
     """
     note, uncertainty = "", identification.covariance
+    if friction is not None and uncertainty is not None:
+        uncertainty = uncertainty.among([name for name in uncertainty.names if name != FRICTION])
+    friction = identification.friction if friction is None else friction
     if record.name not in {log.name for log in identification.logs}:
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:
-            estimated = estimate_sensor_errors(record, vehicle, uncertainty)
+            estimated = estimate_sensor_errors(record, vehicle, uncertainty, friction)
             return LogSensors(*estimated, f"{note}estimated from the log itself")
         except SignalError as error:
             note += f"unknown, and sigma includes their prior ({error})"
-    return LogSensors(identification.sensor_settings(record.name), uncertainty, note)
+    return LogSensors(identification.sensor_settings(record.name) | {"friction": friction}, uncertainty, note)

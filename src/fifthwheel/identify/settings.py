@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
+from fifthwheel.dynamics.saturation import FRICTION_RANGE, TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle.uncertainty import Change
 
@@ -143,6 +144,12 @@ DEFAULT_CONSIDERED: Mapping[str, float] = {
     "sprung.roll_inertia": 0.2,
     "yaw_inertia": 0.1,
     "relaxation_length": 0.2,
+    "tyre.shape": 0.12,
+    "tyre.stiffness_load_sensitivity": 0.4,
+    "tyre.friction_load_sensitivity": 0.5,
+    "body.half_track": 0.05,
+    "static_load": 0.03,
+    "relative_friction": 0.05,
 }
 """Parameters that are uncertain in most vehicle files and hardly separable from the estimated parameters in a log, with
 their prior standard deviation as a fraction of the value; see `OneStage.consider`."""
@@ -178,6 +185,13 @@ class OneStage(CommonSettings):
     roll_inertia_prior: float = 0.6
     """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
     the same height may be a point, or stand along the sides."""
+    tyres: TyreLaw | Literal["auto"] = "linear"
+    """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
+    and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`)."""
+    friction: float = 0.75
+    """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
+    friction_prior: float = 0.4
+    """Prior standard deviation of the friction, as a fraction of its median."""
     form: Literal["output_error", "prediction_error"] = "output_error"
     """Output error: residuals of the model without correction by measurements; more robust to model error. Prediction
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
@@ -216,12 +230,26 @@ class OneStage(CommonSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_positive(self, "roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations")
+        _require_positive(
+            self, "roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations", "friction_prior"
+        )
         for name, sigma in {**self.priors, **self.consider}.items():
             if not 0 < sigma < math.inf:
                 raise SignalError(
                     f"{name}: expected a standard deviation above 0, as a fraction of the value, got {sigma}"
                 )
+        if self.tyres not in ("linear", "saturating", "auto"):
+            raise SignalError(f"tyres: expected linear, saturating or auto, got {self.tyres!r}; choose one of them")
+        if not FRICTION_RANGE[0] <= self.friction <= FRICTION_RANGE[1]:
+            raise SignalError(
+                f"friction: expected between {FRICTION_RANGE[0]} and {FRICTION_RANGE[1]}, got {self.friction}; a dry "
+                "road has 0.75"
+            )
+
+    @property
+    def tyre_law(self) -> TyreLaw:
+        """Law of the side forces of one fit; linear with auto."""
+        return "saturating" if self.tyres == "saturating" else "linear"
 
 
 def article(**changes: Any) -> TwoStage:

@@ -4,7 +4,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -56,7 +56,7 @@ def lateral_acceleration(vehicle: Vehicle, speed: float, steer: Array, rate: flo
     model = dynamics.model(vehicle, outputs, roll=True)
     record = steer_record(vehicle, speed, steer, rate, "response")
     values = dynamics.all_parameters(vehicle, outputs)
-    _, response = linear_response(model, values, record.time, {name: record.signals[name] for name in model.inputs})
+    _, response = free_response(model, values, record.time, {name: record.signals[name] for name in model.inputs})
     velocity, yaw_rate = response[:, : len(names)], response[:, len(names) :]
     return np.asarray(np.gradient(velocity, 1 / rate, axis=0) + speed * yaw_rate)
 

@@ -5,7 +5,7 @@ import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.saturation import FRICTION_RANGE, TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 
@@ -59,8 +59,8 @@ class ObserverSettings:
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
     friction: float | None = None
-    """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads: 0.8
-    dry, 0.6 wet, 0.3 snow; None: linear tyres."""
+    """Peak friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads:
+    0.75 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
@@ -81,10 +81,11 @@ class ObserverSettings:
         ):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
-        if self.friction is not None and not (_is_finite(self.friction) and 0.05 <= self.friction <= 1.5):
+        low, high = FRICTION_RANGE
+        if self.friction is not None and not (_is_finite(self.friction) and low <= self.friction <= high):
             raise SignalError(
-                f"friction: expected between 0.05 and 1.5, or None for linear tyres, got {self.friction}; a dry road "
-                "has 0.8"
+                f"friction: expected between {low} and {high}, or None for linear tyres, got {self.friction}; a dry "
+                "road has 0.75"
             )
         for name in ("hold", "process_noise", "restart_after"):
             if not getattr(self, name) >= 0:

@@ -13,7 +13,7 @@ from fifthwheel.checks.kinematics import is_mostly_gaps
 from fifthwheel.checks.plausibility import MIN_SPEED
 from fifthwheel.checks.samples import LIMITS, remove_input_spikes
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.names import ParameterPath, SignalName
@@ -132,7 +132,7 @@ def _response(vehicle: Vehicle, names: Sequence[str], time: Array, inputs: dict[
     first = {name: float(column[0]) for name, column in inputs.items()}
     x0, _ = steady_initial_state(vehicle, first, {}, roll=roll)
     model = dynamics.model(vehicle, names, roll=roll)
-    outputs = linear_response(model, dynamics.all_parameters(vehicle, names), time, inputs, x0)[1]
+    outputs = free_response(model, dynamics.all_parameters(vehicle, names), time, inputs, x0)[1]
     outputs[: round(_START * RATE)] = np.nan
     return outputs
 

@@ -23,7 +23,18 @@ SI_UNITS = {
     "leading_position": "m",
     "trailing_position": "m",
 }
-"""SI unit of each quantity, the last word of a path."""
+"""SI unit of each quantity of a vehicle, the last word of a path."""
+
+TYRE_UNITS = {
+    "friction": "1",
+    "relative_friction": "1",
+    "shape": "1",
+    "stiffness_load_sensitivity": "1",
+    "friction_load_sensitivity": "1",
+    "half_track": "m",
+    "static_load": "N",
+}
+"""The same for tyres that saturate, see `dynamics.saturation`."""
 
 
 def unit_of(path: str) -> str:
@@ -33,6 +44,7 @@ def unit_of(path: str) -> str:
         VehicleError: the path does not end with the name of a quantity.
     """
     quantity = ParameterPath.of(path).quantity
-    if quantity not in SI_UNITS:
+    units = SI_UNITS | TYRE_UNITS
+    if quantity not in units:
         raise VehicleError(f"{path}: expected the path of a parameter; {suggestion(quantity, SI_UNITS)}")
-    return SI_UNITS[quantity]
+    return units[quantity]

@@ -93,6 +93,10 @@ class IdentifyOptions:
     """Or "two-stage", or "article"."""
     form: str = "output-error"
     """Or "prediction-error"; one stage."""
+    tyres: str = "linear"
+    """Or "saturating", or "auto"; one stage."""
+    friction: float | None = None
+    """Prior median of the peak friction of the road, for tyres that saturate."""
     fix: Sequence[str] = ()
     free: Sequence[str] = ()
     prior: Sequence[str] = ()
@@ -123,13 +127,17 @@ class IdentifyOptions:
             return self.one_stage(vehicle, suspension)
         of_one_stage: dict[str, object] = {f"--{name}": getattr(self, name) for name in _ONE_STAGE}
         of_one_stage |= {"--any-load": self.any_load, "--suspension-from": suspension}
-        _refuse("one-stage", of_one_stage | {"--form": self.form != "output-error"})
+        of_one_stage |= {"--form": self.form != "output-error", "--tyres": self.tyres != "linear"}
+        _refuse("one-stage", of_one_stage | {"--friction": self.friction})
         preset = article() if self.method == "article" else TwoStage()
         return vehicle, replace(preset, fixed=tuple(self.fix), check=self.check, passes=self.passes or preset.passes)
 
     def one_stage(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, OneStage]:
         """The same for one stage, whatever the method."""
         form: Any = self.form.replace("-", "_")
+        tyres: Any = self.tyres
+        if self.friction is not None and tyres == "linear":
+            raise FifthwheelError("--friction: linear tyres have none; add --tyres saturating, or remove --friction")
         chosen = one_stage_settings(
             vehicle,
             fix=self.fix,
@@ -138,7 +146,7 @@ class IdentifyOptions:
             consider=considered_sigmas(self.consider),
             any_load=self.any_load,
             sensors=sensor_sigmas(self.sensor),
-            base=OneStage(check=self.check, form=form),
+            base=OneStage(check=self.check, form=form, tyres=tyres, friction=self.friction or OneStage.friction),
         )
         return with_suspension(vehicle, chosen, suspension) if suspension else (vehicle, chosen)
 
@@ -147,7 +155,7 @@ class IdentifyOptions:
         default = IdentifyOptions()
         arguments = [
             f"--{name}={getattr(self, name)}"
-            for name in ("method", "form", "passes")
+            for name in ("method", "form", "tyres", "friction", "passes")
             if getattr(self, name) != getattr(default, name)
         ]
         arguments += [f"--{name}={text}" for name in ("fix", *_ONE_STAGE) for text in getattr(self, name)]

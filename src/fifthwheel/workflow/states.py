@@ -57,7 +57,8 @@ def run_states(
     Args:
         records: logs of the vehicle.
         vehicle: the vehicle, usually as identified.
-        settings: of the observer; with an identification its sensor errors and noise are replaced.
+        settings: of the observer; with an identification its sensor errors and noise are replaced, and its friction if
+            that is None.
         identification: sensor errors, noise and uncertainty. Those of a log that was not identified on are estimated
             from the log itself.
         smooth: use later samples too.
@@ -70,14 +71,16 @@ def run_states(
     settings = settings or ObserverSettings()
     uncertainty = identification.covariance if identification else None
     states, notes = [], []
+    friction = settings.friction
     for i, record in enumerate(records):
         progress("states", i, len(records))
         if check:
             raise_errors(check_record(record, vehicle))
         used, own = settings, uncertainty
         if identification:
-            sensors = log_sensors(identification, record, vehicle)
+            sensors = log_sensors(identification, record, vehicle, settings.friction)
             used, own = replace(settings, **sensors.settings), sensors.uncertainty
+            friction = used.friction
             notes += [sensors.note] if sensors.note else []
         observer = Observer(vehicle, record.signals, used)
         states.append((observer.smooth if smooth else observer.batch)(record, own))
@@ -88,16 +91,16 @@ def run_states(
         states=tuple(states),
         smoothed=smooth,
         uncertain=() if uncertainty is None else uncertainty.names,
-        conclusion=_with_tyres(conclude_states(states, records), settings),
+        conclusion=_with_tyres(conclude_states(states, records), friction),
         notes=tuple(notes),
     )
 
 
-def _with_tyres(conclusion: Conclusion, settings: ObserverSettings) -> Conclusion:
+def _with_tyres(conclusion: Conclusion, friction: float | None) -> Conclusion:
     """The conclusion, with a note on tyres that are not linear."""
-    if settings.friction is None:
+    if friction is None:
         return conclusion
-    note = f"Tyres saturate at a friction of the road of {settings.friction:g}."
+    note = f"Tyres saturate at a friction of the road of {friction:.3g}."
     return replace(conclusion, notes=(*conclusion.notes, note))
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.dynamics import linear_system
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.export import PLATFORMS, export_fmu
 from fifthwheel.export.fmu.truck import default_outputs
 from fifthwheel.observe import Observer, ObserverSettings, Status
@@ -96,7 +96,7 @@ def held_response(truck: Vehicle, steps: np.ndarray, inputs: Mapping[str, np.nda
     x, rows = np.zeros(len(model.states)), []
     for k, step in enumerate(steps):
         held = {name: np.full(2, column[k]) for name, column in inputs.items()}
-        states, outputs = linear_response(model, values, np.array([0.0, step]), held, x)
+        states, outputs = free_response(model, values, np.array([0.0, step]), held, x)
         x = states[-1]
         rows.append(outputs[-1])
     return np.array(rows)
@@ -134,7 +134,7 @@ def test_derivatives_of_inputs_give_the_simulation_of_a_log(
     truck: Vehicle, trucks: Mapping[int, Path], inputs: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
     names, time = default_outputs(truck), np.arange(len(inputs["speed"])) * 0.01
-    _, expected = linear_response(
+    _, expected = free_response(
         dynamics.model(truck, names, roll=True), dynamics.all_parameters(truck, names), time, inputs
     )
     with Unit(trucks[2], tmp_path) as unit:
@@ -204,7 +204,7 @@ def test_the_bank_acts_as_in_python(truck: Vehicle, trucks: Mapping[int, Path], 
     x0[-1] = 0.04
     time = np.arange(300) * 0.01
     held = {"speed": np.full(300, 20.0), STEER: np.full(300, 0.005)}
-    _, expected = linear_response(model, values, time, held, x0)
+    _, expected = free_response(model, values, time, held, x0)
     with Unit(trucks[3], tmp_path) as unit:
         columns = {**held, "bank.road": np.full(300, 0.04)}
         found = run(unit, truck, np.full(299, 0.01), columns)

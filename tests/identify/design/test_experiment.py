@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import LogData
@@ -47,7 +47,7 @@ def simulated(design: ExperimentDesign, seed: int = 0) -> Record:
     vehicle, record = design.vehicle, design.record()
     model = dynamics.model(vehicle, design.channels, roll=True)
     inputs = {name: record.signals[name] for name in model.inputs}
-    _, outputs = linear_response(model, dynamics.all_parameters(vehicle, design.channels), record.time, inputs)
+    _, outputs = free_response(model, dynamics.all_parameters(vehicle, design.channels), record.time, inputs)
     noise = np.random.default_rng(seed).normal(size=outputs.shape)
     outputs += noise * np.sqrt([GYROS[name] for name in design.channels])
     return record.with_signals(dict(zip(design.channels, outputs.T, strict=True)))

@@ -40,7 +40,7 @@ def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, mi
         minimum=SimpleNamespace(z=np.array([dict(z).get(name, 0.0) for name in NAMES])),
         estimated=("stiffness", "height"),
         dataset=SimpleNamespace(vehicle=vehicle, records=records),
-        settings=SimpleNamespace(min_speed=min_speed),
+        settings=SimpleNamespace(min_speed=min_speed, tyre_law="linear"),
     )
     return find_doubts(solution, SimpleNamespace(tests=tests, posterior=posterior))
 

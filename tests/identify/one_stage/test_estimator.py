@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.initial_state import steady_state
@@ -275,7 +275,7 @@ def banked(record: Record, truck: Vehicle, bank: float) -> Record:
     inputs = {name: record.signals[name] for name in ("speed", STEER)}
     first = {name: float(value[0]) for name, value in inputs.items()}
     with_bank, level = (
-        linear_response(model, values, record.time, inputs, steady_state(model, steered, first, {}, b))[1]
+        free_response(model, values, record.time, inputs, steady_state(model, steered, first, {}, b))[1]
         for b in (bank, 0.0)
     )
     return record.with_signals(

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify import TwoStage, parameters
@@ -62,7 +62,7 @@ class Stage1:
         start, _ = steady_initial_state(self.vehicle, first, errors, roll=False)
         known = dynamics.all_parameters(self.vehicle, self.channels) | errors
         known |= {name: 0.0 for name in known if name.endswith(".delay")}
-        return linear_response(model, known, segment.time, corrected_inputs(segment, model.inputs, errors), start)[1]
+        return free_response(model, known, segment.time, corrected_inputs(segment, model.inputs, errors), start)[1]
 
     def information(self, segment: Record, **values: float) -> np.ndarray:
         """Sum of J' J / R over samples that are measured, J by central differences with respect to z (n, n)."""

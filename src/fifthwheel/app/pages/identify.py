@@ -21,6 +21,11 @@ METHODS = {
     "two-stage": "Two stages: dual Kalman filter",
     "article": "Article: two stages as published",
 }
+TYRES = {
+    "linear": "Linear",
+    "saturating": "Saturating at the friction of the road, which is estimated",
+    "auto": "What the logs support",
+}
 FORMS = {
     "output-error": "Free-running model: robust to model error",
     "prediction-error": "One-step predictions: robust to side wind",
@@ -56,6 +61,7 @@ class _Settings:
         results = runs.results(self.workspace)
         self._choice("method", "Method", METHODS, "The first is the most accurate.")
         self._choice("form", "Compare the logs with", FORMS, "One stage only.")
+        self._choice("tyres", "Tyres", TYRES, "One stage only.")
         self._list("fix", "Fix", paths, "These parameters keep their value, assumed to be exact.")
         self._list("free", "Estimate too", paths, "In addition to stiffness, yaw inertia and payload height.")
         example = "NAME=FRACTION, such as roll_stiffness=10%"

@@ -61,7 +61,7 @@ def truck_model(
     """
     require_vehicle(vehicle)
     vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
-    free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable)
+    free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable, OneStage())
     names = tuple(dict.fromkeys(default_outputs(vehicle) if outputs is None else outputs))
     if BANK in names:
         raise SignalError(f"{BANK}: an input of the truck; leave it out of the outputs")

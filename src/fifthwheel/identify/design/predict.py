@@ -122,7 +122,8 @@ class InformationPredictor:
 
         Args:
             vehicle: what is known of the truck, with the steered axles that the logs have.
-            settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
+            settings: settings of the fit; the output-error form, linear tyres and the payload heights of the
+                vehicle file are used.
             speeds: speeds of all runs, or the lowest and the highest, m/s.
             logged: signals that are or would be logged; see `possible_channels`.
 
@@ -130,7 +131,7 @@ class InformationPredictor:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
                 axles behind the first are.
         """
-        settings = replace(settings, form="output_error", initial_payload_height=None)
+        settings = replace(settings, form="output_error", initial_payload_height=None, tyres="linear")
         estimated = parameters.estimated_parameters(vehicle, settings)
         if not estimated:
             raise VehicleError(

@@ -28,6 +28,7 @@ from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
 from fifthwheel.identify.one_stage.problem import Directions, Problem
 from fifthwheel.identify.one_stage.solution import Solution, linearise
+from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen, with_note
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
@@ -59,8 +60,27 @@ def identify_one_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in one stage; arguments and errors as in `identify`."""
+    if settings.tyres == "auto":
+        return _with_chosen_tyres(records, vehicle, settings, validate, progress)
     solution = solve_one_stage(records, vehicle, settings, validate=validate, progress=progress)
     return build_identification(solution, linearise(solution))
+
+
+def _with_chosen_tyres(
+    records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record], progress: Progress
+) -> Identification:
+    """The identification with the law of the tyres that the logs support."""
+    linear, saturating = (replace(settings, tyres=tyres) for tyres in ("linear", "saturating"))
+    first = solve_one_stage(records, vehicle, linear, validate=validate, progress=progress)
+    linearisation = linearise(first)
+    if not (reason := softening_seen(first, linearisation)):
+        return build_identification(first, linearisation)
+    try:
+        second = solve_one_stage(records, vehicle, saturating, validate=validate, progress=progress)
+    except VehicleError as error:  # the loads of the axles are unknown
+        return build_identification(with_note(first, f"tyres: linear, although {reason}. {error}"), linearisation)
+    chosen = choose(first, second, reason)
+    return build_identification(chosen, linearise(chosen))
 
 
 def solve_one_stage(
@@ -74,7 +94,7 @@ def solve_one_stage(
     """The maximum of the posterior; arguments and errors as in `identify`."""
     dataset = prepare_dataset(records, vehicle, settings, validate)
     outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
-    free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True))
+    free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True, tyres=settings.tyre_law))
     estimated = parameters.estimated_parameters(dataset.vehicle, settings)
     if not estimated and not settings.nuisances:
         raise VehicleError(
@@ -85,7 +105,15 @@ def solve_one_stage(
         dataset=dataset,
         settings=settings,
         outputs=outputs,
-        model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=settings.nuisances, free=free, extended=True),
+        model=dynamics.model(
+            dataset.vehicle,
+            outputs,
+            roll=True,
+            bank=settings.nuisances,
+            free=free,
+            extended=True,
+            tyres=settings.tyre_law,
+        ),
         estimated=tuple(estimated),
     )
     return estimator.solve(progress)
@@ -132,7 +160,7 @@ class _Estimator:
 
     def _problem(self, logs: Sequence[LogData], uninformed: Mapping[str, Verdict]) -> Problem:
         """The problem in which uninformed parameters are considered, at the value of the vehicle file."""
-        given = self.dataset.vehicle.parameters()
+        given = parameters.given_parameters(self.dataset.vehicle, self.settings)
         unknowns = [
             replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
             for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)

@@ -63,14 +63,26 @@ def _unusual_estimates(solution: Solution, linearisation: Linearisation) -> Iter
 
 def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:
     """Logs beyond the range of the linear model."""
-    first, min_speed = solution.dataset.vehicle.units[0].name, solution.settings.min_speed
-    for i, record in enumerate(solution.dataset.records):
-        offset = solution.problem.values(solution.minimum.z, i).get(f"yaw_rate.{first}.offset", 0.0)
-        largest = largest_lateral_acceleration(record, first, offset=offset, min_speed=min_speed)
+    if solution.settings.tyre_law == "saturating":
+        return
+    for record, largest in zip(solution.dataset.records, lateral_accelerations(solution), strict=True):
         if largest > NONLINEAR_ACCELERATION:
             yield Doubt(
                 kind=DoubtKind.RANGE, causes=(), parameters=solution.estimated, statistic=largest, log=record.name
             )
+
+
+def lateral_accelerations(solution: Solution) -> list[float]:
+    """Largest lateral acceleration of the first unit in each log, m/s^2."""
+    first, min_speed = solution.dataset.vehicle.units[0].name, solution.settings.min_speed
+    offsets = [
+        solution.problem.values(solution.minimum.z, i).get(f"yaw_rate.{first}.offset", 0.0)
+        for i in range(len(solution.dataset.records))
+    ]
+    return [
+        largest_lateral_acceleration(record, first, offset=offset, min_speed=min_speed)
+        for record, offset in zip(solution.dataset.records, offsets, strict=True)
+    ]
 
 
 def _unknowns(solution: Solution) -> dict[str, Unknown]:

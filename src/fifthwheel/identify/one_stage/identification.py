@@ -29,30 +29,33 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
     dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
     posterior, doubts = linearisation.posterior, find_doubts(solution, linearisation)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
-    given = dataset.initial_vehicle.parameters()
+    given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
-    file_unknowns = [u for u in problem.unknowns if not u.nuisance and not u.moves and u.name in given]
-    vehicle_values = {u.name: shared[u.name] for u in file_unknowns}
+    model_unknowns = [u for u in problem.unknowns if not u.nuisance and not u.moves and u.name in given]
+    vehicle_values = {u.name: shared[u.name] for u in model_unknowns if u.name in own}
+    tyre_values = {u.name: shared[u.name] for u in model_unknowns if u.name not in own}
     sensor_errors = [u for u in problem.unknowns if u.nuisance and not u.considered]
     shared_errors = {u.name: shared[u.name] for u in sensor_errors if not u.per_log}
     evaluation = evaluate_fits(
         dataset,
         logs,
-        dynamics.model(dataset.vehicle, problem.model.outputs, roll=True, bank=problem.model.bank),
+        dynamics.model(
+            dataset.vehicle, problem.model.outputs, roll=True, bank=problem.model.bank, tyres=settings.tyre_law
+        ),
         dataset.vehicle.replace(vehicle_values),
         problem.unknowns,
-        shared_errors,
+        shared_errors | tyre_values,
         settings,
     )
     converged = minimum.converged and evaluation.trusted
     estimated, uncertain = [], []
-    for u in file_unknowns:
+    for u in model_unknowns:
         if u.name in solution.estimated:
             estimated.append(_estimate(solution, linearisation, u, shared[u.name], converged, u.name in doubtful))
         else:
             uncertain.append(_uncertain_estimate(u, shared[u.name], sigma[u.name], settings))
-    fixed = parameters.expand_names(dataset.vehicle, settings.fixed)
+    fixed = parameters.expand_names(dataset.vehicle, settings.fixed, settings)
     estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
     covariance = _covariance(problem, minimum, posterior)
@@ -158,7 +161,7 @@ def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Unc
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
     "name@", have their prior. A considered change of the vehicle file contributes to every parameter that it alters.
     """
-    known = dynamics.all_parameters(problem.vehicle, problem.model.outputs)  # by an observer
+    known = dynamics.all_parameters(problem.vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
     banked = problem.model.bank and problem.output_error
     rows: dict[str, Array] = {}
     for i, log in enumerate(problem.logs):

@@ -44,7 +44,7 @@ from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
-from fifthwheel.identify.parameters import Unknown, scaling
+from fifthwheel.identify.parameters import Unknown, given_parameters, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.names import SignalName, is_sensor_error
@@ -335,7 +335,10 @@ class Problem:
     @cached_property
     def _given(self) -> dict[str, float]:
         """All parameters of the model at the values of the vehicle."""
-        return dynamics.all_parameters(self.vehicle, self.model.outputs, extended=self.model.extended)
+        values = dynamics.all_parameters(
+            self.vehicle, self.model.outputs, extended=self.model.extended, tyres=self.model.tyres
+        )
+        return values | given_parameters(self.vehicle, self.settings)
 
     @cached_property
     def _places(self) -> dict[str, int]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fifthwheel import dynamics
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model
@@ -109,15 +110,28 @@ class OnlineProblem:
             outputs=outputs,
             unknowns=tuple(unknowns),
             not_identifiable=not_identifiable,
-            model=model_of(vehicle, outputs, unknowns, bank=settings.nuisances, discrepancies=settings.nuisances),
+            model=model_of(
+                vehicle,
+                outputs,
+                unknowns,
+                bank=settings.nuisances,
+                discrepancies=settings.nuisances,
+                tyres=settings.tyre_law,
+            ),
             scaling=scaling(unknowns),
         )
 
 
 def model_of(
-    vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[Unknown], *, bank: bool, discrepancies: bool
+    vehicle: Vehicle,
+    outputs: Sequence[str],
+    unknowns: Sequence[Unknown],
+    *,
+    bank: bool,
+    discrepancies: bool,
+    tyres: TyreLaw = "linear",
 ) -> OnlineModel:
     """The extended yaw-roll model of a vehicle with these outputs and unknowns."""
-    free = chain_parameters(unknowns, tuple(dynamics.all_parameters(vehicle, outputs, extended=True)))
-    chain = dynamics.model(vehicle, outputs, roll=True, bank=bank, extended=True, free=free)
+    free = chain_parameters(unknowns, tuple(dynamics.all_parameters(vehicle, outputs, extended=True, tyres=tyres)))
+    chain = dynamics.model(vehicle, outputs, roll=True, bank=bank, extended=True, free=free, tyres=tyres)
     return online_model(chain, unknowns, discrepancies=discrepancies)

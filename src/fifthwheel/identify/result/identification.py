@@ -11,6 +11,7 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._html import block
 from fifthwheel._types import Array
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt
@@ -91,8 +92,13 @@ class Identification:
         """
         return ObserverSettings(**self.sensor_settings(log) | changes)
 
+    @property
+    def friction(self) -> float | None:
+        """Peak friction of the road; None with linear tyres."""
+        return _friction(self)
+
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
-        """Sensor errors, noise and bank of the road, as arguments of `ObserverSettings`.
+        """Sensor errors, noise, and friction and bank of the road, as arguments of `ObserverSettings`.
 
         Args:
             log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
@@ -101,7 +107,7 @@ class Identification:
         sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
         errors = {error.name: error.value for error in sensors if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return {"sensor_errors": errors, "noise": noise} | _unknowns(self, log)
+        return {"sensor_errors": errors, "noise": noise, "friction": _friction(self)} | _unknowns(self, log)
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
@@ -331,6 +337,13 @@ def _unknowns(identification: Identification, log: str | None) -> dict[str, floa
     known = identification.covariance is not None and offsets
     offset = 0.0 if known else max(offsets, default=settings.steer_offset_prior)
     return {"bank_mean": mean, "bank": bank, "steer_offset": offset}
+
+
+def _friction(identification: Identification) -> float | None:
+    settings = identification.settings
+    if not isinstance(settings, OneStage) or settings.tyre_law == "linear":
+        return None
+    return next((e.value for e in identification.parameters if e.name == FRICTION), settings.friction)
 
 
 def _is_steer_offset(name: str) -> bool:

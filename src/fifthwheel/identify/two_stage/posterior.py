@@ -20,7 +20,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.dynamics.simulation import linear_response
+from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import dual
 from fifthwheel.filters.dual import DualState, Scaling
 from fifthwheel.filters.initial_state import steady_initial_state
@@ -196,7 +196,7 @@ class _FixedFilter:
         values = dynamics.all_parameters(vehicle, model.outputs) | self.values
         values |= {name: 0.0 for name in values if is_sensor_error(name, "delay")}  # applied to the inputs
         corrected = corrected_inputs(segment, model.inputs, self.values)
-        _, outputs = linear_response(model, values, segment.time, corrected, x0)
+        _, outputs = free_response(model, values, segment.time, corrected, x0)
         measured = {
             name: np.where(np.isfinite(segment.signals[name]), outputs[:, i], np.nan)
             for i, name in enumerate(model.outputs)

@@ -12,6 +12,7 @@ from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.run_summary import summarise_runs
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.names import ParameterPath
@@ -151,6 +152,8 @@ def _reason(identification: Identification, e: Estimate) -> str:
         if e.correlated_with:
             others = " and ".join(spoken(name) for name in e.correlated_with)
             return f"strongly correlated with {others}; {origin}"
+        if e.name == FRICTION:
+            return f"the run uses too little of it; {origin}"
         return f"the roll rate of the {unit} is not logged; {origin}"
     if e.sigma is None:
         return f"it was not estimated, because no roll rate of the {unit} was logged; {origin}"
@@ -173,6 +176,8 @@ def _origin(identification: Identification, e: Estimate) -> str:
     if given is not None and not np.isclose(given, e.value, rtol=1e-6):
         initial, file = (with_sigma(value, None, e.unit) for value in (e.value, given))
         return f"the value shown, {initial}, is the initial value, the vehicle file has {file}"
+    if given is None:
+        return "the value shown is the initial value"
     return "the value shown is that of the vehicle file"
 
 
