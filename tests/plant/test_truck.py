@@ -127,16 +127,28 @@ def test_linear_limit_of_long_combinations(name: str):
 
 
 def test_linear_limit_with_compliant_tyres():
-    """Relaxation lengths and tyre roll stiffness: the linear model is within 2.5 % in yaw, 3 % in roll."""
-    tyre = Properties().tyre
-    loads = TRUCK.axle_loads()
+    """Relaxation lengths and tyre roll stiffness: the linear model is within 1 % in yaw, 3 % in roll.
+
+    Its relaxation lengths contain the lateral compliance of axles that roll on their tyres, h^2 / (K + K_t) at the
+    height h of the roll centre. Without it, sideslip and articulation of the trailer are 2.2 and 1.3 % off.
+    """
+    tyre, loads = Properties().tyre, TRUCK.axle_loads()
     tyres = {"tractor.front": 2, "tractor.drive": 4, "semitrailer": 6}
-    lagging = TRUCK.replace({f"{p}.relaxation_length": tyre.relaxation_length(loads[p] / tyres[p]) for p in loads})
+    of_tyres = {f"{p}.relaxation_length": tyre.relaxation_length(loads[p] / tyres[p]) for p in loads}
+    of_tyres_and_axles = dict(of_tyres)
+    for unit in TRUCK.units:
+        for group in unit.axle_groups:
+            height = unit.roll_axis_height * (1 + group.roll_stiffness / group.tyre_roll_stiffness)
+            compliance = height**2 / (group.roll_stiffness + group.tyre_roll_stiffness)
+            of_tyres_and_axles[f"{unit.group_path(group)}.relaxation_length"] += group.cornering_stiffness * compliance
     run = Plant(TRUCK, NO_RESISTANCE).drive(sine(0.002))
-    expected = linear(lagging, run)
+    expected = linear(TRUCK.replace(of_tyres_and_axles), run)
     for name in OUTPUTS:
-        assert relative_error(run, expected, name) < (0.03 if name.startswith("roll") else 0.025), name
-    without = linear(lagging.replace(dict.fromkeys(of_groups(TRUCK, "relaxation_length"), 0.0)), run)
+        assert relative_error(run, expected, name) < (0.03 if name.startswith("roll") else 0.01), name
+    of_tyres_only = linear(TRUCK.replace(of_tyres), run)
+    assert relative_error(run, of_tyres_only, "sideslip.semitrailer") > 0.02
+    assert relative_error(run, of_tyres_only, "articulation.semitrailer") > 0.012
+    without = linear(TRUCK.replace(dict.fromkeys(of_tyres, 0.0)), run)
     assert relative_error(run, without, "sideslip.semitrailer") > 0.06
 
 
