@@ -10,11 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
@@ -30,7 +32,7 @@ from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import changes
-from trust_runs import RUNS, TRUCK, Range, driven, exact_values, table, true_ranges
+from trust_runs import RUNS, TRUCK, Changes, Range, driven, exact_values, peak_friction, table, true_ranges
 
 UNITS = ("tractor", "semitrailer")
 GYROS = article_gyro_variance(UNITS)
@@ -53,6 +55,10 @@ class Draw:
     seed: int
     duration: float
     """Of everyday driving, s."""
+    changes: Changes = ()
+    """Of the nonlinear truck and its road."""
+    tyres: Literal["linear", "saturating", "auto"] = "linear"
+    """Of the identification."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +88,7 @@ def drawn_file(settings: OneStage, rng: np.random.Generator) -> Vehicle:
 
 def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     """Time (N,) and true signals and states (N,) each of a run on a banked road; bank in rad."""
-    run = driven(draw.run, draw.seed, draw.duration, (("bank", bank),) if draw.nonlinear else ())
+    run = driven(draw.run, draw.seed, draw.duration, (*draw.changes, ("bank", bank)) if draw.nonlinear else ())
     if draw.nonlinear:
         return run.time, run.truth
     inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
@@ -127,7 +133,7 @@ def drawn_record(draw: Draw, errors: Mapping[str, float], name: str) -> Record:
 
 def samples(draw: Draw) -> dict[str, Sample]:
     """Errors and sigmas of all estimates and states by name, as fractions and in rad; empty if the log is refused."""
-    settings, rng = OneStage(), np.random.default_rng([draw.seed, 17])
+    settings, rng = OneStage(tyres=draw.tyres), np.random.default_rng([draw.seed, 17])
     file = drawn_file(settings, rng)
     errors = drawn_errors(settings, rng)
     of_log = {key: x for key, x in drawn_errors(settings, rng).items() if key == "bank" or key.endswith(".offset")}
@@ -137,7 +143,9 @@ def samples(draw: Draw) -> dict[str, Sample]:
         result = identify([record], initial_guess(file, draw.seed), settings)
     except FifthwheelError:
         return {}
-    ranges = true_ranges(((),)) if draw.nonlinear else exact_values()
+    softening = draw.nonlinear and result.friction is None
+    ranges = true_ranges((draw.changes,)) if softening else exact_values()
+    ranges |= {FRICTION: peak_friction(draw.changes)}
     return dict(estimate_samples(result, ranges)) | dict(state_samples(result, file, record, unseen))
 
 

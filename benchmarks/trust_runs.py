@@ -3,8 +3,11 @@
 from collections.abc import Iterable, Sequence
 from functools import cache
 
+import numpy as np
+
 from fifthwheel.manoeuvres import Course, lane_changes
 from fifthwheel.manoeuvres.catalogue import course
+from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.plant import Plant, PlantRun, Properties
 from fifthwheel.plant.properties import with_changes
 from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED
@@ -13,6 +16,8 @@ from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")
 RUNS = {"one": "One lane change", "five": "Five lane changes", "everyday": "Everyday driving"}
+SINE = "sine "
+"""First word of a single sine of the steer angle; then the lateral acceleration of the front axle, m/s^2."""
 Changes = tuple[tuple[str, float], ...]
 """Names and values of properties of the nonlinear truck."""
 Range = tuple[float, float]
@@ -30,6 +35,8 @@ def _driven(run: str, seed: int, duration: float, changes: Changes) -> PlantRun:
 
 
 def _course(run: str, seed: int, duration: float) -> Course:
+    if run.startswith(SINE):
+        return single_sine(TRUCK, acceleration=float(run.removeprefix(SINE)))
     if run == "everyday":
         return course("everyday", TRUCK, duration=duration, seed=seed)
     return lane_changes(count={"one": 1, "five": 5}[run])
@@ -49,6 +56,19 @@ def stiffness(changes: Changes) -> dict[str, Range]:
 def exact_values() -> dict[str, Range]:
     """Parameters and derived quantities of the truck, as ranges."""
     return {name: (value, value) for name, value in (TRUCK.parameters() | TRUCK.derived()).items()}
+
+
+def peak_friction(changes: Changes) -> Range:
+    """Lowest and highest peak friction of the tyres of the axle groups at their static loads."""
+    properties = with_changes(Properties(), {name: value for name, value in changes if name != "bank"})
+    tyre, slips = properties.tyre, np.linspace(0.01, 1.0, 200)
+    plant_tyres = {"tractor.front": 2, "tractor.drive": 4, "semitrailer": 6}
+    peaks = []
+    for path, load in TRUCK.axle_loads().items():
+        of_tyre = load / plant_tyres[path]
+        forces = [float(tyre.side_force(slip, of_tyre, friction=properties.friction)) for slip in slips]
+        peaks.append(max(forces) / of_tyre)
+    return min(peaks), max(peaks)
 
 
 def true_ranges(runs: Sequence[Changes]) -> dict[str, Range]:

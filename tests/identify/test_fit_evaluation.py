@@ -9,7 +9,13 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation, parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
-from fifthwheel.identify.fit_evaluation import _is_unexplained, _speed_notes, evaluate_fits, free_run_fits
+from fifthwheel.identify.fit_evaluation import (
+    FitEvaluation,
+    _is_unexplained,
+    _speed_notes,
+    evaluate_fits,
+    free_run_fits,
+)
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -147,13 +153,22 @@ def test_evaluation(steered: Vehicle) -> None:
     unknowns = parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
     model = dynamics.model(steered, OUTPUTS, roll=True)
     logs = [log.with_noise(steered, OUTPUTS, {}) for log in dataset.logs]
-    right = evaluate_fits(dataset, logs, model, steered, unknowns, {}, settings)
+
+    def evaluation(**values: float) -> FitEvaluation:
+        return evaluate_fits(
+            dataset,
+            logs,
+            lambda log, used: free_run_fits(model, steered, log, unknowns, values=values, identified_on=used),
+            settings,
+        )
+
+    right = evaluation()
     assert right.trusted
     assert {(fit.log, fit.identified_on) for fit in right.fits} == {("log 1", True), ("log 2", False)}
     assert right.notes == (
         "log 2: speed from 106 to 106 km/h, identified at 88 to 88 km/h; the understeer may differ there.",
     )
-    wrong = evaluate_fits(dataset, logs, model, steered, unknowns, {f"{STEER}.gain": -1.0}, settings)
+    wrong = evaluation(**{f"{STEER}.gain": -1.0})
     assert not wrong.trusted
     assert any("yaw_rate.tractor: the model explains 0% of its variance in log 1" in note for note in wrong.notes)
 

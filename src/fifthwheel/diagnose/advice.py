@@ -167,7 +167,7 @@ def _friction(identification: Identification) -> Iterator[Advice]:
         if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
             yield Advice(
                 "To estimate road.friction, add a run that uses more of it: a lateral acceleration of 2 m/s² or more "
-                "on a dry road, 1 m/s² on snow. Without it, tyres that are known as linear are enough (--tyres linear).",
+                "on a dry road, 1 m/s² on snow. Without it, linear tyres are enough (--tyres linear).",
                 (FRICTION,),
             )
 

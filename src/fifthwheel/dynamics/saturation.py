@@ -18,7 +18,7 @@ The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi 
 suspension and tyres, and of the side force at the height h_r of the roll axis.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import casadi as ca
@@ -55,6 +55,11 @@ def relative_friction(path: str) -> str:
     return f"{path}.relative_friction"
 
 
+def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
+    """Names of the parameters of the law for axle groups with these paths."""
+    return (*DEFAULTS, *[name(path) for path in paths for name in (static_load, relative_friction)])
+
+
 def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
     """Parameters of the law by name, with their defaults, SI.
 
@@ -62,8 +67,8 @@ def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
         VehicleError: the static axle loads are not determined.
     """
     loads = vehicle.axle_loads()
-    of_groups = {static_load(path): load for path, load in loads.items()}
-    return {**DEFAULTS, **of_groups, **{relative_friction(path): 1.0 for path in loads}}
+    of_groups = (value for load in loads.values() for value in (load, 1.0))
+    return dict(zip(saturation_names(loads), (*DEFAULTS.values(), *of_groups), strict=True))
 
 
 def group_stiffness(

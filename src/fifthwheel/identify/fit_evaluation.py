@@ -1,7 +1,7 @@
 """How well the identified vehicle explains each log: the model runs free, and no measurement corrects it.
 
 The model is linear in the initial state of each segment, in the bank of the road there and in the sensor offsets of
-the log, theta together; one with tyres that saturate is linear in their small effects. The prediction of a log is
+the log, theta together. The prediction of a log is
 
     y(theta) = y_0 + Phi theta,    theta ~ N(0, S),
 
@@ -10,7 +10,7 @@ minimises the weighted squares of y - y(theta) over all samples of the log plus 
 fitted, so logs that were only predicted are comparable with logs that were used for the identification.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,8 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.vehicle import Vehicle
 
+FitsOf = Callable[[LogData, bool], list[Fit]]
+"""Fits of every channel of a log, and whether the vehicle was identified on it."""
 BLOCK = 4_000
 """Number of samples that are processed together."""
 DECAYED = 1e-9
@@ -57,28 +59,20 @@ class FitEvaluation:
 
 
 def evaluate_fits(
-    dataset: Dataset,
-    logs: Sequence[LogData],
-    model: ChainModel,
-    vehicle: Vehicle,
-    unknowns: Sequence[Unknown],
-    values: Mapping[str, float],
-    settings: CommonSettings,
+    dataset: Dataset, logs: Sequence[LogData], fits_of: FitsOf, settings: CommonSettings
 ) -> FitEvaluation:
     """Fits of all logs of a dataset, and whether they support the estimates.
 
     Args:
         logs: those of the dataset that were identified on, with their estimated noise; predicted logs get the noise of
             the first.
-        model: without free parameters.
-        vehicle: as identified.
-        unknowns: of the identification; the sensor offsets among them have their priors here.
-        values: sensor gains and delays that all logs share and, if tyres saturate, the friction, SI.
+        fits_of: fits of a log, and whether the vehicle was identified on it.
+        settings: of the identification.
     """
     fits: list[Fit] = []
     notes: list[str] = []
     for log in logs:
-        fits += free_run_fits(model, vehicle, log, unknowns, values=values, identified_on=True)
+        fits += fits_of(log, True)
     unexplained = [fit for fit in fits if _is_unexplained(fit, dataset.vehicle, settings)]
     for fit in unexplained:
         notes.append(
@@ -88,7 +82,7 @@ def evaluate_fits(
     speeds = speed_range(logs)
     for log in dataset.validation:
         log = replace(log, noise=logs[0].noise)
-        fits += free_run_fits(model, vehicle, log, unknowns, values=values, identified_on=False)
+        fits += fits_of(log, False)
         notes += _speed_notes(log, speeds)
     return FitEvaluation(fits=tuple(fits), notes=tuple(notes), trusted=not unexplained)
 
@@ -144,15 +138,30 @@ def free_run_fits(
             for run, design, theta in zip(runs, designs, solutions, strict=True)
         ]
     )
+    return channel_fits(log.name, model.outputs, time, measured, predicted, identified_on=identified_on)
+
+
+def channel_fits(
+    log: str, channels: Sequence[str], time: Array, measured: Array, predicted: Array, *, identified_on: bool
+) -> list[Fit]:
+    """Fit of every channel; a channel without variance or with fewer than three samples has none.
+
+    Args:
+        log: its name.
+        channels: the m channels.
+        time: (N,) s.
+        measured, predicted: (N, m).
+        identified_on: whether the vehicle was identified on this log.
+    """
     fits = []
-    for name, y, y_hat in zip(model.outputs, measured.T.copy(), predicted.T.copy(), strict=True):
+    for name, y, y_hat in zip(channels, measured.T.copy(), predicted.T.copy(), strict=True):
         present = np.isfinite(y)
         if present.sum() < 3 or np.var(y[present]) == 0:
             continue
         residual = (y - y_hat)[present]
         fits.append(
             Fit(
-                log=log.name,
+                log=log,
                 signal=name,
                 explained=float(1 - np.var(residual) / np.var(y[present])),
                 rms=float(np.sqrt(np.mean(residual**2))),
@@ -185,7 +194,7 @@ def _free_run(
     unknowns: Sequence[Unknown],
     values: Mapping[str, float],
 ) -> _FreeRun:
-    p = dynamics.all_parameters(vehicle, model.outputs, tyres=model.tyres)
+    p = dynamics.all_parameters(vehicle, model.outputs)
     p |= {name: value for name, value in values.items() if not is_sensor_error(name, "delay")}
     inputs = corrected_inputs(segment, model.inputs, values)
     first = {name: float(v[0]) for name, v in inputs.items()}

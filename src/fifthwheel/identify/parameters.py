@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.saturation import FRICTION, saturation_parameters
+from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
@@ -159,7 +159,7 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
         bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
         separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
         names = [*stage_1_names(vehicle), *separate]
-    if settings.tyre_law == "saturating":
+    if settings.tyre_law == "saturating" and FRICTION not in settings.consider:
         names = list(dict.fromkeys([*names, FRICTION]))
     fixed = expand_names(vehicle, settings.fixed, settings)
     return [name for name in names if name not in fixed]
@@ -191,14 +191,16 @@ def longest_matching_key(path: str, table: Mapping[str, float]) -> str | None:
 def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> list[str]:
     """Paths of the parameters that are named by their path or by the end of it, each once.
 
+    With linear tyres, names of the parameters of saturating ones are left out.
+
     Raises:
         VehicleError: a name is neither.
     """
-    known = given_parameters(vehicle, settings)
+    known, of_tyres = given_parameters(vehicle, settings), saturation_names(group_paths(vehicle))
     paths: list[str] = []
     for name in names:
         matching = [path for path in known if ends_with(path, name)]
-        if not matching:
+        if not matching and not any(ends_with(path, name) for path in of_tyres):
             raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, known)}")
         paths += matching
     return list(dict.fromkeys(paths))
@@ -221,7 +223,8 @@ def one_stage_unknowns(
     """
     estimated = estimated_parameters(vehicle, settings)
     for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
-        if all(path in estimated for path in expand_names(vehicle, [name], settings)) and name in settings.consider:
+        paths = expand_names(vehicle, [name], settings)
+        if name in settings.consider and paths and all(path in estimated for path in paths):
             raise VehicleError(
                 f"{name}: is estimated, so it cannot be considered; fix it, or remove it from the considered parameters"
             )

@@ -9,7 +9,7 @@ from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
-from fifthwheel.identify.parameters import estimated_parameters
+from fifthwheel.identify.parameters import given_parameters
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.names import is_sensor_error, split_log
@@ -39,19 +39,32 @@ def estimate_sensor_errors(
     Raises:
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
-    exact = OneStage(priors={}, consider={}, check=False)
+    exact = OneStage(free=(), priors={}, consider={}, check=False)
     if friction is not None:
-        exact = replace(exact, tyres="saturating", friction=friction)
-    fixed = replace(exact, fixed=tuple(estimated_parameters(vehicle, exact)))
-    identification = identify_one_stage([record], vehicle, fixed)
+        exact = replace(exact, tyres="saturating", friction=friction, fixed=(FRICTION,))
+        exact = replace(exact, **_known_within(vehicle, known, exact) if known else {})
+    identification = identify_one_stage([record], vehicle, exact)
     settings = identification.sensor_settings(record.name)
     sensors = identification.uncertainty(record.name)
     if known is None or sensors is None:
         return settings, None
     parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[0] != BANK])
+    sensors = sensors.among([n for n in sensors.names if n not in parameters.names])
     k, m = len(parameters.names), len(sensors.names)
     covariance = np.block([[parameters.covariance, np.zeros((k, m))], [np.zeros((m, k)), sensors.covariance]])
     return settings, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
+
+
+def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, Any]:
+    """The uncertain parameters, as settings that consider them.
+
+    If tyres saturate, a log informs the offset of the steering and the bank by the curvature of the tyre law, as far as
+    the law is known.
+    """
+    values = given_parameters(vehicle, settings)
+    sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
+    consider = {name: s / values[name] for name, s in sigma.items() if values.get(name, 0.0) > 0 and s > 0}
+    return {"consider": consider, "fixed": () if FRICTION in consider else (FRICTION,)}
 
 
 class LogSensors(NamedTuple):

@@ -76,7 +76,7 @@ def _with_chosen_tyres(
     if not (reason := softening_seen(first, linearisation)):
         return build_identification(first, linearisation)
     try:
-        second = solve_one_stage(records, vehicle, saturating, validate=validate, progress=progress)
+        second = solve_one_stage(records, vehicle, saturating, validate=validate, progress=progress, start=first)
     except VehicleError as error:  # the loads of the axles are unknown
         return build_identification(with_note(first, f"tyres: linear, although {reason}. {error}"), linearisation)
     chosen = choose(first, second, reason)
@@ -90,8 +90,17 @@ def solve_one_stage(
     *,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
+    start: Solution | None = None,
 ) -> Solution:
-    """The maximum of the posterior; arguments and errors as in `identify`."""
+    """The maximum of the posterior; arguments and errors as in `identify`.
+
+    Args:
+        start: solution with linear tyres, at which the search with tyres that saturate begins; it is found if it is not
+            given. At the prior mean a steering offset may let such tyres skid.
+    """
+    if settings.tyre_law == "saturating" and start is None:
+        linear = replace(settings, tyres="linear")
+        start = solve_one_stage(records, vehicle, linear, validate=validate, progress=progress)
     dataset = prepare_dataset(records, vehicle, settings, validate)
     outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
     free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True, tyres=settings.tyre_law))
@@ -115,6 +124,7 @@ def solve_one_stage(
             tyres=settings.tyre_law,
         ),
         estimated=tuple(estimated),
+        start=dict(zip(start.problem.names, start.minimum.z.tolist(), strict=True)) if start else {},
     )
     return estimator.solve(progress)
 
@@ -130,6 +140,8 @@ class _Estimator:
     """With every parameter free."""
     estimated: tuple[str, ...]
     """Names of the estimated parameters."""
+    start: Mapping[str, float]
+    """Where the search begins, in units of the priors; 0 for other unknowns."""
 
     def solve(self, progress: Progress) -> Solution:
         """Estimate all unknowns, again and again until the set of uninformed parameters no longer changes.
@@ -196,8 +208,8 @@ class _Estimator:
         return uninformed_parameters(posterior, self.estimated, self.outputs, self.settings.excited)
 
     def _initial(self, problem: Problem) -> Array:
-        """The prior means; if that vehicle is unstable, with stiffer tyres on all axle groups behind the first."""
-        z = np.zeros(len(problem.names))
+        """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
+        z = np.array([self.start.get(name, 0.0) for name in problem.names])
         _, *others = [f"{path}.cornering_stiffness" for path in parameters.group_paths(self.dataset.vehicle)]
         indices = [i for i, name in enumerate(problem.names) if name in others]
         while problem.unstable(z) and indices and z[indices[0]] < problem.bounds[1][indices[0]]:

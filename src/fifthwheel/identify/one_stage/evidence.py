@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.doubts import (
     HARMFUL_SHIFT,
     NONLINEAR_ACCELERATION,
@@ -45,7 +46,7 @@ def _contradicted_assumptions(solution: Solution, linearisation: Linearisation) 
 
 
 def _unusual_estimates(solution: Solution, linearisation: Linearisation) -> Iterator[Doubt]:
-    """Sensor errors and parameters far outside their priors."""
+    """Sensor errors and parameters far outside their priors; the friction may differ as roads do."""
     covariance = linearisation.posterior.covariance
     for name, u in _unknowns(solution).items():
         i = solution.problem.names.index(name)
@@ -53,7 +54,7 @@ def _unusual_estimates(solution: Solution, linearisation: Linearisation) -> Iter
         if u.nuisance and not u.considered and abs(deviation) > UNUSUAL_SENSOR_ERROR:
             kind = DoubtKind.SENSOR
             parameters = _moved(solution, linearisation, covariance[:, i] / covariance[i, i] * deviation)
-        elif u.logarithmic and not u.considered and abs(deviation) > UNUSUAL_ESTIMATE:
+        elif u.logarithmic and not u.considered and abs(deviation) > UNUSUAL_ESTIMATE and name != FRICTION:
             kind, parameters = DoubtKind.ESTIMATE, (name,)
         else:
             continue

@@ -10,18 +10,21 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates, parameters
-from fifthwheel.identify.fit_evaluation import evaluate_fits
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.fit_evaluation import FitsOf, evaluate_fits, free_run_fits
+from fifthwheel.identify.one_stage import free_run
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
 from fifthwheel.identify.parameters import Unknown
-from fifthwheel.identify.result import Estimate, Identification, LogSummary
+from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.vehicle import Vehicle
 
 
 def build_identification(solution: Solution, linearisation: Linearisation) -> Identification:
@@ -34,20 +37,8 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
     model_unknowns = [u for u in problem.unknowns if not u.nuisance and not u.moves and u.name in given]
     vehicle_values = {u.name: shared[u.name] for u in model_unknowns if u.name in own}
-    tyre_values = {u.name: shared[u.name] for u in model_unknowns if u.name not in own}
     sensor_errors = [u for u in problem.unknowns if u.nuisance and not u.considered]
-    shared_errors = {u.name: shared[u.name] for u in sensor_errors if not u.per_log}
-    evaluation = evaluate_fits(
-        dataset,
-        logs,
-        dynamics.model(
-            dataset.vehicle, problem.model.outputs, roll=True, bank=problem.model.bank, tyres=settings.tyre_law
-        ),
-        dataset.vehicle.replace(vehicle_values),
-        problem.unknowns,
-        shared_errors | tyre_values,
-        settings,
-    )
+    evaluation = evaluate_fits(dataset, logs, _fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     converged = minimum.converged and evaluation.trusted
     estimated, uncertain = [], []
     for u in model_unknowns:
@@ -80,6 +71,21 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
         notes=tuple(dict.fromkeys((*dataset.notes, *evaluation.notes))),
         version=fifthwheel.__version__,
     )
+
+
+def _fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
+    """The fits of a log by the identified vehicle."""
+    problem, law = solution.problem, solution.settings.tyre_law
+    values = problem.values(solution.minimum.z, 0)
+    sensors = {u.name: values[u.name] for u in problem.unknowns if u.nuisance and not u.considered and not u.per_log}
+    model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
+
+    def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
+        if law == "saturating":
+            return free_run.free_run_fits(problem, vehicle, values, log, identified_on=identified_on)
+        return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
+
+    return fits_of
 
 
 def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:

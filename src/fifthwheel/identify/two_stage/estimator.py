@@ -21,10 +21,10 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.filters import dual
 from fifthwheel.identify import estimates, parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
-from fifthwheel.identify.fit_evaluation import evaluate_fits
+from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
 from fifthwheel.identify.history import ParameterHistory, is_settled, settled_since
 from fifthwheel.identify.parameters import Unknown
-from fifthwheel.identify.result import Estimate, Identification
+from fifthwheel.identify.result import Estimate, Fit, Identification
 from fifthwheel.identify.settings import Progress, TwoStage
 from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
 from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, stage_model
@@ -270,15 +270,12 @@ def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePos
     estimated = (*estimator.stage_1, *estimator.stage_2)
     vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimated})
     shared = {u.name: state.values.get(u.name, u.centre) for u in estimator.unknowns if u.nuisance and not u.per_log}
-    evaluation = evaluate_fits(
-        dataset,
-        state.logs,
-        dynamics.model(dataset.vehicle, model.outputs, roll=model.roll),
-        vehicle,
-        estimator.unknowns,
-        shared,
-        estimator.settings,
-    )
+    free_running = dynamics.model(dataset.vehicle, model.outputs, roll=model.roll)
+
+    def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
+        return free_run_fits(free_running, vehicle, log, estimator.unknowns, values=shared, identified_on=identified_on)
+
+    evaluation = evaluate_fits(dataset, state.logs, fits_of, estimator.settings)
     parameter_estimates = _estimates(estimator, state, sigma_z, trusted=evaluation.trusted)
     used = zip(dataset.records, state.logs, state.accepted, strict=True)
     summaries = tuple(estimates.log_summary(record, log, model.outputs, accepted) for record, log, accepted in used)

@@ -1,0 +1,76 @@
+"""How well the identified vehicle explains a log if its tyres saturate: the model runs free.
+
+As in `fit_evaluation` only the initial states, the bank of the road and the sensor offsets of the log are fitted. The
+model is not linear in them, so they are found by Gauss-Newton steps, which begin at those of linear tyres.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.fit_evaluation import channel_fits
+from fifthwheel.identify.one_stage.gauss_newton import minimise
+from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.result import Fit
+from fifthwheel.vehicle import Vehicle
+
+LAWS: tuple[TyreLaw, ...] = ("linear", "saturating")
+
+
+def free_run_fits(
+    problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, *, identified_on: bool
+) -> list[Fit]:
+    """Fit of every channel of a log.
+
+    Args:
+        problem: of the identification.
+        vehicle: as identified.
+        values: of all unknowns that logs share, SI.
+        log: with the noise of its channels.
+        identified_on: whether the vehicle was identified on this log.
+    """
+    unknowns = [u if u.per_log else replace(u, centre=values[u.name], considered=True) for u in problem.unknowns]
+    white, start = replace(log, noise_models={}), dict[str, float]()
+    for law in LAWS:
+        outputs, settings = problem.model.outputs, replace(problem.settings, tyres=law)
+        free = tuple(dynamics.all_parameters(vehicle, outputs, extended=True, tyres=law))
+        model = dynamics.model(
+            vehicle, outputs, roll=True, bank=problem.model.bank, free=free, extended=True, tyres=law
+        )
+        alone = Problem(model, vehicle, [white], unknowns, settings)
+        lower, upper = alone.bounds
+        minimum = minimise(
+            alone.expand,
+            alone.cost,
+            lambda _: None,
+            np.array([start.get(name, 0.0) for name in alone.names]),
+            lower=lower,
+            upper=upper,
+            iterations=settings.iterations,
+        )
+        start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
+    time, error = _residuals(alone, minimum.z)
+    measured = _measured(log, outputs)
+    return channel_fits(log.name, outputs, time, measured, measured - error, identified_on=identified_on)
+
+
+def _residuals(problem: Problem, z: Array) -> tuple[Array, Array]:
+    """Time (N,) and residuals (N, m) of all segments of the only log."""
+    blocks = [
+        block
+        for _, segment in problem.segments()
+        for block in problem.blocks(z, 0, segment, directions="none", whitened=False)
+    ]
+    return np.concatenate([b.time for b in blocks]), np.concatenate([b.error for b in blocks])
+
+
+def _measured(log: LogData, outputs: Iterable[str]) -> Array:
+    """Measured channels (N, m) of all segments of a log; NaN where missing."""
+    return np.concatenate(
+        [np.column_stack([s.signals.get(name, np.full(len(s.time), np.nan)) for name in outputs]) for s in log.segments]
+    )
