@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,13 @@ from fifthwheel.cli.app import command
 if TYPE_CHECKING:
     from fifthwheel.live.node import Output
     from fifthwheel.live.session import Session
+
+
+class Tyres(StrEnum):
+    """Law of the side forces that is learned."""
+
+    linear = "linear"
+    saturating = "saturating"
 
 
 @command(
@@ -68,6 +76,10 @@ def live(
             help="A parameter that is not learned: it keeps its estimate, or its given value. May be repeated."
         ),
     ] = None,
+    tyres: Annotated[
+        Tyres,
+        typer.Option(help="Of --learn: linear, or saturating at the friction of the road, which is estimated too."),
+    ] = Tyres.linear,
     send: Annotated[
         str | None,
         typer.Option(help="Send states as CAN frames from this id on, such as 0x500 or, with 29 bits, 0x18FF0080."),
@@ -100,8 +112,8 @@ def live(
     speed = _speed(rate)
     if (replay is None) == (not bus):
         raise FifthwheelError("live: expected --bus or --replay; give one of them")
-    if not learn and (state or trailer or trailer_signal or lock):
-        raise FifthwheelError("--state, --trailer, --trailer-signal and --lock are for --learn; add it")
+    if not learn and (state or trailer or trailer_signal or lock or tyres != Tyres.linear):
+        raise FifthwheelError("--state, --trailer, --trailer-signal, --lock and --tyres are for --learn; add it")
     if learn and identification:
         raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
     stop = threading.Event()
@@ -118,6 +130,7 @@ def live(
         trailer=trailer,
         trailer_signal=trailer_signal,
         locks=tuple(lock or ()),
+        tyres=tyres.value,
         min_speed=min_speed,
         allow_outside=allow_outside,
     )

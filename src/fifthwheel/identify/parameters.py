@@ -409,6 +409,8 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             excluded = value <= 0 or (path.unit in loaded and path.component == "sprung")
             if key is None or name in done or (considered and name in changed) or (excluded and key != name):
                 continue
+            if considered and value == 0:  # a fraction of it is 0
+                continue
             done.add(name)
             sigma = table[key]
             if considered and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):

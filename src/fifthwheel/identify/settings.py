@@ -187,7 +187,8 @@ class OneStage(CommonSettings):
     the same height may be a point, or stand along the sides."""
     tyres: TyreLaw | Literal["auto"] = "linear"
     """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
-    and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`)."""
+    and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
+    in a `Learner` saturating."""
     friction: float = 0.75
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: float = 0.4

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner
@@ -27,6 +28,7 @@ def make_learning(
     path: Path | None = None,
     trailer: str | None = None,
     locks: Collection[str] = (),
+    tyres: TyreLaw = "linear",
 ) -> Learning:
     """A learner with the estimates of a file, if there is one.
 
@@ -36,20 +38,23 @@ def make_learning(
         path: file of the estimates; it need not exist.
         trailer: name of the coupled trailer; by default that of the file, or the vehicle's.
         locks: parameters that keep their value: that of the file, or of the vehicle.
+        tyres: law of the side forces.
 
     Raises:
-        SignalError: the file is damaged, or of another vehicle or other signals.
-        VehicleError: a locked parameter does not exist.
+        SignalError: the file is damaged, or of another vehicle, other signals or another law.
+        VehicleError: a locked parameter does not exist, or tyres saturate and the static axle loads are not determined.
     """
     for name in locks:
         if name not in vehicle.parameters():
             raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
     if path is None or not path.exists():
-        learner = Learner(vehicle, signals, OneStage(fixed=tuple(locks)), trailer=trailer)
+        learner = Learner(vehicle, signals, OneStage(fixed=tuple(locks), tyres=tyres), trailer=trailer)
         return Learning(learner, vehicle)
     content = read_learner(path)
     former = Vehicle(**content["vehicle"])
     _require_same(path, content, former, vehicle, signals)
+    if content["settings"].get("tyres", "linear") != tyres:
+        raise SignalError(f"{path}: was learned with other tyres; give its --tyres, or another --state")
     before = set(content["settings"]["fixed"])
     learner = _with_locks(Learner.of_content(content, str(path)), former, vehicle, before, locks)
     learning = Learning(learner, vehicle, restored=True)

@@ -8,6 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from fifthwheel._atomic import reserved
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification
 from fifthwheel.live.build import completed_map, make_node, make_observer
@@ -49,6 +50,8 @@ class Inputs:
     """Message.Signal with the number of the trailer."""
     locks: tuple[str, ...] = ()
     """Parameters that are not learned."""
+    tyres: TyreLaw = "linear"
+    """Law of the side forces that is learned."""
     min_speed: float = 5.0
     """m/s."""
     allow_outside: bool = False
@@ -149,7 +152,7 @@ def _node(inputs: Inputs, vehicle: Vehicle, signal_map: SignalMap) -> tuple[Node
     extra = (inputs.trailer_signal,) if inputs.trailer_signal else ()
     if inputs.learn:
         learning = make_learning(
-            vehicle, complete.signals, path=inputs.state, trailer=inputs.trailer, locks=inputs.locks
+            vehicle, complete.signals, path=inputs.state, trailer=inputs.trailer, locks=inputs.locks, tyres=inputs.tyres
         )
         return make_node(complete, learning, extra=extra), learning, learning.learner.reported
     identification = Identification.load(inputs.identification) if inputs.identification else None

@@ -189,9 +189,11 @@ class StateView:
         """Names of each reported state and of its sigma."""
         self.bank = signals.index(BANK) if bank else None
         """Place of the bank of the road among them; None if it is no state."""
-        self.report = model_of(vehicle, signals, problem.unknowns, bank=bank, discrepancies=False)
+        self.report = model_of(
+            vehicle, signals, problem.unknowns, bank=bank, discrepancies=False, tyres=problem.settings.tyre_law
+        )
         self._step = joint.state_view(problem.model, self.report, scaling.logarithmic, len(problem.estimated))
-        values = dynamics.all_parameters(vehicle, signals, extended=True)
+        values = problem.given(signals)
         self.c = self.report.constant(values, problem.unknowns, math.inf)
         constant = np.concatenate([self.c, scaling.centre, scaling.scale])
         self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
@@ -224,7 +226,7 @@ def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> Re
         measurement=np.array([variances.sensor_variance(vehicle, name, settings.noise) for name in problem.outputs]),
         gate=settings.gate,
     )
-    values = dynamics.all_parameters(vehicle, problem.outputs, extended=True)
+    values = problem.given(problem.outputs)
     return RelinearisedFilter(
         model,
         c=model.constant(values, problem.unknowns, learner.discrepancy_time),
@@ -247,7 +249,7 @@ def start_state(
     """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
     vehicle, chain, unknowns = problem.vehicle, problem.model.chain, problem.unknowns
     p = problem.scaling.to_p(np.append(z, np.zeros(len(unknowns) - len(z))))
-    values = dynamics.all_parameters(vehicle, problem.outputs, extended=True)
+    values = problem.given(problem.outputs)
     values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
     bank = problem.settings.bank_prior if chain.bank else None
     x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)

@@ -12,6 +12,7 @@ from fifthwheel.identify.online.online_model import OnlineModel, chain_parameter
 from fifthwheel.identify.parameters import (
     Unknown,
     estimated_parameters,
+    given_parameters,
     group_paths,
     lacks_roll_rate,
     one_stage_unknowns,
@@ -69,6 +70,11 @@ class OnlineProblem:
         """Names of the estimated parameters, without sensor errors."""
         return tuple(u.name for u in self.estimated if not u.nuisance)
 
+    def given(self, outputs: Sequence[str]) -> dict[str, float]:
+        """Every parameter of a model with these outputs, at the values of the vehicle, SI."""
+        values = dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law)
+        return values | given_parameters(self.vehicle, self.settings)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: models of one structure are shared."""
         return OnlineProblem.of, (self.vehicle_file, self.signals, self.settings)
@@ -76,6 +82,8 @@ class OnlineProblem:
     @classmethod
     def of(cls, vehicle: Vehicle, signals: Iterable[str], settings: OneStage) -> "OnlineProblem":
         """Set up the problem; arguments and errors are those of `Learner`."""
+        if settings.tyres == "auto":  # at small slip angles tyres that saturate are linear
+            settings = replace(settings, tyres="saturating")
         vehicle_file, signals = vehicle, frozenset(signals)
         if not settings.relaxation:
             vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
@@ -94,7 +102,7 @@ class OnlineProblem:
             )
         estimated = estimated_parameters(vehicle, settings)
         not_identifiable = frozenset(name for name in estimated if lacks_roll_rate(name, outputs))
-        values = vehicle.parameters()
+        values = given_parameters(vehicle, settings)
         unknowns = [
             replace(u, centre=values[u.name], considered=True) if u.name in not_identifiable else u
             for u in one_stage_unknowns(vehicle, outputs, settings)

@@ -1,0 +1,216 @@
+"""Identification with tyres that saturate: friction, choice of the law, logs that were not identified on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel import dynamics
+from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.dynamics.simulation import free_response
+from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.online import Learner
+from fifthwheel.identify.sensor_errors import log_sensors
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.manoeuvres.open_loops import single_sine
+from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.plant import Plant, Properties
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.workflow import run_states
+from fifthwheel.workflow.settings import IdentifyOptions
+
+TRUCK = get("cheng_cebon_2011")
+GYROS = [f"{quantity}.{unit}" for quantity in ("yaw_rate", "roll_rate") for unit in ("tractor", "semitrailer")]
+SIDESLIP = ["sideslip.tractor", "sideslip.semitrailer"]
+STEER = "steer.tractor.front"
+EXACT = OneStage(tyres="saturating", consider={}, nuisances=False, check=False)
+"""Everything but the estimated parameters and the noise is known."""
+
+
+def response(acceleration: float, friction: float, *, name: str = "sine", offset: float = 0.0, seed: int = 1) -> Record:
+    """A single sine of the own model with tyres that saturate, with the noise of good gyros; offset of the steering."""
+    course = single_sine(TRUCK, acceleration=acceleration)
+    vehicle, outputs = TRUCK.with_logged_steering([STEER], name), (*GYROS, *SIDESLIP)
+    model = dynamics.model(vehicle, outputs, roll=True, tyres="saturating")
+    inputs = {"speed": np.full_like(course.time, 24.0), STEER: course.steer}
+    values = dynamics.all_parameters(vehicle, outputs, tyres="saturating") | {FRICTION: friction}
+    _, y = free_response(model, values, course.time, inputs)
+    noise = np.random.default_rng(seed).normal(0, 1e-3, (len(y), len(GYROS)))
+    signals = {**inputs, STEER: course.steer + offset, **dict(zip(GYROS, (y[:, :4] + noise).T, strict=True))}
+    return Record(time=course.time, signals=signals, reference=dict(zip(SIDESLIP, y[:, 4:].T, strict=True)), name=name)
+
+
+@pytest.fixture(scope="module")
+def guess() -> Vehicle:
+    values = TRUCK.parameters()
+    return TRUCK.replace({name: 0.85 * value for name, value in values.items() if name.endswith("cornering_stiffness")})
+
+
+@pytest.fixture(scope="module")
+def snow(guess: Vehicle) -> Identification:
+    """Of a sine that uses two thirds of the friction of snow, with all that a user does not know."""
+    return identify([response(1.5, 0.3, offset=0.005)], guess, OneStage(tyres="saturating", check=False))
+
+
+def test_parameters_and_friction(guess: Vehicle) -> None:
+    """The own model, everything else known: errors are those of the noise."""
+    result = identify([response(2.5, 0.6)], guess, EXACT)
+    truth = TRUCK.parameters() | {FRICTION: 0.6}
+    assert [e.name for e in result.parameters][-1] == FRICTION
+    for e in result.parameters:
+        assert e.verdict == Verdict.CONVERGED
+        assert e.sigma < 0.05 * truth[e.name]
+        assert abs(e.value - truth[e.name]) < 3.5 * e.sigma
+    assert result.friction == result[FRICTION].value
+    assert result.doubts == ()
+
+
+def test_friction_needs_slip(guess: Vehicle) -> None:
+    result = identify([response(0.3, 0.6)], guess, EXACT)
+    assert result[FRICTION].verdict == Verdict.NOT_IDENTIFIABLE
+    assert result.friction == result[FRICTION].value == EXACT.friction
+    assert all(e.verdict == Verdict.CONVERGED for e in result.parameters if e.name != FRICTION)
+
+
+def test_considered_friction_is_not_estimated(guess: Vehicle) -> None:
+    settings = replace(EXACT, consider={FRICTION: 0.1}, friction=0.6)
+    result = identify([response(2.5, 0.6)], guess, settings)
+    assert FRICTION not in [e.name for e in result.parameters]
+    assert result.friction == 0.6
+    (considered,) = result.uncertain
+    assert (considered.name, considered.sigma) == (FRICTION, pytest.approx(0.06))
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "friction", "chosen"), [(2.5, 0.7, True), (0.3, 0.7, False), (2.0, 5.0, False)]
+)
+def test_auto_chooses_by_the_log(guess: Vehicle, acceleration: float, friction: float, chosen: bool) -> None:
+    """Tyres that saturate where they are needed; linear ones in a gentle run, and where tyres are almost linear."""
+    settings = replace(EXACT, tyres="auto", consider={"softening": 1.0, "half_track": 0.05})
+    record = response(acceleration, friction)
+    result = identify([record], guess, settings)
+    assert (result.friction is not None) == chosen
+    assert result.settings.tyres == ("saturating" if chosen else "linear")
+    notes = [note for note in result.notes if note.startswith("tyres: ")]
+    assert len(notes) == (acceleration > 1.5)
+    if notes:
+        assert notes[0].startswith("tyres: saturating" if chosen else "tyres: linear")
+
+
+def test_linear_tyres_beyond_their_range_are_doubtful(guess: Vehicle) -> None:
+    result = identify([response(3.0, 0.7)], guess, OneStage(check=False))
+    assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
+
+
+def test_stored(snow: Identification, tmp_path) -> None:
+    snow.save(tmp_path)
+    loaded = Identification.load(tmp_path)
+    assert loaded.friction == snow.friction == pytest.approx(0.3, rel=0.2)
+    assert loaded.settings == snow.settings
+
+
+def test_the_model_explains_a_log_with_a_steering_offset(guess: Vehicle) -> None:
+    """The offset alone would let the truck skid; a predicted log has one of its own."""
+    records = [response(1.5, 0.3, offset=0.005), response(1.5, 0.3, offset=-0.01, name="other", seed=2)]
+    result = identify(records[:1], guess, OneStage(tyres="saturating", check=False), validate=records[1:])
+    fits = {(fit.log, fit.signal): fit.explained for fit in result.fits}
+    for name in ("sine", "other"):
+        assert fits[name, "yaw_rate.semitrailer"] > 0.995
+
+
+def test_states_of_both_kinds_of_logs(snow: Identification) -> None:
+    """A log of the identification, and one whose sensor errors are estimated with the identified tyres."""
+    other = response(1.5, 0.3, offset=-0.01, name="other", seed=2)
+    for record in (response(1.5, 0.3, offset=0.005), other):
+        (states,) = run_states([record], snow.vehicle, identification=snow, check=False).states
+        for name in SIDESLIP:
+            error = states.values[name] - record.reference[name]
+            assert np.degrees(np.sqrt(np.mean(error**2))) < 0.1
+            assert np.mean(np.abs(error) < 1.645 * states.sigma[name]) > 0.8
+
+
+def test_a_known_friction_replaces_the_estimate(snow: Identification) -> None:
+    sensors = log_sensors(snow, response(1.5, 0.5), snow.vehicle, 0.5)
+    assert sensors.settings["friction"] == 0.5
+    assert FRICTION not in sensors.uncertainty.names
+    assert Observer(snow.vehicle, snow.signals, ObserverSettings(**sensors.settings)).settings.tyres == "saturating"
+
+
+@pytest.mark.parametrize("tyres", ["saturating", "auto"])
+def test_learner(guess: Vehicle, tyres: str) -> None:
+    record = response(1.5, 0.3)
+    learner = Learner(guess, record.signals, replace(EXACT, tyres=tyres, friction=0.5, friction_prior=0.5))
+    for repetition in range(3):
+        learner.learn(replace(record, time=record.time + repetition * (record.span[1] + 1)))
+    truth = TRUCK.parameters() | {FRICTION: 0.3}
+    for e in learner.parameters:
+        assert e.verdict == Verdict.CONVERGED
+        assert e.value == pytest.approx(truth[e.name], rel=0.1)
+
+
+def test_axle_loads_are_needed() -> None:
+    """With an unknown load automatic tyres are linear, and a note says why; saturating ones are an error."""
+    record = response(2.5, 0.6)
+    steered = TRUCK.with_logged_steering([STEER], "sine")
+    unit = steered.units[1]
+    groups = (unit.axle_groups[0].model_copy(update={"axles": unit.axle_groups[0].axles[:2]}),)
+    third = unit.axle_groups[0].model_copy(
+        update={"name": "third", "axles": unit.axle_groups[0].axles[2:], "cornering_stiffness": 4e5}
+    )
+    vehicle = steered.model_copy(
+        update={"units": (steered.units[0], unit.model_copy(update={"axle_groups": (*groups, third)}))}
+    )
+    with pytest.raises(VehicleError, match="load"):
+        identify([record], vehicle, EXACT)
+    result = identify([record], vehicle, replace(EXACT, tyres="auto"))
+    assert any(note.startswith("tyres: linear, although") for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"tyres": "brush"}, "tyres: expected linear, saturating or auto"),
+        ({"friction": 0.0}, "friction: expected between"),
+        ({"friction": 80.0}, "friction: expected between"),
+        ({"friction_prior": 0.0}, "friction_prior: expected a number above 0"),
+    ],
+)
+def test_settings(changes, message: str) -> None:
+    with pytest.raises(SignalError, match=message):
+        OneStage(**changes)
+
+
+def test_options() -> None:
+    _, settings = IdentifyOptions(tyres="saturating", friction=0.3).settings(TRUCK)
+    assert (settings.tyres, settings.friction) == ("saturating", 0.3)
+    assert IdentifyOptions(tyres="auto", friction=0.3).arguments() == ["--tyres=auto", "--friction=0.3"]
+    with pytest.raises(Exception, match="--friction: linear tyres have none"):
+        IdentifyOptions(friction=0.3).settings(TRUCK)
+    with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
+        IdentifyOptions(method="article", tyres="auto").settings(TRUCK)
+    _, settings = IdentifyOptions(tyres="auto", fix=("road.friction",)).settings(TRUCK)
+    assert settings.fixed == ("road.friction",)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("acceleration", "factor"), [(2.0, 1.0), (1.5, 0.35)])
+def test_nonlinear_truck(acceleration: float, factor: float) -> None:
+    """0.48 g on a dry road, and 0.36 g on snow, with the article's sensors; the peak of the tyres is 0.7.
+
+    The friction of the law is that of its shape: 22 % above the peak for these tyres, 10 % by default.
+    """
+    run = Plant(TRUCK, Properties(friction=factor)).drive(single_sine(TRUCK, acceleration=acceleration))
+    record = run.record(seed=1)
+    result = identify([record], TRUCK, OneStage(tyres="auto", check=False))
+    assert all(e.verdict == Verdict.CONVERGED for e in result.parameters)
+    assert result[FRICTION].value == pytest.approx(0.7 * factor, rel=0.2)
+    assert abs(result[FRICTION].value - 0.7 * factor) < 1.645 * result[FRICTION].sigma
+    for name, value in TRUCK.parameters().items():
+        if name.endswith("cornering_stiffness"):
+            assert abs(result[name].value - value) < 1.645 * result[name].sigma
+    states = result.observer(log=record.name).batch(record, result.uncertainty(record.name))
+    for name in SIDESLIP:
+        error = np.degrees(states.values[name] - run.truth[name])
+        assert np.sqrt(np.mean(error**2)) < 0.15
