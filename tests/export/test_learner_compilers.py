@@ -54,6 +54,16 @@ def test_without_undefined_behaviour(
             assert largest_deviation(found, estimates) < (1e-2 if precision else 1e-11)
 
 
+def test_tyres_that_saturate(lane: Record, tmp_path: Path) -> None:
+    """The friction is one more estimate."""
+    learner = Learner(vehicle.get("cheng_cebon_2011"), lane.signals, OneStage(tyres="saturating"))
+    states, found = replayed(compiled(learner, tmp_path, "-O1"), learner, lane, str(tmp_path / "learned.bin"))
+    expected, estimates = pushed(learner, lane)
+    assert "road.friction" in found
+    assert largest_difference(states, expected) < 1e-11
+    assert largest_deviation(found, estimates) < 1e-10
+
+
 def test_refusals_without_undefined_behaviour(learner: Learner, lane: Record, tmp_path: Path) -> None:
     shutil.copy(Path(__file__).parent / "storage.c", tmp_path)
     sanitizers = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")

@@ -87,7 +87,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     problem, layout, limits = live.problem, live.filter.layout, live.learner
     settings, relinearisation, vehicle = problem.settings, limits.relinearisation, problem.vehicle
     chain = problem.model.chain
-    excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits)
+    excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits, tyres=settings.tyre_law)
     sizes = {
         "X_COUNT": layout.n_x,
         "MODEL_STATES": len(state_names(vehicle, roll=True)),
@@ -120,7 +120,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "STOP_EXCITATION": limits.stop_excitation,
         "EXCITATION_WINDOW": limits.excitation_window,
         "HIGH_PASS_TIME": limits.high_pass_time,
-        "MAX_LATERAL_ACCELERATION": limits.max_lateral_acceleration,
+        "MAX_LATERAL_ACCELERATION": excitation.largest,
         "FIRST_PASS_LIMIT": relinearisation.first_pass_limit,
         "PASS_LIMIT": relinearisation.pass_limit,
         "INNOVATION_WINDOW": limits.innovation_window,

@@ -35,7 +35,9 @@ def test_the_set_may_shrink_once_and_then_only_grows(stable: bool, monkeypatch: 
     monkeypatch.setattr(_Estimator, "_uninformed", uninformed)
     monkeypatch.setattr(_Estimator, "_minimise", lambda *_: SimpleNamespace(z=np.array([1.0])))
     dataset = SimpleNamespace(logs=())
-    estimator = _Estimator(dataset=dataset, settings=OneStage(), outputs=(), model=None, estimated=("a", "b", "c"))
+    estimator = _Estimator(
+        dataset=dataset, settings=OneStage(), outputs=(), model=None, estimated=("a", "b", "c"), start={}
+    )
     solution = estimator.solve(None)
     first = [([], 0.0, True), (["a", "b"], 1.0, False)] if stable else [([], 1.0, False)]
     assert asked == [*first, (["a"], 1.0, False), (["a", "c"], 1.0, False)]

@@ -122,6 +122,7 @@ def test_nothing_is_learned_beyond_the_linear_range(truck: Vehicle) -> None:
         excitation = Excitation(truck, 1, settings)
         answers = excited(excitation, 0.8, mean=mean)
         assert answers[-200:].all() == on == answers[-200:].any()
+    assert excited(Excitation(truck, 1, settings, tyres="saturating"), 0.8, mean=5.0)[-200:].all()
 
 
 def test_the_axle_with_the_largest_excitation_counts(truck: Vehicle) -> None:

@@ -9,11 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.vehicle import Vehicle
 
 REFERENCE_SPEED = 20.0
 """Speed at which the understeer gradient is computed, m/s."""
+NO_LIMIT = 1e6
+"""More than any lateral acceleration, m/s^2; a number that C has too."""
 
 
 class Excitation:
@@ -22,16 +25,18 @@ class Excitation:
     A steer angle d corresponds to the steady lateral acceleration u^2 d / (L + K u^2), with the wheelbase L of the
     first unit and the understeer gradient K of the vehicle. Its mean over `high_pass_time` is subtracted; the rest is
     squared and averaged over `excitation_window`. The steered axle with the largest result counts. Beyond
-    `max_lateral_acceleration`, averaged over the same time, nothing is learned.
+    `max_lateral_acceleration`, averaged over the same time, nothing is learned, except of tyres that saturate.
 
     Args:
         vehicle: the vehicle file; estimates do not change the excitation.
         axles: number of steer angles.
         settings: time constants and thresholds.
+        tyres: law of the side forces.
     """
 
-    def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings) -> None:
+    def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings, *, tyres: TyreLaw = "linear") -> None:
         self.settings, self.axles = settings, axles
+        self.largest = settings.max_lateral_acceleration if tyres == "linear" else NO_LIMIT
         self.wheelbase, self.understeer = vehicle.wheelbase, _understeer_gradient(vehicle)
         self.restart()
 
@@ -60,7 +65,7 @@ class Excitation:
             self.power[i] += fast * ((acceleration - mean) ** 2 - self.power[i])
             self.level[i] += fast * (acceleration - self.level[i])
         limit = settings.stop_excitation if self.on else settings.start_excitation
-        self.on = max(self.power) > limit * limit and max(map(abs, self.level)) <= settings.max_lateral_acceleration
+        self.on = max(self.power) > limit * limit and max(map(abs, self.level)) <= self.largest
         return self.on
 
 

@@ -52,7 +52,7 @@ class LiveFilter:
         self._steering = Steering(len(inputs) - 1)
         estimated = [u.name for u in problem.estimated]
         self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
-        self._excitation = Excitation(problem.vehicle, len(inputs) - 1, learner)
+        self._excitation = Excitation(problem.vehicle, len(inputs) - 1, learner, tyres=problem.settings.tyre_law)
         self._step_limit = steps.StepLimit(problem.vehicle, roll=True)
         self._running = False  # whether there is a state
         self._time = -math.inf  # of the last sample, s

@@ -36,7 +36,7 @@ class LearnerSettings:
     """How often the samples of a segment with excitation are repeated."""
     max_lateral_acceleration: float = NONLINEAR_ACCELERATION
     """Nothing is learned while the steer angle corresponds to a larger steady lateral acceleration, m/s^2: the model is
-    linear."""
+    linear. Tyres that saturate have no such limit."""
     discrepancy: Mapping[str, float] = field(default_factory=lambda: dict(DISCREPANCY))
     """Standard deviation of the discrepancy of a channel by quantity, SI: the part of its signal that the linear model
     does not describe, a first-order process. Without sensor errors (`nuisances`) the model has none."""
