@@ -131,6 +131,17 @@ def test_states_of_both_kinds_of_logs(snow: Identification) -> None:
             assert np.mean(np.abs(error) < 1.645 * states.sigma[name]) > 0.8
 
 
+def test_another_log_has_a_friction_of_its_own(snow: Identification) -> None:
+    """Identified on snow, driven on a wet road; a gentle log keeps the identified friction, which is then uncertain."""
+    wet, gentle = (log_sensors(snow, response(a, 0.6, name="other"), snow.vehicle) for a in (2.5, 0.2))
+    assert wet.settings["friction"] == pytest.approx(0.6, rel=0.15)
+    assert gentle.settings["friction"] == pytest.approx(snow.friction)
+    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.35, 0.45)):
+        place = sensors.uncertainty.names.index(FRICTION)
+        sigma = np.sqrt(sensors.uncertainty.covariance[place, place]) / sensors.settings["friction"]
+        assert least < sigma < largest
+
+
 def test_a_known_friction_replaces_the_estimate(snow: Identification) -> None:
     sensors = log_sensors(snow, response(1.5, 0.5), snow.vehicle, 0.5)
     assert sensors.settings["friction"] == 0.5

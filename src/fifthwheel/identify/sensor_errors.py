@@ -17,9 +17,17 @@ from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
+OF_ROAD = (BANK, FRICTION)
+"""Unknowns of the road, which another log has of its own."""
+
 
 def estimate_sensor_errors(
-    record: Record, vehicle: Vehicle, known: Uncertainty | None, friction: float | None = None
+    record: Record,
+    vehicle: Vehicle,
+    known: Uncertainty | None,
+    friction: float | None = None,
+    *,
+    exact_friction: bool = False,
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
 
@@ -31,7 +39,9 @@ def estimate_sensor_errors(
         vehicle: as identified.
         known: joint uncertainty from the identification. Its sensor errors and banks are dropped; those of the new
             log are taken as independent of the parameters of the vehicle. None if not known.
-        friction: peak friction of the road, at which tyres saturate; None: linear tyres.
+        friction: prior median of the peak friction of the road, at which tyres saturate; None: linear tyres. It is
+            estimated too, because another log may be of another road.
+        exact_friction: whether the friction is known instead.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
@@ -39,32 +49,30 @@ def estimate_sensor_errors(
     Raises:
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
-    exact = OneStage(free=(), priors={}, consider={}, check=False)
+    settings = OneStage(free=(), priors={}, consider={}, check=False)
     if friction is not None:
-        exact = replace(exact, tyres="saturating", friction=friction, fixed=(FRICTION,))
-        exact = replace(exact, **_known_within(vehicle, known, exact) if known else {})
-    identification = identify_one_stage([record], vehicle, exact)
-    settings = identification.sensor_settings(record.name)
-    sensors = identification.uncertainty(record.name)
+        settings = replace(settings, tyres="saturating", friction=friction, fixed=(FRICTION,) * exact_friction)
+        settings = replace(settings, consider=_known_within(vehicle, known, settings) if known else {})
+    identification = identify_one_stage([record], vehicle, settings)
+    estimated, sensors = identification.sensor_settings(record.name), identification.uncertainty(record.name)
     if known is None or sensors is None:
-        return settings, None
-    parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[0] != BANK])
+        return estimated, None
+    parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[0] not in OF_ROAD])
     sensors = sensors.among([n for n in sensors.names if n not in parameters.names])
     k, m = len(parameters.names), len(sensors.names)
     covariance = np.block([[parameters.covariance, np.zeros((k, m))], [np.zeros((m, k)), sensors.covariance]])
-    return settings, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
+    return estimated, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
 
 
-def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, Any]:
-    """The uncertain parameters, as settings that consider them.
+def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, float]:
+    """The uncertain parameters that the sensor errors depend on, each with its sigma as a fraction of its value.
 
     If tyres saturate, a log informs the offset of the steering and the bank by the curvature of the tyre law, as far as
     the law is known.
     """
     values = given_parameters(vehicle, settings)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
-    consider = {name: s / values[name] for name, s in sigma.items() if values.get(name, 0.0) > 0 and s > 0}
-    return {"consider": consider, "fixed": () if FRICTION in consider else (FRICTION,)}
+    return {n: s / values[n] for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}
 
 
 class LogSensors(NamedTuple):
@@ -85,17 +93,17 @@ def log_sensors(
 
     Args:
         vehicle: as identified.
-        friction: known peak friction of the road; None: that of the identification, which has linear tyres or an
-            estimate.
+        friction: known peak friction of the road; None: as identified, and if tyres saturate, that of another log is
+            estimated too.
     """
-    note, uncertainty = "", identification.covariance
-    if friction is not None and uncertainty is not None:
+    note, uncertainty, exact = "", identification.covariance, friction is not None
+    if exact and uncertainty is not None:
         uncertainty = uncertainty.among([name for name in uncertainty.names if name != FRICTION])
-    friction = identification.friction if friction is None else friction
+    friction = friction if exact else identification.friction
     if record.name not in {log.name for log in identification.logs}:
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:
-            estimated = estimate_sensor_errors(record, vehicle, uncertainty, friction)
+            estimated = estimate_sensor_errors(record, vehicle, uncertainty, friction, exact_friction=exact)
             return LogSensors(*estimated, f"{note}estimated from the log itself")
         except SignalError as error:
             note += f"unknown, and sigma includes their prior ({error})"
