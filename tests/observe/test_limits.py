@@ -107,7 +107,8 @@ def test_reported_signals(truck, bank):
     plane.append("articulation.semitrailer")
     roll = [f"{quantity}.{unit}" for quantity in ("roll", "roll_rate") for unit in units]
     assert reported_signals(truck, roll=False, bank=bank) == (*plane, *road)
-    assert reported_signals(truck, roll=True, bank=bank) == (*plane, *roll, *road)
+    loads = [f"load_transfer.{group}" for group in ("tractor.front", "tractor.drive", "semitrailer")]
+    assert reported_signals(truck, roll=True, bank=bank) == (*plane, *roll, *loads, "predicted_load_transfer", *road)
 
 
 def test_coasting_starts_after_its_time():

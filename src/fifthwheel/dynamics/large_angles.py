@@ -34,6 +34,7 @@ class LargeAngles:
     rates: ca.SX  # x' (n,)
     motion: Motion
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
+    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
 
 
 def large_angles(
@@ -65,7 +66,7 @@ def large_angles(
     for i, k in enumerate(articulations):
         rate[k] = motion.r[i + 1] - motion.r[i]
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
-    convective, jacobians = list[ca.SX](), list[ca.SX]()
+    convective, jacobians, side_force = list[ca.SX](), list[ca.SX](), dict[str, ca.SX]()
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
@@ -74,7 +75,8 @@ def large_angles(
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, slips = _tyre_forces(p, vehicle, i, motion, steer)
+        applied, slips, forces = _tyre_forces(p, vehicle, i, motion, steer)
+        side_force |= forces
         for path, (alpha, lagged) in slips.items():
             if lagged is not None:
                 rate[index[f"slip_angle.{path}"]] = motion.u[i] * (alpha - lagged) / p[f"{path}.relaxation_length"]
@@ -97,7 +99,7 @@ def large_angles(
     acceleration = tuple(
         (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
     )
-    return LargeAngles(rates=ca.densify(rate), motion=motion, acceleration=acceleration)
+    return LargeAngles(rates=ca.densify(rate), motion=motion, acceleration=acceleration, side_force=side_force)
 
 
 def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
@@ -118,11 +120,12 @@ def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *,
 
 def _tyre_forces(
     p: Mapping[str, ca.SX], vehicle: Vehicle, i: int, motion: Motion, steer: Mapping[str, ca.SX]
-) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]]]:
-    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i, and the slip angle of each group
-    by its path, with its lagged slip angle if it has one."""
+) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]], dict[str, ca.SX]]:
+    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i; by the path of each group, its
+    slip angle with its lagged slip angle if it has one; and its side force (N)."""
     unit, total = vehicle.units[i], ca.SX(3, 1)
     slips: dict[str, tuple[ca.SX, ca.SX | None]] = {}
+    forces: dict[str, ca.SX] = {}
     for group in unit.axle_groups:
         path, count = unit.group_path(group), len(group.axles)
         arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.axles]
@@ -136,8 +139,9 @@ def _tyre_forces(
         slips[path] = mean, lagged
         slip, height = mean if lagged is None else lagged, p[f"{unit.name}.roll_axis_height"]
         stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height) / count
+        forces[path] = count * stiffness * slip
         for arm, angle, own in zip(arms, angles, each, strict=True):
             side = stiffness * (own + slip - mean)
             lateral = side * ca.cos(angle)
             total += ca.vertcat(-side * ca.sin(angle), lateral, arm * lateral)
-    return total, slips
+    return total, slips, forces

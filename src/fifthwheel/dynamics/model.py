@@ -282,6 +282,7 @@ def _build(model: ChainModel) -> _Functions:
             acceleration=now.acceleration,
             speed=d[k],
             steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
+            side_force=now.side_force,
             roll=roll,
             changing=(x, now.rates),
         )

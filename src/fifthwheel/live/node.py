@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from fifthwheel.dynamics.sensors import PREDICTED_LOAD_TRANSFER
 from fifthwheel.live.health import Health
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
 from fifthwheel.live.status import HARMLESS, Fault, NodeStatus
@@ -152,6 +153,8 @@ class Node:
             faults |= Fault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
             faults |= Fault.OVERLOAD
+        if answer.get(PREDICTED_LOAD_TRANSFER, 0.0) >= 1:
+            faults |= Fault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
         if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):

@@ -43,6 +43,7 @@ QUANTITIES: dict[str, str] = {
     "vertical_force": "N",
     "coupling_force": "N",
     "load_transfer": "1",
+    "predicted_load_transfer": "1",
     "position_x": "m",
     "position_y": "m",
     "curvature": "1/m",
@@ -51,7 +52,7 @@ QUANTITIES: dict[str, str] = {
     "bank": "rad",
 }
 """Every quantity of a signal, with its SI unit."""
-_WHOLE_VEHICLE = ("time", "speed")
+_WHOLE_VEHICLE = ("time", "speed", "predicted_load_transfer")
 """Quantities without a unit name."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
