@@ -194,8 +194,11 @@ def test_three_units(b_double):
             for unit in ("tractor", "lead", "last")
             if (quantity, unit) != ("articulation", "tractor")
         ),
-        *(f"load_transfer.{group}" for group in ("tractor.front", "tractor.drive", "lead", "last")),
-        "predicted_load_transfer",
+        *(
+            f"{quantity}.{group}"
+            for quantity in ("load_transfer", "predicted_load_transfer")
+            for group in ("tractor.front", "tractor.drive", "lead", "last")
+        ),
     )
     actual = o.batch(record)
     assert (actual.status == Status.OK).all()

@@ -27,9 +27,9 @@ from fifthwheel.vehicle.axle_loads import axle_loads
 LOAD_TRANSFER = "load_transfer"
 """Quantity of the load transfer ratio of an axle group."""
 PREDICTED_LOAD_TRANSFER = "predicted_load_transfer"
-"""Largest magnitude of the load transfer ratios of all axle groups after `HORIZON`, at their present rate: the
-predictive load transfer ratio (C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention
-systems, IEEE Transactions on Vehicular Technology 62, 2013). At 1 a wheel is about to lift."""
+"""Quantity of the load transfer ratio of an axle group after `HORIZON`, at its present rate: the predictive load
+transfer ratio (C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention systems, IEEE
+Transactions on Vehicular Technology 62, 2013). At 1 or -1 a wheel is about to lift."""
 HORIZON = 0.3
 """s."""
 
@@ -159,7 +159,7 @@ NEEDS_COUPLING = frozenset({"articulation", "coupling_force"})
 """Quantities that only a unit behind a coupling has."""
 
 LOAD_TRANSFERS = frozenset({LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER})
-"""Quantities that no sensor measures."""
+"""Quantities of an axle group, which no sensor measures."""
 
 NEEDS_ROLL = frozenset({"roll_rate", "roll"}) | LOAD_TRANSFERS
 """Quantities that only the yaw-roll model has."""
@@ -195,10 +195,7 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
     """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
     quantity = SignalName.of(name).quantity
-    if quantity in LOAD_TRANSFERS:
-        unit = axle_group(vehicle, name)[0] if quantity == LOAD_TRANSFER else None
-    else:
-        unit = unit_index(vehicle, name)
+    unit = axle_group(vehicle, name)[0] if quantity in LOAD_TRANSFERS else unit_index(vehicle, name)
     if unit == 0 and quantity in NEEDS_COUPLING:
         raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     if not roll and quantity in NEEDS_ROLL:
@@ -240,10 +237,10 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
     if name == BANK:
         return inputs.motion.bank
-    if SignalName.of(name).quantity == LOAD_TRANSFER:
-        return _load_transfer(inputs, *axle_group(inputs.vehicle, name))
-    if name == PREDICTED_LOAD_TRANSFER:
-        return _predicted_load_transfer(inputs)
+    if SignalName.of(name).quantity in LOAD_TRANSFERS:
+        ratio = _load_transfer(inputs, *axle_group(inputs.vehicle, name))
+        predicted = SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER
+        return ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
     value, p = quantity.expression(inputs, i, name), inputs.p
     if f"{name}.delay" in p:
@@ -264,17 +261,6 @@ def _load_transfer(inputs: SensorInputs, i: int, group: AxleGroup) -> ca.SX:
     moment = load_transfer_moment(p, path, motion.roll[i], motion.roll_rate[i], inputs.side_force[path], height)
     ratio: ca.SX = moment / (load * p[HALF_TRACK])
     return ratio
-
-
-def _predicted_load_transfer(inputs: SensorInputs) -> ca.SX:
-    """`PREDICTED_LOAD_TRANSFER`."""
-    largest = ca.SX(0)
-    for i, unit in enumerate(inputs.vehicle.units):
-        for group in unit.axle_groups:
-            ratio = _load_transfer(inputs, i, group)
-            later = ratio + HORIZON * ca.jtimes(ratio, *inputs.changing)
-            largest = ca.fmax(largest, ca.fmax(later, -later))
-    return largest
 
 
 def _derivative(inputs: SensorInputs, i: int, quantity: str, value: ca.SX) -> ca.SX:

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from fifthwheel.dynamics.sensors import PREDICTED_LOAD_TRANSFER
 from fifthwheel.live.health import Health
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
 from fifthwheel.live.status import HARMLESS, Fault, NodeStatus
@@ -13,6 +12,7 @@ from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
 from fifthwheel.observe import Status
+from fifthwheel.observe.states import wheel_lifts
 
 SHOWN = 1.0
 """A jump of the time or an overload is reported for this time, s."""
@@ -153,7 +153,7 @@ class Node:
             faults |= Fault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
             faults |= Fault.OVERLOAD
-        if answer.get(PREDICTED_LOAD_TRANSFER, 0.0) >= 1:
+        if wheel_lifts(answer):
             faults |= Fault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}

@@ -44,7 +44,7 @@ class Fault(IntFlag):
     NOT_SENT = 512
     """Frames cannot be sent."""
     WHEEL_LIFT = 1024
-    """A wheel is about to lift: the predicted load transfer ratio is 1 or more. A fault of the truck's motion."""
+    """A wheel is about to lift: see `observe.states.wheel_lifts`. A fault of the truck's motion."""
 
 
 HARMLESS = Fault.NOT_RECORDED | Fault.NOT_SENT | Fault.WHEEL_LIFT

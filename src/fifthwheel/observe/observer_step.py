@@ -33,7 +33,7 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
     Args:
         vehicle: gives the units.
         roll: whether the model has roll; then roll angles, roll rates and, if the static axle loads are determined,
-            the load transfer ratio of each axle group are reported.
+            the load transfer ratio of each axle group, present and predicted, are reported.
         bank: whether the bank of the road is estimated; then it is reported.
     """
     units = [unit.name for unit in vehicle.units]
@@ -42,7 +42,8 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
     names += [f"{quantity}.{u}" for quantity in ("roll", "roll_rate") for u in units if roll]
     if roll:
         with suppress(VehicleError):  # the static loads are not determined
-            names += [*(f"{LOAD_TRANSFER}.{path}" for path in vehicle.axle_loads()), PREDICTED_LOAD_TRANSFER]
+            groups = vehicle.axle_loads()
+            names += [f"{quantity}.{path}" for quantity in (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER) for path in groups]
     return (*names, BANK) if bank else tuple(names)
 
 

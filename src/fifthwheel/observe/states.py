@@ -1,5 +1,7 @@
 """States of a record with their sigmas and status."""
 
+import functools
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+PREDICTED = f"{PREDICTED_LOAD_TRANSFER}."
+
+
 class Status(IntEnum):
     """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING.
 
@@ -44,6 +49,16 @@ class Status(IntEnum):
     INCONSISTENT = 4
     """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
+
+
+def wheel_lifts(values: Mapping[str, Any]) -> Any:
+    """Whether a wheel is about to lift: a predicted load transfer ratio is 1 or -1, or beyond.
+
+    Args:
+        values: states by name, numbers or arrays.
+    """
+    names = [n for n in values if n.startswith(PREDICTED) and not n.endswith(".sigma")]
+    return functools.reduce(operator.or_, [abs(values[name]) >= 1 for name in names], False)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -73,9 +88,8 @@ class States:
 
     @property
     def lift_warning(self) -> NDArray[np.bool_]:
-        """Samples (N,) at which a wheel is about to lift: the predicted load transfer ratio is 1 or more."""
-        predicted = self.values.get(PREDICTED_LOAD_TRANSFER)
-        return np.zeros(len(self.time), dtype=bool) if predicted is None else np.asarray(predicted >= 1)
+        """Samples (N,) at which `wheel_lifts` warns."""
+        return np.asarray(wheel_lifts(self.values) | np.zeros(len(self.time), dtype=bool))
 
     def to_pandas(self) -> "pd.DataFrame":
         """States in SI over the time in s, each with "<state>.sigma", "status" (`Status`) and "nis".

@@ -52,7 +52,7 @@ QUANTITIES: dict[str, str] = {
     "bank": "rad",
 }
 """Every quantity of a signal, with its SI unit."""
-_WHOLE_VEHICLE = ("time", "speed", "predicted_load_transfer")
+_WHOLE_VEHICLE = ("time", "speed")
 """Quantities without a unit name."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
