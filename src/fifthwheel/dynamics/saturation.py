@@ -4,13 +4,16 @@ The side force of a group with the cornering stiffness C and the static load N a
 both sides, whose loads are n = 1 + lambda and 1 - lambda times the static ones:
 
     F = (C alpha / 2) sum n k / sqrt(1 + (C alpha k / (N mu))^2),
-    k = 1 - s (n - 1),        mu = mu_0 (1 - s_mu (n - 1))
+    k = 1 - s q^2 (n - 1),        mu = mu_0 (1 - s_mu (q n - 1))
 
-with the load sensitivities s of the stiffness and s_mu of the friction mu_0. At small slip angles F / (C alpha) tends
-to 1 - s lambda^2: without load transfer the law is then linear. Of the laws with two
-parameters, this one is closest to measured truck tyres: over loads of 0.2 to 1.9 times the static one and slip angles
-up to 12 deg, its rms distance is 0.3 to 0.6 % of the peak force of three tyres in PAC2002 (tanh 0.3 to 1.4 %, Fiala's
-brush 1.1 to 2.0 %). mu_0 is the friction at large slip, 10 to 15 % above the peak that a Magic Formula states.
+with the load sensitivities s of the stiffness and s_mu of the friction mu_0 at the nominal load of a tyre, and the
+static load q of a tyre of the group as a fraction of it: twin tyres carry half the load each. In PAC2002 the friction
+is linear in the load, and the sensitivity of the stiffness K = K_max sin(2 atan(F_z / F_K)) is 1 - (F_z / K) dK/dF_z =
+2 F_z^2 / (F_K^2 + F_z^2), about in proportion to q^2 (H. B. Pacejka, Tyre and Vehicle Dynamics, 2006, chapter 4). At
+small slip angles F / (C alpha) tends to 1 - s q^2 lambda^2: without load transfer the law is then linear. Of the laws
+with two parameters, this one is closest to measured truck tyres: over loads of 0.2 to 1.9 times the static one and slip
+angles up to 12 deg, its rms distance is 0.3 to 0.6 % of the peak force of three tyres in PAC2002 (tanh 0.3 to 1.4 %,
+Fiala's brush 1.1 to 2.0 %). mu_0 is the friction at large slip, 10 to 15 % above the peak that a Magic Formula states.
 
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
@@ -29,6 +32,8 @@ FRICTION = "road.friction"
 HALF_TRACK = "body.half_track"
 STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
 FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
+NOMINAL_LOAD = 35e3
+"""Of a tyre, N: of 315/80 R 22.5."""
 DEFAULTS: Mapping[str, float] = {FRICTION: 0.8, HALF_TRACK: 1.0, STIFFNESS_SENSITIVITY: 0.2, FRICTION_SENSITIVITY: 0.09}
 """Friction of a dry road; half the distance of the tyres of both sides, m; sensitivities of three truck tyres: 0.1 to
 0.3 and 0.05 to 0.1."""
@@ -39,13 +44,19 @@ def static_load(path: str) -> str:
     return f"{path}.static_load"
 
 
+def tyres(path: str) -> str:
+    """Name of the parameter that is the number of tyres of an axle group."""
+    return f"{path}.tyres"
+
+
 def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
     """Parameters of the law by name, with their defaults, SI.
 
     Raises:
         VehicleError: the static axle loads are not determined.
     """
-    return {**DEFAULTS, **{static_load(path): load for path, load in vehicle.axle_loads().items()}}
+    loads = {static_load(path): load for path, load in vehicle.axle_loads().items()}
+    return {**DEFAULTS, **loads, **{tyres(path): float(number) for path, number in vehicle.tyres().items()}}
 
 
 def group_stiffness(
@@ -61,6 +72,8 @@ def group_stiffness(
         roll_axis_height: of the unit, m.
     """
     C, N, mu = p[f"{path}.cornering_stiffness"], p[static_load(path)], p[FRICTION]
+    q = N / p[tyres(path)] / NOMINAL_LOAD
+    stiffness_sensitivity, friction_sensitivity = p[STIFFNESS_SENSITIVITY] * q**2, p[FRICTION_SENSITIVITY]
     body = group_roll(p, path)
     suspension = body.stiffness * roll + body.damping * roll_rate
     even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
@@ -69,7 +82,7 @@ def group_stiffness(
     secant = ca.SX(0)
     for side in (1, -1):
         change = side * transfer
-        k = 1 - p[STIFFNESS_SENSITIVITY] * change
-        ratio = C * k / (N * mu * (1 - p[FRICTION_SENSITIVITY] * change))
+        k = 1 - stiffness_sensitivity * change
+        ratio = C * k / (N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1)))
         secant += C / 2 * (1 + change) * k / ca.sqrt(1 + (ratio * slip) ** 2)
     return secant

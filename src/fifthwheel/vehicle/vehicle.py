@@ -304,6 +304,17 @@ class Vehicle(Component):
         """
         return axle_loads(self._parameters, self.units, self.couplings)
 
+    def tyres(self) -> dict[str, int]:
+        """Number of tyres of each axle group by its path.
+
+        By default 4 on each axle of the groups of the first unit behind its first one, which are driven, else 2.
+        """
+        return {
+            unit.group_path(group): group.tyres or len(group.axles) * (4 if i == 0 and k > 0 else 2)
+            for i, unit in enumerate(self.units)
+            for k, group in enumerate(unit.axle_groups)
+        }
+
     @property
     def wheelbase(self) -> float:
         """Distance of the first axle of the first unit and the mean position of its other groups' axles, m."""
