@@ -63,7 +63,9 @@ def test_newton_with_the_forces_of_the_coupling() -> None:
     hitch = np.array([SPEED, v + ahead * r1])
     own = rotation.T @ hitch - [0, behind * r2]
 
-    def tyres(unit_index: int, velocity: np.ndarray, r: float, angles: dict[str, float]) -> np.ndarray:
+    def tyres(
+        unit_index: int, velocity: np.ndarray, r: float, angles: dict[str, float], shift: float = 0
+    ) -> np.ndarray:
         unit, total = truck.units[unit_index], np.zeros(3)
         for group in unit.axle_groups:
             path = unit.group_path(group)
@@ -71,17 +73,26 @@ def test_newton_with_the_forces_of_the_coupling() -> None:
             deltas = [angles.get(a.name, 0.0) for a in group.axles]
             slips = [d - np.arctan((velocity[1] + arm * r) / velocity[0]) for d, arm in zip(deltas, arms, strict=True)]
             height = p[f"{unit.name}.roll_axis_height"]
-            C = float(ca.evalf(group_stiffness(law, path, ca.SX(np.mean(slips)), ca.SX(0), ca.SX(0), height)))
+            change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
+            alpha = ca.SX(np.mean(slips))
+            C = float(ca.evalf(group_stiffness(law, path, alpha, ca.SX(0), ca.SX(0), height, ca.SX(change))))
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
                 force = C / len(arms) * slip
                 total += [-force * np.sin(d), force * np.cos(d), arm * force * np.cos(d)]
         return total
 
-    front, rear = tyres(0, np.array([SPEED, v]), r1, {"front": steer}), tyres(1, own, r2, {})
+    front, less, more = (tyres(0, np.array([SPEED, v]), r1, {"front": steer}, shift) for shift in (0.0, -1.0, 1.0))
+    rear = tyres(1, own, r2, {})
     m1, m2 = p["tractor.mass"], p["semitrailer.mass"]
     to_cog = rotation @ [-behind, 0]  # from the coupling to the trailer's CoG, axes of the tractor
-    # unknown: v', r1', r2', the trailer's acceleration (2), the coupling force on the trailer (2), the driving force
-    rows, right = np.zeros((8, 8)), np.zeros(8)
+    # unknown: v', r1', r2', the trailer's acceleration (2), the coupling force on the trailer (2), the driving force,
+    # and the load that the coupling force moves from the front to the drive axle
+    rows, right = np.zeros((9, 9)), np.zeros(9)
+    rows[:3, 8] = -(more - less) / 2
+    wheelbase = p["tractor.front.position"] - np.mean(
+        [p[f"tractor.{a.name}.position"] for a in truck.units[0].axles[1:]]
+    )
+    rows[8, [5, 8]] = p["fifth_wheel.height"], -wheelbase
     rows[0, [5, 7]], right[0] = [1, -1], front[0] + m1 * v * r1  # m1 (u' - v r1) = front + drive - X, u' = 0
     rows[1, [0, 6]], right[1] = [m1, 1], front[1] - m1 * SPEED * r1
     rows[2, [1, 6]], right[2] = [p["tractor.yaw_inertia"], ahead], front[2]
@@ -95,7 +106,8 @@ def test_newton_with_the_forces_of_the_coupling() -> None:
     right[7] = SPEED * r1 - to_cog[1] * r2**2
     solution = np.linalg.solve(rows, right)
     expected = [solution[0], solution[1], solution[2], r2 - r1]
-    np.testing.assert_allclose(rates(truck, x, steer, roll=False), expected, rtol=1e-9)
+    np.testing.assert_allclose(rates(truck, x, steer, roll=False), expected, rtol=1e-6)
+    assert abs(solution[8]) > 0.02 * truck.axle_loads()["tractor.front"]
     small = dynamics.analysis.matrices(truck, SPEED, roll=False)
     assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.2  # it is not small
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
-from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.manoeuvres.courses import OpenLoop
+from fifthwheel.manoeuvres.open_loops import single_sine, step_input
+from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.plant import Plant, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.report import conclude_states
@@ -30,9 +31,9 @@ def empty() -> Vehicle:
     return Vehicle(**fields)
 
 
-def driven(vehicle: Vehicle, acceleration: float) -> tuple[Record, dict[str, np.ndarray]]:
-    """A single sine with the article's sensors, and the true load transfer ratio of each axle group."""
-    run = Plant(vehicle).drive(single_sine(vehicle, acceleration=acceleration, duration=6.0), until_rollover=True)
+def driven(vehicle: Vehicle, course: OpenLoop) -> tuple[Record, dict[str, np.ndarray]]:
+    """A run with the article's sensors, and the true load transfer ratio of each axle group."""
+    run = Plant(vehicle).drive(course, until_rollover=True)
     truth = {}
     for unit in vehicle.units:
         for group in unit.axle_groups:
@@ -42,7 +43,7 @@ def driven(vehicle: Vehicle, acceleration: float) -> tuple[Record, dict[str, np.
             truth[f"load_transfer.{unit.group_path(group)}"] = moved / sum(loads)
     signals = measure(run.time, run.truth, {n: s for n, s in SENSORS.items() if n in LANE_CHANGES.signals}, seed=1)
     lifted = np.any([np.abs(v) > 0.995 for n, v in run.truth.items() if n.startswith("load_transfer.")], axis=0)
-    return Record(time=run.time, signals=signals, name="sine"), truth | {"lifted": lifted}
+    return Record(time=run.time, signals=signals, name="run"), truth | {"lifted": lifted}
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def driven(vehicle: Vehicle, acceleration: float) -> tuple[Record, dict[str, np.
 )
 def test_load_transfer_of_the_nonlinear_truck(vehicle: Vehicle, acceleration: float, limit: float) -> None:
     """Of the trailer, from the beginning of the sine until the first wheel lifts; the warning comes before that."""
-    record, truth = driven(vehicle, acceleration)
+    record, truth = driven(vehicle, single_sine(vehicle, acceleration=acceleration, duration=6.0))
     lifted = truth["lifted"]
     states = Observer(vehicle, record.signals, ObserverSettings(friction=FRICTION, **EXACT)).batch(record)
     end = int(lifted.argmax()) if lifted.any() else len(lifted)
@@ -64,7 +65,19 @@ def test_load_transfer_of_the_nonlinear_truck(vehicle: Vehicle, acceleration: fl
     if lifted.any():
         assert record.time[end] - record.time[100 + int(warned.argmax())] > 0.2
         (line,) = [line for line in conclude_states([states], [record]).results if "lift" in line]
-        assert line == f"sine: a wheel is about to lift at {states.time[states.lift_warning.argmax()]:.1f} s."
+        assert line == f"run: a wheel is about to lift at {states.time[states.lift_warning.argmax()]:.1f} s."
+
+
+def test_load_transfer_in_a_turn() -> None:
+    """With a sideslip of 3.5 deg the trailer pulls back, which takes 5 % of the load off the front axle.
+
+    Without this load, errors are 0.04, 0.09 and 0.08, and the observer is inconsistent in half of the turn.
+    """
+    record, truth = driven(TRUCK, step_input(TRUCK, acceleration=4.0, duration=6.0))
+    states = Observer(TRUCK, record.signals, ObserverSettings(friction=FRICTION, **EXACT)).batch(record)
+    assert not (states.status == Status.INCONSISTENT).any()
+    for name in (name for name in truth if name != "lifted"):
+        assert np.abs(states.values[name] - truth[name])[100:].max() < 0.04, name
 
 
 def test_sign_and_rate() -> None:

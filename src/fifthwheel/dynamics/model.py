@@ -283,6 +283,7 @@ def _build(model: ChainModel) -> _Functions:
             speed=d[k],
             steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
             side_force=now.side_force,
+            load_change=now.load_change,
             roll=roll,
             changing=(x, now.rates),
         )

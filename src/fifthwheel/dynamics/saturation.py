@@ -1,7 +1,7 @@
 """A tyre force law that saturates at the friction of the road, for an axle group with its left and right tyres.
 
 The side force of a group with the cornering stiffness C and the static load N at a slip angle alpha is the sum over
-both sides, whose loads are n = 1 + lambda and 1 - lambda times the static ones:
+both sides, whose loads are n = 1 + lambda and 1 - lambda times the static ones, plus the change of the group's load:
 
     F = (C alpha / 2) sum n k / sqrt(1 + (C alpha k / (N mu))^2),
     k = 1 - s q^2 (n - 1),        mu = mu_0 (1 - s_mu (q n - 1))
@@ -32,6 +32,7 @@ FRICTION = "road.friction"
 HALF_TRACK = "body.half_track"
 STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
 FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
+NO_CHANGE = ca.SX(0)
 NOMINAL_LOAD = 35e3
 """Of a tyre, N: of 315/80 R 22.5."""
 DEFAULTS: Mapping[str, float] = {FRICTION: 0.8, HALF_TRACK: 1.0, STIFFNESS_SENSITIVITY: 0.2, FRICTION_SENSITIVITY: 0.09}
@@ -60,7 +61,13 @@ def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
 
 
 def group_stiffness(
-    p: Mapping[str, ca.SX], path: str, slip: ca.SX, roll: ca.SX, roll_rate: ca.SX, roll_axis_height: ca.SX
+    p: Mapping[str, ca.SX],
+    path: str,
+    slip: ca.SX,
+    roll: ca.SX,
+    roll_rate: ca.SX,
+    roll_axis_height: ca.SX,
+    load_change: ca.SX = NO_CHANGE,
 ) -> ca.SX:
     """Secant F / alpha of the law, N/rad.
 
@@ -70,6 +77,7 @@ def group_stiffness(
         slip: slip angle, rad.
         roll, roll_rate: of the unit, rad and rad/s.
         roll_axis_height: of the unit, m.
+        load_change: load of the group less its static load, N.
     """
     C, N, mu = p[f"{path}.cornering_stiffness"], p[static_load(path)], p[FRICTION]
     q = N / p[tyres(path)] / NOMINAL_LOAD
@@ -78,10 +86,11 @@ def group_stiffness(
     suspension = body.stiffness * roll + body.damping * roll_rate
     even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
     moment = suspension + roll_axis_height * even * C * slip
-    transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1), -1)
+    forward = load_change / N
+    transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1 + forward), -1 - forward)
     secant = ca.SX(0)
     for side in (1, -1):
-        change = side * transfer
+        change = side * transfer + forward
         k = 1 - stiffness_sensitivity * change
         ratio = C * k / (N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1)))
         secant += C / 2 * (1 + change) * k / ca.sqrt(1 + (ratio * slip) ** 2)

@@ -44,6 +44,7 @@ class SensorInputs(NamedTuple):
     speed: ca.SX  # m/s
     steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
     side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
+    load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
     roll: bool  # whether the model has roll
     changing: tuple[ca.SX, ca.SX]  # symbols that change with time, and their derivatives
 
@@ -85,6 +86,7 @@ def sensor_inputs(
         speed=speed,
         steer=angles,
         side_force={path: p[f"{path}.cornering_stiffness"] * alpha for path, alpha in slip.items()},
+        load_change={},
         roll=roll,
         changing=(x, rate),
     )
@@ -259,7 +261,7 @@ def _load_transfer(inputs: SensorInputs, i: int, group: AxleGroup) -> ca.SX:
     load: ca.SX = axle_loads(p, vehicle.units, vehicle.couplings)[path]
     height = side_force_height(p, unit, group, load)
     moment = load_transfer_moment(p, path, motion.roll[i], motion.roll_rate[i], inputs.side_force[path], height)
-    ratio: ca.SX = moment / (load * p[HALF_TRACK])
+    ratio: ca.SX = moment / ((load + inputs.load_change.get(path, 0)) * p[HALF_TRACK])
     return ratio
 
 
