@@ -40,8 +40,9 @@ class LargeAngles:
     rates: ca.SX  # x' (n,)
     motion: Motion
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
-    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
-    load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
+    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N, as expressions of the shift
+    load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N; likewise
+    shift: tuple[ca.SX, ca.SX]  # symbol, and value by state, speed and steer angles, of the load that X moves, N
 
 
 def large_angles(
@@ -107,10 +108,6 @@ def large_angles(
     arm = _pull_arm(p, vehicle)
     moved = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)  # the accelerations contain it: implicit
     solved = free + slope * moved
-    side_force, load_change = (
-        {path: ca.substitute(value, shift, moved) for path, value in values.items()}
-        for values in (side_force, load_change)
-    )
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
     for k, name in enumerate(names):
@@ -126,6 +123,7 @@ def large_angles(
         acceleration=acceleration,
         side_force=side_force,
         load_change=load_change,
+        shift=(shift, moved),
     )
 
 

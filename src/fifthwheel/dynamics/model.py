@@ -284,6 +284,7 @@ def _build(model: ChainModel) -> _Functions:
             steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
             side_force=now.side_force,
             load_change=now.load_change,
+            shift=now.shift,
             roll=roll,
             changing=(x, now.rates),
         )

@@ -45,6 +45,7 @@ class SensorInputs(NamedTuple):
     steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
     side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
     load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
+    shift: tuple[ca.SX, ca.SX]  # symbol in these forces and changes, and its value, N
     roll: bool  # whether the model has roll
     changing: tuple[ca.SX, ca.SX]  # symbols that change with time, and their derivatives
 
@@ -87,6 +88,7 @@ def sensor_inputs(
         steer=angles,
         side_force={path: p[f"{path}.cornering_stiffness"] * alpha for path, alpha in slip.items()},
         load_change={},
+        shift=(ca.SX(0, 1), ca.SX(0, 1)),
         roll=roll,
         changing=(x, rate),
     )
@@ -242,7 +244,8 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     if SignalName.of(name).quantity in LOAD_TRANSFERS:
         ratio = _load_transfer(inputs, *axle_group(inputs.vehicle, name))
         predicted = SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER
-        return ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio
+        later = ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio  # at a constant shift
+        return ca.substitute(later, *inputs.shift)
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
     value, p = quantity.expression(inputs, i, name), inputs.p
     if f"{name}.delay" in p:
