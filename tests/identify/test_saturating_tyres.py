@@ -136,7 +136,7 @@ def test_another_log_has_a_friction_of_its_own(snow: Identification) -> None:
     wet, gentle = (log_sensors(snow, response(a, 0.6, name="other"), snow.vehicle) for a in (2.5, 0.2))
     assert wet.settings["friction"] == pytest.approx(0.6, rel=0.15)
     assert gentle.settings["friction"] == pytest.approx(snow.friction)
-    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.35, 0.45)):
+    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.65, 0.75)):
         place = sensors.uncertainty.names.index(FRICTION)
         sigma = np.sqrt(sensors.uncertainty.covariance[place, place]) / sensors.settings["friction"]
         assert least < sigma < largest
@@ -208,16 +208,16 @@ def test_options() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("acceleration", "factor"), [(2.0, 1.0), (1.5, 0.35)])
 def test_nonlinear_truck(acceleration: float, factor: float) -> None:
-    """0.48 g on a dry road, and 0.36 g on snow, with the article's sensors; the peak of the tyres is 0.7.
+    """0.48 g on a dry road, and 0.36 g on snow, with the article's sensors; the peak of the tyres is 0.74.
 
-    The friction of the law is that of its shape: 22 % above the peak for these tyres, 10 % by default.
+    The shape of these tyres is 1.14, by default 1.1.
     """
     run = Plant(TRUCK, Properties(friction=factor)).drive(single_sine(TRUCK, acceleration=acceleration))
     record = run.record(seed=1)
     result = identify([record], TRUCK, OneStage(tyres="auto", check=False))
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters)
-    assert result[FRICTION].value == pytest.approx(0.7 * factor, rel=0.2)
-    assert abs(result[FRICTION].value - 0.7 * factor) < 1.645 * result[FRICTION].sigma
+    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.2)
+    assert abs(result[FRICTION].value - 0.74 * factor) < 1.645 * result[FRICTION].sigma
     for name, value in TRUCK.parameters().items():
         if name.endswith("cornering_stiffness"):
             assert abs(result[name].value - value) < 1.645 * result[name].sigma

@@ -215,3 +215,25 @@ def test_frames_that_arrive_late_in_their_order_are_no_jump_of_the_clock(node):
     assert not any(output.faults & Fault.TIME_JUMP for output in found)
     assert any(output.faults & Fault.OVERLOAD for output in found)
     assert found[-1].status is NodeStatus.OK
+
+
+class Lifting:
+    """An estimator that predicts a load transfer ratio."""
+
+    def __init__(self, ratio):
+        self.ratio = ratio
+
+    def push(self, sample):
+        return {"time": sample["time"], "status": 0, "nis": 1.0, "predicted_load_transfer.semitrailer": self.ratio}
+
+    def reset(self):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("ratio", [0.95, -1.05])
+def test_a_wheel_that_is_about_to_lift(node, ratio):
+    """Is a fault of the truck, not of the states."""
+    node.estimator = Lifting(ratio)
+    found = [output for frame in stream() for output in node.receive(frame)][50:]
+    assert {output.status for output in found} == {NodeStatus.OK}
+    assert {bool(output.faults & Fault.WHEEL_LIFT) for output in found} == {abs(ratio) > 1}

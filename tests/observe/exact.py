@@ -53,10 +53,26 @@ class Exact:
         )
         return np.array([first, second]) / SPEED
 
+    def load_transfer(self, path: str) -> Array:
+        """Row (n,): the load transfer ratio of an axle group by the state, from the moments on its axles."""
+        e = dict(zip(self.states, np.eye(len(self.states)), strict=True))
+        p = self.vehicle.parameters() | dict(self.values)
+        unit = self.vehicle.unit(path.split(".")[0])
+        axles = sum(len(group.axles) for group in unit.axle_groups if unit.group_path(group) == path)
+        weight = (unit.mass - unit.laden_sprung_mass) * axles / len(unit.axles) * 9.80665
+        load, tyres = self.vehicle.axle_loads()[path], p[f"{path}.tyre_roll_stiffness"]
+        series = tyres / (tyres + p[f"{path}.roll_stiffness"])
+        force = p[f"{path}.cornering_stiffness"] * e[f"slip_angle.{path}"]
+        roll = p[f"{path}.roll_stiffness"] * series * e[f"roll.{unit.name}"]
+        damping = p[f"{path}.roll_damping"] * series**2 * e[f"roll_rate.{unit.name}"]
+        return (roll + damping + force * (unit.roll_axis_height * (1 - weight / load) + 0.5 * weight / load)) / load
+
     def rows(self, name: str) -> Array:
         """Row (n,) of a reported signal by the state."""
         if name.startswith("sideslip."):
             return self.sideslip()[int(name.endswith("semitrailer"))]
+        if name.startswith("load_transfer."):
+            return self.load_transfer(name.removeprefix("load_transfer."))
         return np.eye(len(self.states))[self.states.index(name)]
 
 

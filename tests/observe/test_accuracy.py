@@ -187,11 +187,18 @@ def test_three_units(b_double):
     assert "steer.last.two" not in record.signals
     o = Observer(b_double, record.signals)
     assert o.inputs == ("speed", "steer.tractor.front")
-    assert o.reported == tuple(
-        f"{quantity}.{unit}"
-        for quantity in ("sideslip", "yaw_rate", "articulation", "roll", "roll_rate")
-        for unit in ("tractor", "lead", "last")
-        if (quantity, unit) != ("articulation", "tractor")
+    assert o.reported == (
+        *(
+            f"{quantity}.{unit}"
+            for quantity in ("sideslip", "yaw_rate", "articulation", "roll", "roll_rate")
+            for unit in ("tractor", "lead", "last")
+            if (quantity, unit) != ("articulation", "tractor")
+        ),
+        *(
+            f"{quantity}.{group}"
+            for quantity in ("load_transfer", "predicted_load_transfer")
+            for group in ("tractor.front", "tractor.drive", "lead", "last")
+        ),
     )
     actual = o.batch(record)
     assert (actual.status == Status.OK).all()

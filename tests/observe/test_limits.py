@@ -107,7 +107,9 @@ def test_reported_signals(truck, bank):
     plane.append("articulation.semitrailer")
     roll = [f"{quantity}.{unit}" for quantity in ("roll", "roll_rate") for unit in units]
     assert reported_signals(truck, roll=False, bank=bank) == (*plane, *road)
-    assert reported_signals(truck, roll=True, bank=bank) == (*plane, *roll, *road)
+    groups = ("tractor.front", "tractor.drive", "semitrailer")
+    loads = [f"{quantity}.{group}" for quantity in ("load_transfer", "predicted_load_transfer") for group in groups]
+    assert reported_signals(truck, roll=True, bank=bank) == (*plane, *roll, *loads, *road)
 
 
 def test_coasting_starts_after_its_time():

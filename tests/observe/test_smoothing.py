@@ -83,7 +83,7 @@ def test_equals_the_dense_solution(process_noise):
     gain = np.linalg.solve(S, covariance[indices]).T
     mean = mean + gain @ (measured[k, i] - mean[indices])
     covariance = covariance - gain @ covariance[indices]
-    for name in actual.values:
+    for name in (name for name in actual.values if not name.startswith("predicted_load_transfer.")):
         row = system.rows(name)
         expected = mean.reshape(N, n) @ row
         variance = np.array([row @ covariance[j * n : j * n + n, j * n : j * n + n] @ row for j in range(N)])

@@ -143,6 +143,17 @@ def test_place_of_an_accelerometer() -> None:
         Vehicle.loads(TEXT.replace('name = "drive"', 'name = "accelerometer"'))
 
 
+def test_number_of_tyres() -> None:
+    """By default four on a driven axle, two on each other one; a file may give another number."""
+    truck = Vehicle.loads(TEXT)
+    assert truck.tyres() == {"tractor.front": 2, "tractor.drive": 4, "semitrailer": 6}
+    twin = Vehicle.loads(TEXT.replace("axles = [", "tyres = 12\naxles = ["))
+    assert Vehicle.loads(twin.to_toml()) == twin
+    assert twin.tyres()["semitrailer"] == 12
+    with pytest.raises(VehicleError, match=r"tyres: expected a number >= 2, got 1"):
+        Vehicle.loads(TEXT.replace("axles = [", "tyres = 1\naxles = ["))
+
+
 def test_vehicles_with_different_stated_sigmas_differ_but_share_a_model() -> None:
     vehicle = Vehicle.loads(TEXT)
     stated = vehicle.with_stated({"tractor.mass": 70.0})

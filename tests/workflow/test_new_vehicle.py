@@ -94,6 +94,7 @@ def test_three_axle_tractors_and_twin_tyres() -> None:
     assert vehicle.steer_signals() == ("steer.tractor.front", "steer.semitrailer.rear")
     group = tomllib.loads(text)["unit"][1]["axle_group"][0]
     assert group["tyre_roll_stiffness"] == "7000 kN m/rad +- 1100 kN m/rad"
+    assert vehicle.tyres() == {"tractor.front": 2, "tractor.drive": 8, "semitrailer": 8}
     assert vehicle.units[1].payload.shape == "point"  # type: ignore[union-attr]
 
 

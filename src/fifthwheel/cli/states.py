@@ -64,16 +64,29 @@ def states(
             "accelerations above 3 m/s² and slippery roads. Default: that of the identification, or linear tyres.",
         ),
     ] = None,
+    half_track: Annotated[
+        float,
+        typer.Option(
+            min=0.3,
+            max=2.0,
+            help="Centre line to the middle of the tyres of one side, m, for the load transfer ratios; twin tyres "
+            "about 0.92.",
+        ),
+    ] = 1.0,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Estimate sideslip, roll and articulation of a known vehicle: states.parquet and report.html.
+    """Estimate sideslip, roll, articulation and load transfer of a known vehicle: states.parquet and report.html.
 
     The columns of states.parquet are time, every state and its sigma (SI), status, nis and log. nis is the health of
     the filter; 1 is expected. Status: 0 ok, 1 coasting, 2 too slow, 3 input missing, 4 inconsistent: the measurements
     contradict the vehicle, the speed or the steer angle.
+
+    load_transfer.<axle group> is the load of the right wheels less that of the left ones, divided by their sum. Where
+    predicted_load_transfer.<axle group>, its value in 0.3 s at its present rate, is beyond 1 or -1, a wheel is about to
+    lift.
 
     With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
     for the identification, its sensor errors are estimated from the log itself.
@@ -94,7 +107,9 @@ def states(
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None
     positions = named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
-    settings = ObserverSettings(min_speed=min_speed, positions=positions, estimate_bank=bank, friction=friction)
+    settings = ObserverSettings(
+        min_speed=min_speed, positions=positions, estimate_bank=bank, friction=friction, half_track=half_track
+    )
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
     with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(logs, signals, allow_outside=allow_outside)

@@ -28,6 +28,7 @@ class StateSummary:
     band: Mapping[str, float | None]  # median of two sigma by state; None for a state that is never known
     reference_rms: Mapping[str, float | None]  # rms difference from the reference by state; None without a reference
     innovations: Mapping[str, InnovationSize]  # by measured channel
+    lift_warning: float | None  # time of the first warning that a wheel is about to lift, s; None without one
 
     @property
     def valid(self) -> float:
@@ -47,6 +48,7 @@ def summarise_states(states: States, records: Sequence[Record] = ()) -> StateSum
         band={name: _median_band(sigma) for name, sigma in states.sigma.items()},
         reference_rms={name: _reference_rms(states, record, name) for name in states.values},
         innovations={name: innovation_size(states, name) for name in states.innovation},
+        lift_warning=float(states.time[states.lift_warning.argmax()]) if states.lift_warning.any() else None,
     )
 
 

@@ -10,7 +10,13 @@ where (u_h, v_h) is the velocity of the coupling point in the axes of the unit i
     sum J_i' (M_i a_i - f_i) = 0,        J_i = d(u_i, v_i, r_i, p_i) / dw,
 
 with the accelerations u_i' - r_i v_i and v_i' + r_i u_i, have no forces of the couplings and no driving force, because
-the first unit drives (T. R. Kane and D. A. Levinson, Dynamics, 1985, chapter 6). Roll angles are small. Speed changes
+the first unit drives (T. R. Kane and D. A. Levinson, Dynamics, 1985, chapter 6). With side slip, the units behind pull
+back at the first coupling, by the force that keeps them at the speed of the first unit,
+
+    X = sum_i e_i' (M_i a_i - f_i),        e_i = (cos psi_i, -sin psi_i, 0, 0),
+
+with the headings psi_i from that of the first unit. At the height of the coupling, X moves load from the front to the
+rear axle group of the first unit, whose side forces change in proportion. Roll angles are small. Speed changes
 slowly: u' = 0. For small angles and linear tyres the equations are those of `chain`.
 """
 
@@ -21,7 +27,7 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.saturation import group_stiffness
+from fifthwheel.dynamics.saturation import NO_CHANGE, group_stiffness
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -34,6 +40,9 @@ class LargeAngles:
     rates: ca.SX  # x' (n,)
     motion: Motion
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
+    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N, as expressions of the shift
+    load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N; likewise
+    shift: tuple[ca.SX, ca.SX]  # symbol, and value by state, speed and steer angles, of the load that X moves, N
 
 
 def large_angles(
@@ -65,7 +74,9 @@ def large_angles(
     for i, k in enumerate(articulations):
         rate[k] = motion.r[i + 1] - motion.r[i]
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
-    convective, jacobians = list[ca.SX](), list[ca.SX]()
+    convective, jacobians, side_force = list[ca.SX](), list[ca.SX](), dict[str, ca.SX]()
+    shift, pull, pull_rate = ca.SX.sym("shift"), ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
+    load_change = _load_changes(vehicle, shift)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
@@ -74,7 +85,8 @@ def large_angles(
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, slips = _tyre_forces(p, vehicle, i, motion, steer)
+        applied, slips, forces = _tyre_forces(p, vehicle, i, motion, steer, load_change)
+        side_force |= forces
         for path, (alpha, lagged) in slips.items():
             if lagged is not None:
                 rate[index[f"slip_angle.{path}"]] = motion.u[i] * (alpha - lagged) / p[f"{path}.relaxation_length"]
@@ -85,9 +97,17 @@ def large_angles(
         known[1] += GRAVITY * motion.bank
         M += ca.mtimes([J.T, inertia, J])
         force += J.T @ (applied - inertia @ known)
+        if i:
+            forward = ca.horzcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
+            pull += forward @ (inertia @ known - applied)[:2]
+            pull_rate += forward @ (inertia @ J)[:2, :]
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
-    solved = chain.solve_positive_definite(M, force)
+    right = ca.substitute(ca.horzcat(force, ca.jacobian(force, shift)), shift, 0)
+    free, slope = ca.horzsplit(chain.solve_positive_definite(M, right))
+    arm = _pull_arm(p, vehicle)
+    moved = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)  # the accelerations contain it: implicit
+    solved = free + slope * moved
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
     for k, name in enumerate(names):
@@ -97,7 +117,34 @@ def large_angles(
     acceleration = tuple(
         (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
     )
-    return LargeAngles(rates=ca.densify(rate), motion=motion, acceleration=acceleration)
+    return LargeAngles(
+        rates=ca.densify(rate),
+        motion=motion,
+        acceleration=acceleration,
+        side_force=side_force,
+        load_change=load_change,
+        shift=(shift, moved),
+    )
+
+
+def _pull_arm(p: Mapping[str, ca.SX], vehicle: Vehicle) -> ca.SX:
+    """Load that moves from the front to the rear axle group of the first unit per pull at its coupling, N/N."""
+    if not vehicle.couplings:
+        return ca.SX(0)
+    unit = vehicle.units[0]
+    front, rear = (
+        sum((p[f"{unit.name}.{axle.name}.position"] for axle in group.axles), ca.SX(0)) / len(group.axles)
+        for group in (unit.axle_groups[0], unit.axle_groups[-1])
+    )
+    height: ca.SX = p[f"{vehicle.couplings[0].name}.height"]
+    return height / (front - rear)
+
+
+def _load_changes(vehicle: Vehicle, shift: ca.SX) -> dict[str, ca.SX]:
+    """Changes of load, N, of the first unit's axle groups by their path, by a shift from the first to the last one."""
+    unit = vehicle.units[0]
+    front, rear = unit.axle_groups[0], unit.axle_groups[-1]
+    return {unit.group_path(front): -shift, unit.group_path(rear): shift} if vehicle.couplings else {}
 
 
 def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
@@ -117,12 +164,18 @@ def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *,
 
 
 def _tyre_forces(
-    p: Mapping[str, ca.SX], vehicle: Vehicle, i: int, motion: Motion, steer: Mapping[str, ca.SX]
-) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]]]:
-    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i, and the slip angle of each group
-    by its path, with its lagged slip angle if it has one."""
+    p: Mapping[str, ca.SX],
+    vehicle: Vehicle,
+    i: int,
+    motion: Motion,
+    steer: Mapping[str, ca.SX],
+    load_change: Mapping[str, ca.SX],
+) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]], dict[str, ca.SX]]:
+    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i; by the path of each group, its
+    slip angle with its lagged slip angle if it has one; and its side force (N)."""
     unit, total = vehicle.units[i], ca.SX(3, 1)
     slips: dict[str, tuple[ca.SX, ca.SX | None]] = {}
+    forces: dict[str, ca.SX] = {}
     for group in unit.axle_groups:
         path, count = unit.group_path(group), len(group.axles)
         arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.axles]
@@ -135,9 +188,11 @@ def _tyre_forces(
         lagged = motion.lagged_slip.get(path)
         slips[path] = mean, lagged
         slip, height = mean if lagged is None else lagged, p[f"{unit.name}.roll_axis_height"]
-        stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height) / count
+        change = load_change.get(path, NO_CHANGE)
+        stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height, change) / count
+        forces[path] = count * stiffness * slip
         for arm, angle, own in zip(arms, angles, each, strict=True):
             side = stiffness * (own + slip - mean)
             lateral = side * ca.cos(angle)
             total += ca.vertcat(-side * ca.sin(angle), lateral, arm * lateral)
-    return total, slips
+    return total, slips, forces

@@ -282,6 +282,9 @@ def _build(model: ChainModel) -> _Functions:
             acceleration=now.acceleration,
             speed=d[k],
             steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
+            side_force=now.side_force,
+            load_change=now.load_change,
+            shift=now.shift,
             roll=roll,
             changing=(x, now.rates),
         )

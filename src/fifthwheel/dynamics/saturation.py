@@ -1,18 +1,21 @@
 """A tyre force law that saturates at the friction of the road, for an axle group with its left and right tyres.
 
 The side force of a group with the cornering stiffness C and the static load N at a slip angle alpha is the sum over
-both sides, whose loads are n = 1 + lambda and 1 - lambda times the static ones:
+both sides, whose loads are n = 1 + lambda and 1 - lambda times the static ones, plus the change of the group's load:
 
     F = (C alpha / 2) sum n k / sqrt(1 + (C alpha k / (N mu))^2),
-    k = 1 - s (n - 1),        mu = q g mu_0 (1 - s_mu (n - 1))
+    k = 1 - s q^2 (n - 1),        mu = c g mu_0 (1 - s_mu (q n - 1))
 
-with the load sensitivities s of the stiffness and s_mu of the friction, the peak friction mu_0 of the road, that of the
-group relative to it, g, and the shape q. At small
-slip angles F / (C alpha) tends to 1 - s lambda^2: without load transfer the law is then linear. Of the laws with two
-parameters, this one is closest to measured truck tyres: over loads of 0.2 to 1.9 times the static one and slip angles
-up to 12 deg, its rms distance is 0.3 to 0.6 % of the peak force of three tyres in PAC2002 (tanh 0.3 to 1.4 %, Fiala's
-brush 1.1 to 2.0 %). The law tends to q times the peak of a Magic Formula. Over slip angles up to 6 deg the closest q of
-four truck and bus tyres is 0.93, 1.06, 1.17 and 1.22.
+with the load sensitivities s of the stiffness and s_mu of the friction at the nominal load of a tyre, and the static
+load q of a tyre of the group as a fraction of it: twin tyres carry half the load each. mu_0 is the peak friction of the
+road, g that of the group's tyres relative to it, and c the shape: the law tends to c times the peak of a Magic Formula.
+In PAC2002 the friction is linear in the load, and the sensitivity of the stiffness K = K_max sin(2 atan(F_z / F_K)) is
+1 - (F_z / K) dK/dF_z = 2 F_z^2 / (F_K^2 + F_z^2), about in proportion to q^2 (H. B. Pacejka, Tyre and Vehicle Dynamics,
+2006, chapter 4). At small slip angles F / (C alpha) tends to 1 - s q^2 lambda^2: without load transfer the law is then
+linear. Of the laws with two parameters, this one is closest to measured truck tyres: over loads of 0.2 to 1.9 times the
+static one and slip angles up to 12 deg, its rms distance is 0.3 to 0.6 % of the peak force of three tyres in PAC2002
+(tanh 0.3 to 1.4 %, Fiala's brush 1.1 to 2.0 %). Over slip angles up to 6 deg the closest c of four truck and bus tyres
+is 0.93, 1.06, 1.14 and 1.17.
 
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
@@ -34,15 +37,18 @@ HALF_TRACK = "body.half_track"
 SHAPE = "tyre.shape"
 STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
 FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
+NO_CHANGE = ca.SX(0)
+NOMINAL_LOAD = 35e3
+"""Of a tyre, N: of 315/80 R 22.5."""
 DEFAULTS: Mapping[str, float] = {
     FRICTION: 0.75,
     SHAPE: 1.1,
     HALF_TRACK: 1.0,
     STIFFNESS_SENSITIVITY: 0.2,
-    FRICTION_SENSITIVITY: 0.06,
+    FRICTION_SENSITIVITY: 0.09,
 }
-"""Friction of truck tyres on a dry road; half the distance of the tyres of both sides, m; sensitivities of four
-truck and bus tyres: 0.1 to 0.3 and 0.02 to 0.1."""
+"""Friction of truck tyres on a dry road; half the distance of the tyres of both sides, m; sensitivities of four truck
+and bus tyres: 0.1 to 0.3 and 0.08 to 0.11."""
 
 
 def static_load(path: str) -> str:
@@ -55,9 +61,14 @@ def relative_friction(path: str) -> str:
     return f"{path}.relative_friction"
 
 
+def tyres(path: str) -> str:
+    """Name of the parameter that is the number of tyres of an axle group."""
+    return f"{path}.tyres"
+
+
 def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
     """Names of the parameters of the law for axle groups with these paths."""
-    return (*DEFAULTS, *[name(path) for path in paths for name in (static_load, relative_friction)])
+    return (*DEFAULTS, *[name(path) for path in paths for name in (static_load, relative_friction, tyres)])
 
 
 def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
@@ -66,13 +77,19 @@ def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
     Raises:
         VehicleError: the static axle loads are not determined.
     """
-    loads = vehicle.axle_loads()
-    of_groups = (value for load in loads.values() for value in (load, 1.0))
+    loads, numbers = vehicle.axle_loads(), vehicle.tyres()
+    of_groups = (value for path, load in loads.items() for value in (load, 1.0, float(numbers[path])))
     return dict(zip(saturation_names(loads), (*DEFAULTS.values(), *of_groups), strict=True))
 
 
 def group_stiffness(
-    p: Mapping[str, ca.SX], path: str, slip: ca.SX, roll: ca.SX, roll_rate: ca.SX, roll_axis_height: ca.SX
+    p: Mapping[str, ca.SX],
+    path: str,
+    slip: ca.SX,
+    roll: ca.SX,
+    roll_rate: ca.SX,
+    roll_axis_height: ca.SX,
+    load_change: ca.SX = NO_CHANGE,
 ) -> ca.SX:
     """Secant F / alpha of the law, N/rad.
 
@@ -82,18 +99,22 @@ def group_stiffness(
         slip: slip angle, rad.
         roll, roll_rate: of the unit, rad and rad/s.
         roll_axis_height: of the unit, m.
+        load_change: load of the group less its static load, N.
     """
     C, N = p[f"{path}.cornering_stiffness"], p[static_load(path)]
     mu = p[SHAPE] * p[relative_friction(path)] * p[FRICTION]
+    q = N / p[tyres(path)] / NOMINAL_LOAD
+    stiffness_sensitivity, friction_sensitivity = p[STIFFNESS_SENSITIVITY] * q**2, p[FRICTION_SENSITIVITY]
     body = group_roll(p, path)
     suspension = body.stiffness * roll + body.damping * roll_rate
     even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
     moment = suspension + roll_axis_height * even * C * slip
-    transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1), -1)
+    forward = load_change / N
+    transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1 + forward), -1 - forward)
     secant = ca.SX(0)
     for side in (1, -1):
-        change = side * transfer
-        k = 1 - p[STIFFNESS_SENSITIVITY] * change
-        ratio = C * k / (N * mu * (1 - p[FRICTION_SENSITIVITY] * change))
+        change = side * transfer + forward
+        k = 1 - stiffness_sensitivity * change
+        ratio = C * k / (N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1)))
         secant += C / 2 * (1 + change) * k / ca.sqrt(1 + (ratio * slip) ** 2)
     return secant

@@ -3,6 +3,10 @@
 A sensor is named quantity.unit. Its errors are parameters: its output is <sensor>.gain times the quantity plus
 <sensor>.offset. A quantity that depends on the sensor's position has two more parameters: <sensor>.position, x on the
 unit in m, and <sensor>.height above the ground in m.
+
+The load transfer ratio of an axle group, load_transfer.<group>, is the load of its right wheels less that of its left
+wheels, divided by their sum. No sensor measures it or `PREDICTED_LOAD_TRANSFER`, so they have no errors; their
+parameter is `HALF_TRACK`.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,11 +16,22 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.chain import BANK, Equations, Motion
-from fifthwheel.dynamics.unit_equations import mass_matrix, tyre_forces
+from fifthwheel.dynamics.saturation import DEFAULTS, HALF_TRACK
+from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import AxleGroup, Vehicle
+from fifthwheel.vehicle.axle_loads import axle_loads
+
+LOAD_TRANSFER = "load_transfer"
+"""Quantity of the load transfer ratio of an axle group."""
+PREDICTED_LOAD_TRANSFER = "predicted_load_transfer"
+"""Quantity of the load transfer ratio of an axle group after `HORIZON`, at its present rate: the predictive load
+transfer ratio (C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention systems, IEEE
+Transactions on Vehicular Technology 62, 2013). At 1 or -1 a wheel is about to lift."""
+HORIZON = 0.3
+"""s."""
 
 
 class SensorInputs(NamedTuple):
@@ -28,6 +43,9 @@ class SensorInputs(NamedTuple):
     acceleration: tuple[ca.SX, ...]  # of each unit: (a, r'[, p']), a = v' + u r, m/s^2 and rad/s^2
     speed: ca.SX  # m/s
     steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
+    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
+    load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
+    shift: tuple[ca.SX, ca.SX]  # symbol in these forces and changes, and its value, N
     roll: bool  # whether the model has roll
     changing: tuple[ca.SX, ca.SX]  # symbols that change with time, and their derivatives
 
@@ -57,6 +75,8 @@ def sensor_inputs(
     A, B = equations.state_space(speed)
     rate, names = A @ x + B @ steer, vehicle.steer_signals()
     motion = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
+    angles = dict(zip(names, ca.vertsplit(steer), strict=True)) if names else {}
+    slip = chain.slip_angles(p, vehicle, x, speed, angles, roll=roll)
     velocity_rates = rate[list(equations.velocities)]
     centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
     return SensorInputs(
@@ -65,7 +85,10 @@ def sensor_inputs(
         motion=motion,
         acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
         speed=speed,
-        steer=dict(zip(names, ca.vertsplit(steer), strict=True)) if names else {},
+        steer=angles,
+        side_force={path: p[f"{path}.cornering_stiffness"] * alpha for path, alpha in slip.items()},
+        load_change={},
+        shift=(ca.SX(0, 1), ca.SX(0, 1)),
         roll=roll,
         changing=(x, rate),
     )
@@ -139,8 +162,24 @@ RATES = frozenset({"yaw_rate", "roll_rate"})
 NEEDS_COUPLING = frozenset({"articulation", "coupling_force"})
 """Quantities that only a unit behind a coupling has."""
 
-NEEDS_ROLL = frozenset({"roll_rate", "roll"})
+LOAD_TRANSFERS = frozenset({LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER})
+"""Quantities of an axle group, which no sensor measures."""
+
+NEEDS_ROLL = frozenset({"roll_rate", "roll"}) | LOAD_TRANSFERS
 """Quantities that only the yaw-roll model has."""
+
+
+def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
+    """Index of the unit and axle group of a signal, such as load_transfer.tractor.drive.
+
+    Raises:
+        SignalError: the vehicle has no such axle group.
+    """
+    groups = {unit.group_path(group): (i, group) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups}
+    place = SignalName.of(name).place
+    if place not in groups:
+        raise SignalError(f"{name}: {vehicle.name} has no axle group {place!r}; {suggestion(place, groups)}")
+    return groups[place]
 
 
 def unit_index(vehicle: Vehicle, name: str) -> int:
@@ -159,7 +198,8 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
     """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
-    unit, quantity = unit_index(vehicle, name), SignalName.of(name).quantity
+    quantity = SignalName.of(name).quantity
+    unit = axle_group(vehicle, name)[0] if quantity in LOAD_TRANSFERS else unit_index(vehicle, name)
     if unit == 0 and quantity in NEEDS_COUPLING:
         raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     if not roll and quantity in NEEDS_ROLL:
@@ -177,6 +217,8 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """
     if name == BANK:
         return {}
+    if SignalName.of(name).quantity in LOAD_TRANSFERS:
+        return {HALF_TRACK: DEFAULTS[HALF_TRACK]}
     unit = vehicle.units[unit_index(vehicle, name)]
     parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
     if SignalName.of(name).quantity in RATES:
@@ -196,9 +238,14 @@ def extension_parameters(name: str) -> dict[str, float]:
 
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
-    """Output of a sensor with its errors; for the bank of the road, which has no sensor, the state."""
+    """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
     if name == BANK:
         return inputs.motion.bank
+    if SignalName.of(name).quantity in LOAD_TRANSFERS:
+        ratio = _load_transfer(inputs, *axle_group(inputs.vehicle, name))
+        predicted = SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER
+        later = ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio  # at a constant shift
+        return ca.substitute(later, *inputs.shift)
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
     value, p = quantity.expression(inputs, i, name), inputs.p
     if f"{name}.delay" in p:
@@ -208,6 +255,17 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
         other = inputs.motion.roll_rate[i] if yaw else inputs.motion.r[i]
         value += p[f"{name}.misalignment"] * other
     return value * p[f"{name}.gain"] + p[f"{name}.offset"]
+
+
+def _load_transfer(inputs: SensorInputs, i: int, group: AxleGroup) -> ca.SX:
+    """Load transfer ratio of an axle group of unit i; beyond 1 or -1 the wheels of a side have lifted."""
+    p, vehicle, unit, motion = inputs.p, inputs.vehicle, inputs.vehicle.units[i], inputs.motion
+    path = unit.group_path(group)
+    load: ca.SX = axle_loads(p, vehicle.units, vehicle.couplings)[path]
+    height = side_force_height(p, unit, group, load)
+    moment = load_transfer_moment(p, path, motion.roll[i], motion.roll_rate[i], inputs.side_force[path], height)
+    ratio: ca.SX = moment / ((load + inputs.load_change.get(path, 0)) * p[HALF_TRACK])
+    return ratio
 
 
 def _derivative(inputs: SensorInputs, i: int, quantity: str, value: ca.SX) -> ca.SX:

@@ -18,12 +18,12 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import Structure, matrices
 from fifthwheel.dynamics.model import all_parameters
-from fifthwheel.dynamics.unit_equations import group_roll
+from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.names import SignalName
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record.signal_names import si_unit
-from fifthwheel.vehicle import AxleGroup, Vehicle
+from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
 
 if TYPE_CHECKING:
@@ -159,8 +159,8 @@ def linear_system(
         slip_angle.<group>             rad; with a relaxation length, the lagged one
         lateral_force.<group>          N; side force of all tyres of the group
         load_transfer_moment.<group>   N m; half the track times the load of the right wheels less that of the left
-                                       ones: the group's part of the roll moment of suspensions and tyres, plus its
-                                       side force times the height of the roll axis, where the unsprung mass is
+                                       ones; see `unit_equations.load_transfer_moment`, with the unsprung mass on the
+                                       roll axis, as in the equations of motion
 
     <group> is the path of the axle group: tractor.drive, or semitrailer if the unit has one group.
 
@@ -249,35 +249,22 @@ def _output(name: str, sensed: sensors.SensorInputs, slip: Mapping[str, ca.SX]) 
     if parsed.quantity == COG_ACCELERATION:
         return sensed.acceleration[_index(parsed.unit, [u.name for u in sensed.vehicle.units], f"a unit ({name})")][0]
     if parsed.quantity in GROUP_QUANTITIES:
-        i, group = _group(name, sensed.vehicle)
-        unit = sensed.vehicle.units[i]
-        path = unit.group_path(group)
-        force = sensed.p[f"{path}.cornering_stiffness"] * slip[path]
+        i, group = sensors.axle_group(sensed.vehicle, name)
+        path = sensed.vehicle.units[i].group_path(group)
         if parsed.quantity == "slip_angle":
             return slip[path]
         if parsed.quantity == "lateral_force":
-            return force
+            return sensed.side_force[path]
         if not sensed.roll:
             raise SignalError(f"{name}: the yaw-only model has no roll; set roll=True or omit the output")
-        stiffness, damping = group_roll(sensed.p, path)
-        moment = stiffness * sensed.motion.roll[i] + damping * sensed.motion.roll_rate[i]
-        return moment + sensed.p[f"{unit.name}.roll_axis_height"] * force
+        height = sensed.p[f"{sensed.vehicle.units[i].name}.roll_axis_height"]  # where the model has all masses
+        motion, force = sensed.motion, sensed.side_force[path]
+        return load_transfer_moment(sensed.p, path, motion.roll[i], motion.roll_rate[i], force, height)
     known = sorted({*sensors.QUANTITIES, COG_ACCELERATION, *GROUP_QUANTITIES})
     if parsed.quantity not in known:
         raise SignalError(f"{name}: no such quantity in the linear model; {suggestion(parsed.quantity, known)}")
     sensors.require_available(sensed.vehicle, name, roll=sensed.roll)
     return sensors.sensor_output(sensed, name)
-
-
-def _group(name: str, vehicle: Vehicle) -> tuple[int, AxleGroup]:
-    """Index of the unit and axle group of an output."""
-    groups: dict[str, tuple[int, AxleGroup]] = {
-        unit.group_path(group): (i, group) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups
-    }
-    place = SignalName.of(name).place
-    if place not in groups:
-        raise SignalError(f"{name}: {vehicle.name} has no axle group {place!r}; {suggestion(place, groups)}")
-    return groups[place]
 
 
 def _index(name: str, known: Iterable[str], kind: str) -> int:

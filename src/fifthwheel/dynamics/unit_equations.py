@@ -47,6 +47,44 @@ def group_roll(p: Mapping[str, ca.SX], path: str) -> GroupRoll:
     return GroupRoll(stiffness=suspension * tyres / (suspension + tyres), damping=damping)
 
 
+AXLE_COG_HEIGHT = 0.5
+"""Of an axle with its wheels above the ground, m: the loaded radius of a tyre 315/80 R 22.5."""
+
+
+def load_transfer_moment(
+    p: Mapping[str, ca.SX], path: str, roll: ca.SX, roll_rate: ca.SX, side_force: ca.SX, height: ca.SX
+) -> ca.SX:
+    """Half the track times the load of the right wheels of an axle group less that of the left ones, N m.
+
+    T = K* phi + C* phi' + h F: the moment of suspension and tyres, and that of the side force.
+
+    Args:
+        p: parameters by path.
+        path: of the group.
+        roll, roll_rate: of the unit, rad and rad/s.
+        side_force: F of all tyres of the group, N.
+        height: h of the masses that the side force accelerates, m.
+    """
+    body = group_roll(p, path)
+    return body.stiffness * roll + body.damping * roll_rate + height * side_force
+
+
+def side_force_height(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, load: ca.SX) -> ca.SX:
+    """Height h = h_r (1 - q) + h_u q of the masses that the side force of an axle group accelerates, m.
+
+    The axles, a fraction q of the load of the group, are at their own height h_u; the sprung body acts at the roll
+    axis.
+
+    Args:
+        p: parameters by path.
+        unit, group: give names and structure; their numbers are not used. All axles of a unit have the same mass.
+        load: static, of the group, N.
+    """
+    axles = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
+    fraction = axles * GRAVITY / load
+    return p[f"{unit.name}.roll_axis_height"] * (1 - fraction) + AXLE_COG_HEIGHT * fraction
+
+
 def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
     """m_s h, I_sx'x', I_sxz, K* and C* of a unit, laden by equations (8) and (9) of the article.
 

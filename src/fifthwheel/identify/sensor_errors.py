@@ -17,6 +17,8 @@ from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
+OTHER_ROAD = 0.7
+"""Standard deviation of ln friction from one road to another: half or twice as large."""
 OF_ROAD = (BANK, FRICTION)
 """Unknowns of the road, which another log has of its own."""
 
@@ -51,7 +53,8 @@ def estimate_sensor_errors(
     """
     settings = OneStage(free=(), priors={}, consider={}, check=False)
     if friction is not None:
-        settings = replace(settings, tyres="saturating", friction=friction, fixed=(FRICTION,) * exact_friction)
+        exact = (FRICTION,) if exact_friction else ()
+        settings = replace(settings, tyres="saturating", friction=friction, friction_prior=OTHER_ROAD, fixed=exact)
         settings = replace(settings, consider=_known_within(vehicle, known, settings) if known else {})
     identification = identify_one_stage([record], vehicle, settings)
     estimated, sensors = identification.sensor_settings(record.name), identification.uncertainty(record.name)

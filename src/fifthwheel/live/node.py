@@ -12,6 +12,7 @@ from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
 from fifthwheel.observe import Status
+from fifthwheel.observe.states import wheel_lifts
 
 SHOWN = 1.0
 """A jump of the time or an overload is reported for this time, s."""
@@ -152,6 +153,8 @@ class Node:
             faults |= Fault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
             faults |= Fault.OVERLOAD
+        if wheel_lifts(answer):
+            faults |= Fault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
         if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):

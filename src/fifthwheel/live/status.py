@@ -43,7 +43,9 @@ class Fault(IntFlag):
     """The record or the estimates cannot be written."""
     NOT_SENT = 512
     """Frames cannot be sent."""
+    WHEEL_LIFT = 1024
+    """A wheel is about to lift: see `observe.states.wheel_lifts`. A fault of the truck's motion."""
 
 
-HARMLESS = Fault.NOT_RECORDED | Fault.NOT_SENT
+HARMLESS = Fault.NOT_RECORDED | Fault.NOT_SENT | Fault.WHEEL_LIFT
 """Faults that do not limit the quality of the states."""

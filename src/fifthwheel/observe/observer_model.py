@@ -9,7 +9,7 @@ from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
@@ -63,9 +63,12 @@ class ObserverModel:
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
         values = dynamics.all_parameters(self.vehicle, self.model.outputs, tyres=self.settings.tyres)
-        if self.settings.friction is not None:
-            values |= {FRICTION: self.settings.friction}
-        return values | dict(self.settings.sensor_errors) | {BANK: self.settings.bank_mean}
+        return values | self._surroundings() | dict(self.settings.sensor_errors)
+
+    def _surroundings(self) -> dict[str, float]:
+        """Parameters that neither the vehicle nor a sensor has, as the settings give them."""
+        values = {HALF_TRACK: self.settings.half_track, BANK: self.settings.bank_mean}
+        return values if self.settings.friction is None else values | {FRICTION: self.settings.friction}
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
         """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the
@@ -74,7 +77,7 @@ class ObserverModel:
         Raises:
             SignalError: a name is neither a parameter of the vehicle nor an error of a sensor on it.
         """
-        known = {*self.model.known, *self.model.unknowns}
+        known = {*self.model.known, *self.model.unknowns, *self._surroundings()}
         for name in uncertainty.names:
             if name not in known and not self._is_error_of_a_sensor(name):
                 raise SignalError(
@@ -121,15 +124,14 @@ class ObserverModel:
 
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
-        parameters, names = self.vehicle.parameters(), self.report.outputs
-        values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyres)
+        parameters, names = self.vehicle.parameters() | self._surroundings(), self.report.outputs
+        values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyres) | self._surroundings()
         errors = {**self.settings.sensor_errors, **changed}
         values |= {name: value for name, value in errors.items() if SignalName.of(name).quantity == "steer"}
         values |= {name: value for name, value in changed.items() if name in parameters}
         for name in signals_with_position(names):  # under the CoG, also if the CoG is changed
             unit = SignalName.of(name).unit
             values |= {f"{name}.position": values[f"{unit}.cog"], f"{name}.height": values[f"{unit}.roll_axis_height"]}
-        values[BANK] = changed.get(BANK, self.settings.bank_mean)
         return values | {f"{name}.position": x for name, x in self.settings.positions.items()}
 
     def start(self, inputs: Mapping[str, float], *, suspect: bool = False) -> Array:

@@ -10,11 +10,14 @@ uncertainty of a least-squares fit: innovations that are larger than the filter 
 of a sensor, which the state has too.
 """
 
+from contextlib import suppress
 from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.sensors import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER
+from fifthwheel.errors import VehicleError
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
 from fifthwheel.filters.update import ChannelUpdate
@@ -29,13 +32,18 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
 
     Args:
         vehicle: gives the units.
-        roll: whether the model has roll; then roll angles and roll rates are reported.
+        roll: whether the model has roll; then roll angles, roll rates and, if the static axle loads are determined,
+            the load transfer ratio of each axle group, present and predicted, are reported.
         bank: whether the bank of the road is estimated; then it is reported.
     """
     units = [unit.name for unit in vehicle.units]
     names = [f"{quantity}.{u}" for quantity in ("sideslip", "yaw_rate") for u in units]
     names += [f"articulation.{u}" for u in units[1:]]
     names += [f"{quantity}.{u}" for quantity in ("roll", "roll_rate") for u in units if roll]
+    if roll:
+        with suppress(VehicleError):  # the static loads are not determined
+            groups = vehicle.axle_loads()
+            names += [f"{quantity}.{path}" for quantity in (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER) for path in groups]
     return (*names, BANK) if bank else tuple(names)
 
 

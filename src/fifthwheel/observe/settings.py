@@ -5,7 +5,7 @@ import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fifthwheel.dynamics.saturation import FRICTION_RANGE, TyreLaw
+from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION_RANGE, HALF_TRACK, TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 
@@ -61,6 +61,9 @@ class ObserverSettings:
     friction: float | None = None
     """Peak friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads:
     0.75 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
+    half_track: float = DEFAULTS[HALF_TRACK]
+    """Lateral distance from the centre line to the middle of the tyres of one side, m, for load transfer ratios; with
+    twin tyres about 0.92 m."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
@@ -87,6 +90,8 @@ class ObserverSettings:
                 f"friction: expected between {low} and {high}, or None for linear tyres, got {self.friction}; a dry "
                 "road has 0.75"
             )
+        if not (_is_finite(self.half_track) and 0.3 <= self.half_track <= 2):
+            raise SignalError(f"half_track: expected 0.3 to 2 m, got {self.half_track}; give half the track width in m")
         for name in ("hold", "process_noise", "restart_after"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")

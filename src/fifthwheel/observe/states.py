@@ -1,5 +1,7 @@
 """States of a record with their sigmas and status."""
 
+import functools
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -12,16 +14,20 @@ from numpy.typing import NDArray
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._types import Array
+from fifthwheel.dynamics.sensors import LOAD_TRANSFERS, PREDICTED_LOAD_TRANSFER
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, shown
 from fifthwheel.names import SignalName
-from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Span, downsample
+from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Span, downsample
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+PREDICTED = f"{PREDICTED_LOAD_TRANSFER}."
 
 
 class Status(IntEnum):
@@ -45,6 +51,16 @@ class Status(IntEnum):
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
 
 
+def wheel_lifts(values: Mapping[str, Any]) -> Any:
+    """Whether a wheel is about to lift: a predicted load transfer ratio is 1 or -1, or beyond.
+
+    Args:
+        values: states by name, numbers or arrays.
+    """
+    names = [n for n in values if n.startswith(PREDICTED) and not n.endswith(".sigma")]
+    return functools.reduce(operator.or_, [abs(values[name]) >= 1 for name in names], False)
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class States:
     """States of a record of N samples.
@@ -54,8 +70,8 @@ class States:
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
         >>> states = fw.Observer(truck, record.signals).batch(record)
-        >>> states
-        States('simulated', 800 samples, 100 % OK: sideslip, yaw_rate, articulation, roll, roll_rate)
+        >>> bool(states.lift_warning.any())
+        False
         >>> states.to_pandas()[["sideslip.semitrailer", "sideslip.semitrailer.sigma"]].shape
         (800, 2)
     """
@@ -70,6 +86,11 @@ class States:
     innovation_sigma: Mapping[str, Array]  # standard deviation, (N,) each
     accepted: Mapping[str, NDArray[np.bool_]]  # (N,) each, False where missing or outside the gate
 
+    @property
+    def lift_warning(self) -> NDArray[np.bool_]:
+        """Samples (N,) at which `wheel_lifts` warns."""
+        return np.asarray(wheel_lifts(self.values) | np.zeros(len(self.time), dtype=bool))
+
     def to_pandas(self) -> "pd.DataFrame":
         """States in SI over the time in s, each with "<state>.sigma", "status" (`Status`) and "nis".
 
@@ -81,7 +102,8 @@ class States:
         return frame
 
     def plot(self, *names: str, record: Record | None = None) -> Plot:
-        """States over time with a band of two sigma; times without valid states are grey.
+        """States over time with a band of two sigma; times without valid states are grey, and load transfer ratios are
+        red while a wheel is about to lift.
 
         Args:
             names: states, such as "sideslip.semitrailer"; all by default.
@@ -93,12 +115,13 @@ class States:
         for name in names:
             if name not in self.values:
                 raise SignalError(f"{name}: not among the states; {suggestion(name, self.values)}")
-        invalid = self._invalid_spans()
+        invalid = self._spans(~np.isin(self.status, (Status.OK, Status.COASTING)), GREY)
+        lifting = [*self._spans(self.lift_warning, VERMILLION), *(Guide(y=y) for y in (-1.0, 1.0))]
         panels = []
         for name in names or self.values:
             unit = shown(si_unit(name))
             values, sigma = self.values[name] * unit.factor, self.sigma[name] * unit.factor
-            items: list[Item] = [*invalid]
+            items: list[Item] = [*invalid, *(lifting if SignalName.of(name).quantity in LOAD_TRANSFERS else ())]
             if record is not None and name in record.signals:
                 measured = record.signals[name] * unit.factor
                 items.append(Line(record.time, measured, name="measured", colour=GREY, width=1, gaps=True))
@@ -112,11 +135,11 @@ class States:
             panels.append(Panel(items=items, title=name, x=Axis(label="time", unit="s"), y=Axis(unit=unit.name)))
         return Plot(panels=panels, title=self.name)
 
-    def _invalid_spans(self) -> list[Span]:
-        """Times in which the status is neither OK nor COASTING."""
-        invalid = ~np.isin(self.status, (Status.OK, Status.COASTING))
+    def _spans(self, marked: NDArray[np.bool_], colour: str) -> list[Span]:
+        """The times of marked samples (N,)."""
         ends = np.append(self.time[1:], self.time[-1])
-        return [Span(float(self.time[first]), float(ends[last])) for first, last in downsample.runs(invalid)]
+        runs = downsample.runs(marked)
+        return [Span(float(self.time[first]), float(ends[last]), colour=colour) for first, last in runs]
 
     def _columns(self) -> dict[str, NDArray[Any]]:
         """States, their sigmas, status and nis by name."""

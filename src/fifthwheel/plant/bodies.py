@@ -64,10 +64,10 @@ def sprung_bodies(vehicle: Vehicle, properties: Properties) -> tuple[SprungBody,
 
 def _body(unit: Unit, vehicle: Vehicle, properties: Properties, loads: dict[str, float]) -> SprungBody:
     axle_mass = (unit.mass - unit.laden_sprung_mass) / len(unit.axles)
-    is_first = unit is vehicle.units[0]
+    is_first, tyres = unit is vehicle.units[0], vehicle.tyres()
     axles = tuple(
-        _axle(unit, group, i, axle_mass, loads[unit.group_path(group)], properties, is_first=is_first)
-        for group in unit.axle_groups
+        _axle(unit, group, i, axle_mass, loads[path], tyres[path], properties, is_first=is_first)
+        for path, group in ((unit.group_path(group), group) for group in unit.axle_groups)
         for i in range(len(group.axles))
     )
     derived = vehicle.derived()
@@ -94,11 +94,19 @@ def _body(unit: Unit, vehicle: Vehicle, properties: Properties, loads: dict[str,
 
 
 def _axle(
-    unit: Unit, group: AxleGroup, i: int, mass: float, load: float, properties: Properties, *, is_first: bool
+    unit: Unit,
+    group: AxleGroup,
+    i: int,
+    mass: float,
+    load: float,
+    tyres: int,
+    properties: Properties,
+    *,
+    is_first: bool,
 ) -> BeamAxle:
     path, n, axle = unit.group_path(group), len(group.axles), group.axles[i]
     steered = any(a.steerable for a in group.axles)
-    has_twin_tyres = is_first and not steered if properties.twin_tyres is None else path in properties.twin_tyres
+    has_twin_tyres = tyres > 2 * n if properties.twin_tyres is None else path in properties.twin_tyres
     sprung_load = load / n - mass * GRAVITY
     if sprung_load <= 0:
         raise VehicleError(

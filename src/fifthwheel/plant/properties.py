@@ -36,7 +36,7 @@ class Properties:
     """Model of every tyre; its cornering stiffness is scaled so that each axle group has the cornering stiffness of the
     vehicle file at its static load."""
     twin_tyres: tuple[str, ...] | None = None
-    """Axle groups with two tyres per side; None: the groups of the first unit without a steered axle."""
+    """Axle groups with two tyres per side; None: as `Vehicle.tyres`."""
     wheel_radius: float = 0.5
     """Radius of the loaded wheel, m."""
     half_track: float = 1.0

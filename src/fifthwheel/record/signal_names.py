@@ -43,6 +43,7 @@ QUANTITIES: dict[str, str] = {
     "vertical_force": "N",
     "coupling_force": "N",
     "load_transfer": "1",
+    "predicted_load_transfer": "1",
     "position_x": "m",
     "position_y": "m",
     "curvature": "1/m",

@@ -142,7 +142,7 @@ class StatesOf:
         >>> kalman_filter = fw.StatesOf(lambda vehicle, record: fw.Observer(vehicle, record.signals))
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> sorted(kalman_filter(fw.simulate(truck, count=1), truck).states)[:2]
-        ['articulation.semitrailer', 'roll.semitrailer']
+        ['articulation.semitrailer', 'load_transfer.semitrailer']
     """
 
     make: Callable[[Vehicle, Record], StateEstimator]

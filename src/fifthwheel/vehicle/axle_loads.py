@@ -1,19 +1,24 @@
-"""Static vertical loads of the axle groups, from the equilibrium of each unit."""
+"""Static vertical loads of the axle groups, from the equilibrium of each unit.
+
+The functions use only + - * /, so they accept floats and CasADi symbols.
+"""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle.coupling import Coupling
+from fifthwheel.vehicle.unit import Unit
 
 
 class Body(NamedTuple):
     """What the static loads of a unit depend on."""
 
     name: str
-    mass: float  # kg
-    cog: float  # m
-    groups: Mapping[str, float]
+    mass: Any  # kg
+    cog: Any  # m
+    groups: Mapping[str, Any]
     """Position of each axle group, the mean of its axles, m, by its path."""
     has_front_support: bool = True
     """Whether the coupling in front carries vertical load; a hinged drawbar carries none."""
@@ -22,12 +27,36 @@ class Body(NamedTuple):
 class Joint(NamedTuple):
     """What the static loads depend on of a coupling."""
 
-    leading: float  # m, on the unit in front
-    trailing: float  # m, on the unit behind
+    leading: Any  # m, on the unit in front
+    trailing: Any  # m, on the unit behind
     pitches: bool = True  # whether it is free in pitch
 
 
-def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[str, float]:
+def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[Coupling]) -> dict[str, Any]:
+    """Vertical load of each axle group of a vehicle by its path, N; see `static_axle_loads`, also for the error.
+
+    Args:
+        p: parameters by path; numbers or symbols.
+        units, couplings: give names and structure; their numbers are not used.
+    """
+    bodies = [
+        Body(
+            unit.name,
+            p[f"{unit.name}.mass"],
+            p[f"{unit.name}.cog"],
+            {
+                unit.group_path(group): sum(p[f"{unit.name}.{axle.name}.position"] for axle in group.axles)
+                / len(group.axles)
+                for group in unit.axle_groups
+            },
+        )
+        for unit in units
+    ]
+    joints = [Joint(p[f"{c.name}.leading_position"], p[f"{c.name}.trailing_position"], c.pitches) for c in couplings]
+    return static_axle_loads(bodies, joints)
+
+
+def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[str, Any]:
     """Vertical load of each axle group, N, by its path, front to rear, on level ground.
 
     The supports of a unit are its axle groups, at the mean position of their axles, and its front coupling. They carry
@@ -42,7 +71,7 @@ def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[st
         VehicleError: a unit does not have exactly two supports at two positions, so its loads are not determined.
     """
     units, joints = _joined(units, joints)
-    loads: dict[str, float] = {}
+    loads: dict[str, Any] = {}
     coupling_load, coupling_position = 0.0, 0.0  # load of the unit behind on this unit, N, and its x, m
     for i in reversed(range(len(units))):
         unit = units[i]
@@ -55,10 +84,13 @@ def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[st
                 " only then do moments determine the axle loads; put axles that share their load in one group"
             )
         (first, a), (second, b) = supports.items()
-        if a == b:
-            raise VehicleError(f"{unit.name}: expected supports at two positions, got both at {a:g} m; move one")
         weight = unit.mass * STANDARD_GRAVITY
-        first_load = (weight * (unit.cog - b) + coupling_load * (coupling_position - b)) / (a - b)
+        try:
+            first_load = (weight * (unit.cog - b) + coupling_load * (coupling_position - b)) / (a - b)
+        except ZeroDivisionError:
+            raise VehicleError(
+                f"{unit.name}: expected supports at two positions, got both at {a:g} m; move one"
+            ) from None
         unit_loads = {first: first_load, second: weight + coupling_load - first_load}
         if i:
             coupling_load, coupling_position = unit_loads.pop("", 0.0), joints[i - 1].leading

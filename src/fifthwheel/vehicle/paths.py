@@ -33,6 +33,7 @@ TYRE_UNITS = {
     "friction_load_sensitivity": "1",
     "half_track": "m",
     "static_load": "N",
+    "tyres": "1",
 }
 """The same for tyres that saturate, see `dynamics.saturation`."""
 

@@ -46,6 +46,12 @@ class AxleGroup(Component):
         le=5.0,
         description="Distance over which the side force builds up, m; with 0 it acts at once, as in the article.",
     )
+    tyres: int | None = Field(
+        default=None,
+        ge=2,
+        le=8 * MAX_AXLES,
+        description="Of the group, for tyres that saturate; default: see `Vehicle.tyres`.",
+    )
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:

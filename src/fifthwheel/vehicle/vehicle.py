@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.vehicle import toml_format
-from fifthwheel.vehicle.axle_loads import Body, Joint, static_axle_loads
+from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.coupling import Coupling
@@ -302,12 +302,18 @@ class Vehicle(Component):
         Raises:
             VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
         """
-        bodies = [
-            Body(unit.name, unit.mass, unit.cog, {unit.group_path(group): group.position for group in unit.axle_groups})
-            for unit in self.units
-        ]
-        joints = [Joint(c.leading_position, c.trailing_position, c.pitches) for c in self.couplings]
-        return static_axle_loads(bodies, joints)
+        return axle_loads(self._parameters, self.units, self.couplings)
+
+    def tyres(self) -> dict[str, int]:
+        """Number of tyres of each axle group by its path.
+
+        By default 4 on each axle of the groups of the first unit behind its first one, which are driven, else 2.
+        """
+        return {
+            unit.group_path(group): group.tyres or len(group.axles) * (4 if i == 0 and k > 0 else 2)
+            for i, unit in enumerate(self.units)
+            for k, group in enumerate(unit.axle_groups)
+        }
 
     @property
     def wheelbase(self) -> float:

@@ -137,6 +137,7 @@ class _Builder:
         group: dict[str, Any] = {"name": "axles", "axles": axles}
         if self.known.trailer_tyres:
             figure = TYRES[self.known.trailer_tyres]
+            group["tyres"] = count * (4 if self.known.trailer_tyres == "twin" else 2)
             number = (count * figure.value, count * figure.sigma)
             self._set(
                 group, TRAILER, "tyre_roll_stiffness", number, f"{self.known.trailer_tyres} tyres: {figure.source}"

@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
+from fifthwheel.identify.one_stage.evidence import lateral_accelerations
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
@@ -34,6 +36,7 @@ from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
 TITLE = "fit with estimated noise"
@@ -47,6 +50,8 @@ EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
 EARLY_SAMPLES = 12_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
+GRIP_MARGIN = 2.0
+"""Friction at the start of the search over that which the lateral acceleration needs."""
 STIFFENING = 0.5
 """Step by which an unstable initial vehicle is stiffened, in units of z."""
 
@@ -124,9 +129,20 @@ def solve_one_stage(
             tyres=settings.tyre_law,
         ),
         estimated=tuple(estimated),
-        start=dict(zip(start.problem.names, start.minimum.z.tolist(), strict=True)) if start else {},
+        start=_start_of_saturating(start) if start else {},
     )
     return estimator.solve(progress)
+
+
+def _start_of_saturating(linear: Solution) -> dict[str, float]:
+    """Where the search with tyres that saturate begins, in units of the priors.
+
+    At the solution with linear tyres, and at a friction that is large enough for the lateral accelerations of the logs.
+    """
+    settings = linear.settings
+    needed = GRIP_MARGIN * max(lateral_accelerations(linear), default=0.0) / STANDARD_GRAVITY
+    friction = float(np.log(max(needed, settings.friction) / settings.friction)) / settings.friction_prior
+    return dict(zip(linear.problem.names, linear.minimum.z.tolist(), strict=True)) | {FRICTION: friction}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +225,7 @@ class _Estimator:
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
-        z = np.array([self.start.get(name, 0.0) for name in problem.names])
+        z = np.clip([self.start.get(name, 0.0) for name in problem.names], *problem.bounds)
         _, *others = [f"{path}.cornering_stiffness" for path in parameters.group_paths(self.dataset.vehicle)]
         indices = [i for i, name in enumerate(problem.names) if name in others]
         while problem.unstable(z) and indices and z[indices[0]] < problem.bounds[1][indices[0]]:

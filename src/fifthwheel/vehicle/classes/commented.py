@@ -58,6 +58,8 @@ def _unit(unit: Unit, numbers: "_Numbers") -> Iterator[str]:
             text = f'  {{ name = "{axle.name}", position = "{numbers.text(path)}"{steerable} }},'
             yield numbers.with_comment(text, numbers.sources.get(path, ""))
         yield "]"
+        if group.tyres:
+            yield f"tyres = {group.tyres}"
         yield from numbers.lines(unit.group_path(group), AxleGroup)
 
 
