@@ -1,7 +1,8 @@
 """Equations of motion with tyres that saturate and articulation angles that are not small.
 
-The forward speed u of the first unit is given. With the generalised velocities w of `chain`, each unit i has the
-velocity (u_i, v_i) on the roll axis under its CoG, in its own axes. Behind a coupling with the articulation angle g,
+The forward speed u of the first unit and its derivative u' are given. With the generalised velocities w of `chain`,
+each unit i has the velocity (u_i, v_i) on the roll axis under its CoG, in its own axes. Behind a coupling with the
+articulation angle g,
 
     u_i = u_h cos g + v_h sin g,        v_i = -u_h sin g + v_h cos g - arms,
 
@@ -10,8 +11,13 @@ where (u_h, v_h) is the velocity of the coupling point in the axes of the unit i
     sum J_i' (M_i a_i - f_i) = 0,        J_i = d(u_i, v_i, r_i, p_i) / dw,
 
 with the accelerations u_i' - r_i v_i and v_i' + r_i u_i, have no forces of the couplings and no driving force, because
-the first unit drives (T. R. Kane and D. A. Levinson, Dynamics, 1985, chapter 6). Roll angles are small. Speed changes
-slowly: u' = 0. For small angles and linear tyres the equations are those of `chain`.
+the first unit drives (T. R. Kane and D. A. Levinson, Dynamics, 1985, chapter 6). Roll angles are small. For small
+angles, linear tyres and u' = 0 the equations are those of `chain`.
+
+While u' < 0 every axle group brakes (`saturation.braking_force`). The first unit supplies what these forces lack for
+u', such as the drag of side forces. On a rolled body the inertia force -m_s u' acts beside the roll axis: its yaw
+moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the longitudinal forces
+of the couplings.
 """
 
 from collections.abc import Mapping
@@ -21,7 +27,7 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.saturation import group_stiffness
+from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, group_stiffness
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -45,6 +51,7 @@ def large_angles(
     *,
     roll: bool,
     bank: bool = False,
+    speed_rate: ca.SX = NO_CHANGE,
 ) -> LargeAngles:
     """The equations; arguments as in `chain.motion`.
 
@@ -55,6 +62,7 @@ def large_angles(
         speed: m/s.
         steer: true angle of each steered axle by its signal, rad.
         roll, bank: as in `chain.state_names`.
+        speed_rate: u', m/s^2.
     """
     names, n = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units)
     index = {name: i for i, name in enumerate(names)}
@@ -65,22 +73,26 @@ def large_angles(
     for i, k in enumerate(articulations):
         rate[k] = motion.r[i + 1] - motion.r[i]
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
-    convective, jacobians = list[ca.SX](), list[ca.SX]()
+    convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
-        convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]))
+        along = speed_rate * ca.vertcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
+        convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]) + along)
         spins = ca.vertcat(motion.r[i], motion.roll_rate[i]) if roll else motion.r[i]
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, slips = _tyre_forces(p, vehicle, i, motion, steer)
+        applied, slips = _tyre_forces(p, vehicle, i, motion, steer, speed_rate)
         for path, (alpha, lagged) in slips.items():
             if lagged is not None:
                 rate[index[f"slip_angle.{path}"]] = motion.u[i] * (alpha - lagged) / p[f"{path}.relaxation_length"]
         if roll:
             body = unit_equations.roll_body(p, unit)
+            applied[2] -= body.moment * motion.roll[i] * along[0]
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
+        brakes = sum((braking_force(p, unit.group_path(group), speed_rate) for group in unit.axle_groups), ca.SX(0))
+        force += ca.jacobian(beside[i], x)[:, velocities].T @ (ca.vertcat(brakes, 0) - p[f"{unit.name}.mass"] * along)
         known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
         known[1] += GRAVITY * motion.bank
         M += ca.mtimes([J.T, inertia, J])
@@ -116,8 +128,23 @@ def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *,
     return replace(small, u=tuple(forward), v=tuple(lateral))
 
 
+def _beside_roll_axes(p: Mapping[str, ca.SX], vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
+    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes.
+
+    At the coupling, the rolled unit in front adds (h_c - h_r) phi r to u, the one behind subtracts it.
+    """
+    parts = [ca.SX(2, 1)]
+    for i in range(len(vehicle.couplings)):
+        arms = chain.coupling_arms(p, vehicle, i)
+        u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
+        angle = motion.heading[i + 1] - motion.heading[i]
+        cos, sin, own = ca.cos(angle), ca.sin(angle), arms.above_rear * motion.roll[i + 1] * motion.r[i + 1]
+        parts.append(ca.vertcat(u * cos + v * sin - own, v * cos - u * sin))
+    return parts
+
+
 def _tyre_forces(
-    p: Mapping[str, ca.SX], vehicle: Vehicle, i: int, motion: Motion, steer: Mapping[str, ca.SX]
+    p: Mapping[str, ca.SX], vehicle: Vehicle, i: int, motion: Motion, steer: Mapping[str, ca.SX], speed_rate: ca.SX
 ) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]]]:
     """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i, and the slip angle of each group
     by its path, with its lagged slip angle if it has one."""
@@ -135,9 +162,10 @@ def _tyre_forces(
         lagged = motion.lagged_slip.get(path)
         slips[path] = mean, lagged
         slip, height = mean if lagged is None else lagged, p[f"{unit.name}.roll_axis_height"]
-        stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height) / count
+        stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height, speed_rate) / count
+        braking = braking_force(p, path, speed_rate) / count
         for arm, angle, own in zip(arms, angles, each, strict=True):
             side = stiffness * (own + slip - mean)
-            lateral = side * ca.cos(angle)
-            total += ca.vertcat(-side * ca.sin(angle), lateral, arm * lateral)
+            lateral = side * ca.cos(angle) + braking * ca.sin(angle)
+            total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral)
     return total, slips

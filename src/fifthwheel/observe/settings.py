@@ -61,6 +61,9 @@ class ObserverSettings:
     friction: float | None = None
     """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads: 0.8
     dry, 0.6 wet, 0.3 snow; None: linear tyres."""
+    speed_smoothing: float = 0.2
+    """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
+    `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
@@ -78,6 +81,7 @@ class ObserverSettings:
             "max_acceleration",
             "max_nis",
             "nis_window",
+            "speed_smoothing",
         ):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")

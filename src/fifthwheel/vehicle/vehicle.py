@@ -296,17 +296,34 @@ class Vehicle(Component):
                 axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
         return type(self)(**fields)
 
-    def axle_loads(self) -> dict[str, float]:
-        """Static vertical load of each axle group by its path, N, on level ground.
+    def axle_loads(self, slope: float = 0.0) -> dict[str, float]:
+        """Static vertical load of each axle group by its path, N.
+
+        Args:
+            slope: of the road, small, rad; positive where it falls to the front. A truck that brakes at g times the
+                slope on level ground, every group in proportion to its load, has the same loads.
 
         Raises:
             VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
         """
+        p, cog_heights = self.parameters(), dict[str, float]()
+        for unit in self.units:
+            body = laden(p, unit)
+            sprung = body.mass / unit.mass
+            cog_heights[unit.name] = sprung * body.cog_height + (1 - sprung) * unit.roll_axis_height
         bodies = [
-            Body(unit.name, unit.mass, unit.cog, {unit.group_path(group): group.position for group in unit.axle_groups})
+            Body(
+                unit.name,
+                unit.mass,
+                unit.cog + slope * cog_heights[unit.name],
+                {unit.group_path(group): group.position for group in unit.axle_groups},
+            )
             for unit in self.units
         ]
-        joints = [Joint(c.leading_position, c.trailing_position, c.pitches) for c in self.couplings]
+        joints = [
+            Joint(c.leading_position + slope * c.height, c.trailing_position + slope * c.height, c.pitches)
+            for c in self.couplings
+        ]
         return static_axle_loads(bodies, joints)
 
     @property
