@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 
@@ -61,7 +62,7 @@ class ObserverSettings:
     friction: float | None = None
     """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads: 0.8
     dry, 0.6 wet, 0.3 snow; None: linear tyres."""
-    speed_smoothing: float = 0.2
+    speed_smoothing: float = TIME_CONSTANT
     """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
     `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
