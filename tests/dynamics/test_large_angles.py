@@ -12,6 +12,7 @@ from fifthwheel.dynamics.saturation import (
     FRICTION,
     FRICTION_SENSITIVITY,
     STIFFNESS_SENSITIVITY,
+    braked_masses,
     braking_load,
     group_stiffness,
     saturation_parameters,
@@ -100,14 +101,18 @@ def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
         np.testing.assert_array_equal(actual, expected)
 
 
-@pytest.mark.parametrize("speed_rate", [0.0, -3.0, 0.5])
-def test_newton_with_the_forces_of_the_coupling(speed_rate: float) -> None:
+@pytest.mark.parametrize(
+    ("speed_rate", "brakes"), [(0.0, {}), (-3.0, {}), (0.5, {}), (-1.0, {"tractor.drive": 0.7, "tractor.front": 0.7})]
+)
+def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[str, float]) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
     truck, rng = get("auburn_6x4"), np.random.default_rng(2)
     p, names = truck.parameters(), chain.state_names(truck, roll=False)
     v, r1, r2, angle = x = np.array([0.8, 0.3, 0.25, -0.4]) * (1 + 0.1 * rng.normal(size=4))
     assert names == ("lateral_velocity.tractor", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-    steer, law = 0.07, p | saturation_parameters(truck)
+    loads, braked = truck.axle_loads(), braked_masses(truck, brakes)
+    parts = {path: 0.5 * bool(path in brakes) if brakes else load / sum(loads.values()) for path, load in loads.items()}
+    steer, law = 0.07, p | saturation_parameters(truck) | braked
     cos, sin = np.cos(angle), np.sin(angle)
     ahead = p["fifth_wheel.leading_position"] - p["tractor.cog"]
     behind = p["fifth_wheel.trailing_position"] - p["semitrailer.cog"]
@@ -125,7 +130,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float) -> None:
             height = p[f"{unit.name}.roll_axis_height"]
             level = ca.SX(np.mean(slips)), ca.SX(0), ca.SX(0), height, ca.SX(speed_rate)
             C = float(ca.evalf(group_stiffness(law, path, *level)))
-            brake = truck.axle_loads()[path] / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
+            brake = parts[path] * sum(loads.values()) / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
                 force = C / len(arms) * slip
                 side = force * np.cos(d) + brake * np.sin(d)
@@ -151,7 +156,9 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float) -> None:
     right[7] = SPEED * r1 - to_cog[1] * r2**2
     solution = np.linalg.solve(rows, right)
     expected = [solution[0], solution[1], solution[2], r2 - r1]
-    np.testing.assert_allclose(rates(truck, x, steer, roll=False, speed_rate=speed_rate), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        rates(truck, x, steer, roll=False, changes=braked, speed_rate=speed_rate), expected, rtol=1e-9
+    )
     small = dynamics.analysis.matrices(truck, SPEED, roll=False)
     assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.2  # it is not small
 
@@ -209,6 +216,7 @@ def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit
         own = {
             "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(n * load / 6)),
             "semitrailer.static_load": n * load,
+            "semitrailer.braked_mass": n * load / STANDARD_GRAVITY,
             "semitrailer.braking_load": 0.0,
             FRICTION: 0.85 * (1 - DEFAULTS[FRICTION_SENSITIVITY] * (n - 1)),
         }

@@ -61,7 +61,7 @@ def states(
             min=0.05,
             max=1.5,
             help="Tyres saturate at this friction of the road: 0.8 dry, 0.6 wet, 0.3 snow. For lateral accelerations "
-            "above 3 m/s² and slippery roads. Default: linear tyres.",
+            "above 3 m/s², braking in a turn and slippery roads. Default: linear tyres.",
         ),
     ] = None,
     check: options.CheckOption = True,

@@ -15,11 +15,11 @@ brush 1.1 to 2.0 %). mu_0 is the friction at large slip, 10 to 15 % above the pe
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
 
-Braking. At a change u' < 0 of the speed, every group brakes in proportion to its static load, equally on both sides,
-with F_x = N u' / g. The load of a group changes by -m_b u', with its braking load m_b, to which its pitching unit and
-the units behind contribute: n = 1 - m_b u' / N + lambda and 1 - m_b u' / N - lambda. With the slips s_x and s_y over
-those at which a linear tyre has the force mu N, and a force along the slip (s_x, s_y) of the magnitude
-mu N s / sqrt(1 + s^2), the side force at a given F_x is that without braking times
+Braking. At a change u' < 0 of the speed, every group brakes with F_x = m_x u', equally on both sides; by default with
+the mass m_x = N / g, in proportion to the static load. The load of a group changes by -m_b u', with the braking load
+m_b of that default, which a truck has on a slope: n = 1 - m_b u' / N + lambda and 1 - m_b u' / N - lambda. With the
+slips s_x and s_y over those at which a linear tyre has the force mu N, and a force along the slip (s_x, s_y) of the
+magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x is that without braking times
 
     e = sqrt(1 - (F_x / (mu N))^2)
 
@@ -66,6 +66,32 @@ def braking_load(path: str) -> str:
     return f"{path}.braking_load"
 
 
+def braked_mass(path: str) -> str:
+    """Name of the parameter that is the mass which the brakes of an axle group decelerate, kg."""
+    return f"{path}.braked_mass"
+
+
+BY_LOAD: Mapping[str, float] = {}
+"""Brakes that share their force in proportion to the static loads."""
+
+
+def braked_masses(vehicle: Vehicle, brakes: Mapping[str, float] = BY_LOAD) -> dict[str, float]:
+    """Braked mass of each axle group by the name of the parameter, kg.
+
+    Args:
+        vehicle: with its numbers.
+        brakes: relative braking force of axle groups by path, 0 for groups that it does not name.
+
+    Raises:
+        VehicleError: the static axle loads are not determined.
+    """
+    loads = vehicle.axle_loads()
+    if not brakes:
+        return {braked_mass(path): load / GRAVITY for path, load in loads.items()}
+    scale = sum(loads.values()) / GRAVITY / sum(brakes.values())
+    return {braked_mass(path): scale * brakes.get(path, 0.0) for path in loads}
+
+
 def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
     """Parameters of the law by name, with their defaults, SI.
 
@@ -76,13 +102,14 @@ def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
     return {
         **DEFAULTS,
         **{static_load(path): load for path, load in vehicle.axle_loads().items()},
+        **braked_masses(vehicle),
         **{braking_load(path): (load - rising[path]) / (2 * SLOPE * GRAVITY) for path, load in falling.items()},
     }
 
 
 def braking_force(p: Mapping[str, ca.SX], path: str, speed_rate: ca.SX) -> ca.SX:
-    """Longitudinal force F_x of an axle group, N, at a change u' of the speed, m/s^2: N u' / g if it falls."""
-    return p[static_load(path)] * ca.fmin(speed_rate, 0) / GRAVITY
+    """Longitudinal force F_x of an axle group, N, at a change u' of the speed, m/s^2: 0 if the speed rises."""
+    return p[braked_mass(path)] * ca.fmin(speed_rate, 0)
 
 
 def group_stiffness(

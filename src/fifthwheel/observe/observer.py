@@ -17,7 +17,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import SPEED_RATE, steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
@@ -85,6 +85,10 @@ class Observer:
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
+        groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+        for path in self.settings.brakes:
+            if path not in groups:
+                raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
         self._measured = [(name, magnitude(name)) for name in self.outputs]
         self._names = [(name, f"{name}.sigma") for name in self.reported]
         self._carry: Array | None = None  # of a copied observer

@@ -9,7 +9,7 @@ from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.dynamics.saturation import FRICTION, braked_masses
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
@@ -64,7 +64,7 @@ class ObserverModel:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
         values = dynamics.all_parameters(self.vehicle, self.model.outputs, tyres=self.settings.tyres)
         if self.settings.friction is not None:
-            values |= {FRICTION: self.settings.friction}
+            values |= {FRICTION: self.settings.friction, **braked_masses(self.vehicle, self.settings.brakes)}
         return values | dict(self.settings.sensor_errors) | {BANK: self.settings.bank_mean}
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:

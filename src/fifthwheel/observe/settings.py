@@ -60,8 +60,11 @@ class ObserverSettings:
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
     friction: float | None = None
-    """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads: 0.8
-    dry, 0.6 wet, 0.3 snow; None: linear tyres."""
+    """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2, braking in a turn and
+    slippery roads: 0.8 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
+    brakes: Mapping[str, float] = field(default_factory=dict)
+    """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
+    it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
     speed_smoothing: float = TIME_CONSTANT
     """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
     `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
@@ -106,6 +109,11 @@ class ObserverSettings:
             for name, value in values.items():
                 if not _is_finite(value):
                     raise SignalError(f"{name}: expected {meaning} in SI, got {value}; give a finite number")
+        for path, fraction in self.brakes.items():
+            if not _is_finite(fraction) or fraction < 0 or not sum(self.brakes.values()) > 0:
+                raise SignalError(
+                    f"brakes, {path}: expected fractions of 0 or more, one above 0, got {fraction}; correct it"
+                )
         for name, variance in self.noise.items():
             if not _is_finite(variance) or variance <= 0:
                 raise SignalError(
