@@ -237,11 +237,15 @@ def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used:
     return float(tyre.side_force(np.tan(slip), load, longitudinal=kappa[np.argmax(enough)])) / load
 
 
-def test_a_locked_wheel_keeps_a_small_side_force() -> None:
-    p = TRUCK.parameters() | saturation_parameters(TRUCK)
-    still = ca.SX(0.05), ca.SX(0), ca.SX(0), ca.SX(0)
-    rolling, locked = (float(ca.evalf(group_stiffness(p, "semitrailer", *still, ca.SX(rate)))) for rate in (0.0, -9.0))
-    assert 0.05 * rolling < locked < 0.12 * rolling
+@pytest.mark.parametrize(("path", "locking"), [("tractor.front", -20.0), ("semitrailer", -9.0)])
+def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
+    """Also at a change of the speed that no truck has."""
+    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), ca.SX(0), ca.SX(0), ca.SX(0))
+    rolling, locked, beyond = (
+        float(ca.evalf(group_stiffness(p, path, *still, ca.SX(rate)))) for rate in (0.0, locking, -200.0)
+    )
+    assert 0.05 * rolling < locked < 0.2 * rolling
+    assert 0 <= beyond < 0.3 * rolling
 
 
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])

@@ -136,7 +136,7 @@ def group_stiffness(
     suspension = body.stiffness * roll + body.damping * roll_rate
     even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
     moment = suspension + roll_axis_height * even * C * slip
-    forward = -p[braking_load(path)] * speed_rate / N
+    forward = ca.fmax(ca.fmin(-p[braking_load(path)] * speed_rate / N, 1), -1)
     transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1 + forward), -1 - forward)
     braking = braking_force(p, path, speed_rate)
     secant = ca.SX(0)
