@@ -1,8 +1,9 @@
 """Equations of motion of a chain by Lagrange's method: an oracle that shares no formula with the library.
 
 Unit i yaws by psi_i about the vertical, its sprung body rolls by phi_i about the unit's x-axis. The first unit moves as
-X = u t + ..., Y = y. Each other unit is pinned, in plan view, at a point that is fixed to the sprung body in front and
-to its own. Positions are exact to second order in the small coordinates, so the equations are exact to first order.
+X = u t + u' t^2 / 2, Y = y; every axle may brake along its unit. Each other unit is pinned, in plan view, at a point
+that is fixed to the sprung body in front and to its own. Positions are exact to second order in the small coordinates,
+so the equations are exact to first order.
 
 Sympy gives the motion under a side force at every axle, and the slip angle at every axle. The relation of force and
 slip angle is added numerically: without lag, or with a relaxation length. Then the force F of a group (not its lagged
@@ -13,7 +14,7 @@ Three numbers that the library does not need, and that therefore must have no ef
 distance of the sprung CoG ahead of the unit's CoG, the sprung pitch inertia, and the yaw inertia of the sprung body.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -36,6 +37,7 @@ from fifthwheel.vehicle import AxleGroup, Unit, Vehicle
 S = sp.Symbol
 EPS = sp.Symbol("eps")
 GRAVITY = 9.80665
+NONE: Mapping[str, float] = {}
 IRRELEVANT = {"ahead": 0.37, "Iyy": 23456.0, "Izz_sprung": 7654.0}
 
 
@@ -62,10 +64,21 @@ class Linear(NamedTuple):
         return Linear(tuple(states), self.E[np.ix_(i, i)], self.F[np.ix_(i, i)], self.G[i])
 
 
-def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
-    """The linear equations of a vehicle at a speed, m/s."""
+def linear(
+    vehicle: Vehicle, speed: float, *, roll: bool = True, speed_rate: float = 0.0, brakes: Mapping[str, float] = NONE
+) -> Linear:
+    """The linear equations of a vehicle at a speed, m/s.
+
+    Args:
+        vehicle: with all its numbers.
+        speed: m/s.
+        roll: whether the suspensions are not rigid.
+        speed_rate: u', m/s^2.
+        brakes: longitudinal force of each axle group by its path, N; their sum is the mass of the vehicle times u'.
+    """
     units, n = vehicle.units, len(vehicle.units)
-    values: dict[str, float] = {"u": speed, "g": GRAVITY}
+    values: dict[str, float] = {"u": speed, "g": GRAVITY, "a": speed_rate}
+    braking: list[float] = []  # of every axle
     groups: list[tuple[str, AxleGroup, list[int]]] = []  # path, group, indices of its axles
     steer: list[int] = []  # indices of the steered axles
     count = 0
@@ -76,6 +89,8 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
         for group in unit.axle_groups:
             groups.append((unit.group_path(group), group, list(range(count, count + len(group.axles)))))
             count += len(group.axles)
+            braking += [brakes.get(unit.group_path(group), 0.0) / len(group.axles)] * len(group.axles)
+        values |= {f"b{i}_{k}": braking[count - len(unit.axles) + k] for k in range(len(unit.axles))}
     for i, coupling in enumerate(vehicle.couplings):
         values |= {
             f"lead{i}": coupling.leading_position - units[i].cog,
@@ -95,11 +110,12 @@ def linear(vehicle: Vehicle, speed: float, *, roll: bool = True) -> Linear:
     # first equation, and F' is appended to it
     by_slip, by_force = np.split(block_diag(H, np.eye(g)) @ T, [count], axis=1)
     M, D, K = (np.vstack([matrix, np.zeros((g, len(M)))]) for matrix in (M, D, K))
-    D, K, driven = D - by_slip @ P, K - by_slip @ R, by_slip[:, steer]
+    braked = np.vstack([H @ np.diag(braking), np.zeros((g, count))])  # a steered axle brakes along its wheels
+    D, K, driven = D - by_slip @ P, K - by_slip @ R, (by_slip + braked)[:, steer]
 
-    # q = y, psi, phi, with y' = v + u psi_0, y'' = v' + u r_0, psi_i = psi_0 + their sum
+    # q = y, psi, phi, with y' = v + u psi_0, y'' = v' + u r_0 + u' psi_0, psi_i = psi_0 + their sum
     yaw, rolls = slice(1, n + 1), slice(n + 1, None)
-    by_heading = D[:, 0] * speed + K[:, yaw].sum(axis=1)
+    by_heading = D[:, 0] * speed + M[:, 0] * speed_rate + K[:, yaw].sum(axis=1)
     assert not K[:, 0].any()
     assert np.abs(by_heading).max() < 1e-12 * np.abs(K[:, yaw]).max(), "the equations depend on the heading"
     sums = np.tril(np.ones((n, n)))[:, 1:]
@@ -191,7 +207,7 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
         return p
 
     energy, loads, forces, slips = sp.Integer(0), [], [], []
-    axis = S("u") * t * ground.x + y * ground.y  # roll axis under the CoG of the unit
+    axis = (S("u") * t + S("a") * t**2 / 2) * ground.x + y * ground.y  # roll axis under the CoG of the unit
     yawed, rolled = [], []
     for i in range(n):
         m, Izz, ms, up, Ixx, Ixz, K, C = (S(f"{word}{i}") for word in ("m", "Izz", "ms", "up", "Ixx", "Ixz", "K", "C"))
@@ -223,7 +239,7 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
             axle, force = point(f"axle{i}_{k}", axis + S(f"x{i}_{k}") * unit.x), S(f"f{i}_{k}")
             v = axle.vel(ground)
             slips.append(truncated(-sp.atan(v.dot(unit.y) / v.dot(unit.x)), small, 1))
-            loads.append((axle, force * unit.y))
+            loads.append((axle, force * unit.y + S(f"b{i}_{k}") * unit.x))
             forces.append(force)
         if i + 1 < n:
             axis = second_order(axis + S(f"lead{i}") * unit.x - S(f"lead_up{i}") * sp.sin(phi[i]) * unit.y)
@@ -232,10 +248,10 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
     orders = [[x.diff(t, 2) for x in q], [x.diff(t) for x in q], q, forces]
     plain = {x: sp.Dummy() for order in orders for x in order}  # so that no derivative contains a coordinate
     scaled = equations.xreplace({x: EPS * symbol for x, symbol in plain.items()})
-    linearised = scaled.diff(EPS).xreplace({EPS: sp.Integer(0)})
+    linearised = scaled.diff(EPS).xreplace({EPS: sp.Integer(0), t: sp.Integer(0)})
     actual = [linearised.jacobian([plain[x] for x in order]) for order in orders]
     actual[3] = -actual[3]
-    angles = sp.Matrix(slips).xreplace(plain)
+    angles = sp.Matrix(slips).xreplace(plain).xreplace({t: sp.Integer(0)})
     actual += [angles.jacobian([plain[x] for x in order]) for order in orders[1:3]]
     arguments = sorted(set().union(*(m.free_symbols for m in actual)), key=str)
     return sp.lambdify(arguments, actual, modules="numpy", cse=True), tuple(str(a) for a in arguments)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.dynamics import TIME_SCALE, ChainModel, all_parameters, contact_input, model, rate_input
+from fifthwheel.dynamics import SPEED_RATE, TIME_SCALE, ChainModel, all_parameters, contact_input, model, rate_input
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.record import Record
@@ -52,6 +52,34 @@ def test_with_its_defaults_it_is_the_plain_model(name: str, roll: bool) -> None:
     actual = step(extended, x, wider, all_parameters(vehicle, plain.outputs, extended=True))
     for one, other in zip(actual, expected, strict=True):
         assert one == pytest.approx(other, rel=1e-12, abs=1e-14)
+
+
+def test_braking_is_that_of_the_plain_model() -> None:
+    """The derivative of the speed is the last input, after contacts and rates; both ends of a step count."""
+    outputs = ("yaw_rate.semitrailer", "lateral_acceleration.semitrailer")
+    plain, extended = (
+        model(TRUCK, outputs, roll=True, extended=extended, tyres="saturating", braking=True)
+        for extended in (False, True)
+    )
+    assert plain.inputs[-1] == extended.inputs[-1] == SPEED_RATE
+    x, d = sample(plain)
+    k, m = len(plain.inputs), len(extended.inputs)
+    results = []
+    for rates in ((0.0, 0.0), (-3.0, -2.0), (-2.0, -2.0)):
+        wider = np.full(2 * m, 0.3)  # contacts and rates have no effect
+        for end, rate in enumerate(rates):
+            d[end * k + k - 1] = rate
+            wider[end * m : end * m + k - 1], wider[end * m + m - 1] = d[end * k : end * k + k - 1], rate
+        expected, actual = (
+            step(chain, x, inputs, all_parameters(TRUCK, outputs, extended=chain.extended, tyres="saturating"))
+            for chain, inputs in ((plain, d), (extended, wider))
+        )
+        for one, other in zip(actual, expected, strict=True):
+            assert one == pytest.approx(other, rel=1e-12, abs=1e-14)
+        results.append(actual)
+    for later in results[1:]:
+        assert np.abs(later[0] - results[0][0]).max() > 1e-4
+    assert (results[1][1] == results[2][1]).all()  # the sensors see the end of the step
 
 
 @pytest.mark.parametrize("name", ["article", "truck", "b_double", "b_double, some relaxation"])

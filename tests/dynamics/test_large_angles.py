@@ -14,24 +14,38 @@ from fifthwheel.dynamics.saturation import (
     NOMINAL_LOAD,
     SHAPE,
     STIFFNESS_SENSITIVITY,
+    braked_masses,
+    braking_load,
     group_stiffness,
     saturation_parameters,
 )
 from fifthwheel.dynamics.unit_equations import group_roll
+from fifthwheel.manoeuvres import braked, straight
+from fifthwheel.plant import Plant
 from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle, get
+from tests.dynamics.lagrangian import linear
 
 TRUCK = get("cheng_cebon_2011")
 SPEED = 20.0
 LINEAR = {FRICTION: 1e9, STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0}
 
 
-def rates(vehicle: Vehicle, x: np.ndarray, steer: float, *, roll: bool, changes: dict[str, float] | None = None):
+def rates(
+    vehicle: Vehicle,
+    x: np.ndarray,
+    steer: float,
+    *,
+    roll: bool,
+    changes: dict[str, float] | None = None,
+    speed_rate: float = 0.0,
+):
     """x' (n,) at the standard speed."""
     values = vehicle.parameters() | saturation_parameters(vehicle) | (changes or {})
     state = ca.SX.sym("x", len(x))
     angles = {name: ca.SX(steer) for name in vehicle.steer_signals()}
-    result = large_angles(values, vehicle, state, ca.SX(SPEED), angles, roll=roll)
+    result = large_angles(values, vehicle, state, ca.SX(SPEED), angles, roll=roll, speed_rate=ca.SX(speed_rate))
     return np.array(ca.Function("rates", [state], [result.rates])(x)).ravel()
 
 
@@ -50,13 +64,57 @@ def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None
     assert errors[1] < errors[0] / 50
 
 
-def test_newton_with_the_forces_of_the_coupling() -> None:
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", pytest.param("a_double", marks=pytest.mark.slow)])
+def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
+    """Of an independent derivation with brakes and inertia forces; the tyres are linear, the loads do not change."""
+    truck, rng = get(name), np.random.default_rng(4)
+    brakes = {path: -3.0 * load / STANDARD_GRAVITY for path, load in truck.axle_loads().items()}
+    changes = LINEAR | {braking_load(path): 0.0 for path in brakes}
+    names = chain.state_names(truck, roll=True)
+    x, angle = rng.normal(size=len(names)) * 0.05, 0.02
+    braking = linear(truck, SPEED, speed_rate=-3.0, brakes=brakes).ordered(names)
+    free = linear(truck, SPEED).ordered(names)
+    expected = braking.A @ x + braking.B.sum(axis=1) * angle
+    errors = [
+        np.abs(rates(truck, f * x, f * angle, roll=True, changes=changes, speed_rate=-3.0) / f - expected).max()
+        for f in (1e-2, 1e-3)
+    ]
+    effect = np.abs(free.A @ x + free.B.sum(axis=1) * angle - expected).max()
+    assert errors[0] < 0.02 * effect
+    assert errors[1] < errors[0] / 50
+
+
+@pytest.mark.parametrize("roll", [False, True])
+def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
+    """A model with the derivative of the speed as an input is exactly that without it, where it is 0."""
+    outputs = ["yaw_rate.tractor", "lateral_acceleration.semitrailer"]
+    plain, braking = (
+        dynamics.model(TRUCK, outputs, roll=roll, tyres="saturating", braking=braking) for braking in (False, True)
+    )
+    rng, values = np.random.default_rng(3), dynamics.all_parameters(TRUCK, outputs, tyres="saturating")
+    x, c = rng.normal(size=len(plain.states)) * 0.05, plain.known_values(values)
+    inputs = np.column_stack([[SPEED, SPEED + 0.1], rng.normal(size=(2, len(plain.inputs) - 1)) * 0.05])
+    assert braking.inputs == (*plain.inputs, dynamics.SPEED_RATE)
+    with_rate = np.column_stack([inputs, [0.0, 0.0]])
+    for name in ("transition", "state_jacobian", "observation"):
+        step = [] if name == "observation" else [0.01]
+        arguments = [x, *step, inputs.ravel(), [], c], [x, *step, with_rate.ravel(), [], c]
+        expected, actual = (np.array(getattr(m, name)(*a)) for m, a in zip((plain, braking), arguments, strict=True))
+        np.testing.assert_array_equal(actual, expected)
+
+
+@pytest.mark.parametrize(
+    ("speed_rate", "brakes"), [(0.0, {}), (-3.0, {}), (0.5, {}), (-1.0, {"tractor.drive": 0.7, "tractor.front": 0.7})]
+)
+def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[str, float]) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
     truck, rng = get("auburn_6x4"), np.random.default_rng(2)
     p, names = truck.parameters(), chain.state_names(truck, roll=False)
     v, r1, r2, angle = x = np.array([0.8, 0.3, 0.25, -0.4]) * (1 + 0.1 * rng.normal(size=4))
     assert names == ("lateral_velocity.tractor", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-    steer, law = 0.07, p | saturation_parameters(truck)
+    loads, braked = truck.axle_loads(), braked_masses(truck, brakes)
+    parts = {path: 0.5 * bool(path in brakes) if brakes else load / sum(loads.values()) for path, load in loads.items()}
+    steer, law = 0.07, p | saturation_parameters(truck) | braked
     cos, sin = np.cos(angle), np.sin(angle)
     ahead = p["fifth_wheel.leading_position"] - p["tractor.cog"]
     behind = p["fifth_wheel.trailing_position"] - p["semitrailer.cog"]
@@ -75,11 +133,13 @@ def test_newton_with_the_forces_of_the_coupling() -> None:
             slips = [d - np.arctan((velocity[1] + arm * r) / velocity[0]) for d, arm in zip(deltas, arms, strict=True)]
             height = p[f"{unit.name}.roll_axis_height"]
             change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
-            alpha = ca.SX(np.mean(slips))
-            C = float(ca.evalf(group_stiffness(law, path, alpha, ca.SX(0), ca.SX(0), height, ca.SX(change))))
+            level = ca.SX(np.mean(slips)), ca.SX(0), ca.SX(0), height, ca.SX(change), ca.SX(speed_rate)
+            C = float(ca.evalf(group_stiffness(law, path, *level)))
+            brake = parts[path] * sum(loads.values()) / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
                 force = C / len(arms) * slip
-                total += [-force * np.sin(d), force * np.cos(d), arm * force * np.cos(d)]
+                side = force * np.cos(d) + brake * np.sin(d)
+                total += [brake * np.cos(d) - force * np.sin(d), side, arm * side]
         return total
 
     front, less, more = (tyres(0, np.array([SPEED, v]), r1, {"front": steer}, shift) for shift in (0.0, -1.0, 1.0))
@@ -87,14 +147,16 @@ def test_newton_with_the_forces_of_the_coupling() -> None:
     m1, m2 = p["tractor.mass"], p["semitrailer.mass"]
     to_cog = rotation @ [-behind, 0]  # from the coupling to the trailer's CoG, axes of the tractor
     # unknown: v', r1', r2', the trailer's acceleration (2), the coupling force on the trailer (2), the driving force,
-    # and the load that the coupling force moves from the front to the drive axle
+    # and the load that the coupling force moves from the front to the drive axle, beside that at this deceleration
     rows, right = np.zeros((9, 9)), np.zeros(9)
     rows[:3, 8] = -(more - less) / 2
     wheelbase = p["tractor.front.position"] - np.mean(
         [p[f"tractor.{a.name}.position"] for a in truck.units[0].axles[1:]]
     )
     rows[8, [5, 8]] = p["fifth_wheel.height"], -wheelbase
-    rows[0, [5, 7]], right[0] = [1, -1], front[0] + m1 * v * r1  # m1 (u' - v r1) = front + drive - X, u' = 0
+    right[8] = p["fifth_wheel.height"] * (m2 - loads["semitrailer"] / STANDARD_GRAVITY) * speed_rate
+    # m1 (u' - v r1) = front + drive - X
+    rows[0, [5, 7]], right[0] = [1, -1], front[0] - m1 * (speed_rate - v * r1)
     rows[1, [0, 6]], right[1] = [m1, 1], front[1] - m1 * SPEED * r1
     rows[2, [1, 6]], right[2] = [p["tractor.yaw_inertia"], ahead], front[2]
     rows[3, [3, 5]], rows[4, [4, 6]] = [m2, -1], [m2, -1]
@@ -102,15 +164,18 @@ def test_newton_with_the_forces_of_the_coupling() -> None:
     moment = np.array([to_cog[1], -to_cog[0]])  # of the coupling force about the CoG: (hitch - cog) x force
     rows[5, 2], rows[5, 5:7], right[5] = p["semitrailer.yaw_inertia"], -moment, rear[2]
     # acceleration of the coupling from both bodies
-    rows[6, 3], rows[6, 2], right[6] = 1, to_cog[1], -v * r1 - ahead * r1**2 - to_cog[0] * r2**2
+    rows[6, 3], rows[6, 2], right[6] = 1, to_cog[1], speed_rate - v * r1 - ahead * r1**2 - to_cog[0] * r2**2
     rows[7, 4], rows[7, 0], rows[7, 1], rows[7, 2] = 1, -1, -ahead, -to_cog[0]
     right[7] = SPEED * r1 - to_cog[1] * r2**2
     solution = np.linalg.solve(rows, right)
     expected = [solution[0], solution[1], solution[2], r2 - r1]
-    np.testing.assert_allclose(rates(truck, x, steer, roll=False), expected, rtol=1e-6)
-    assert abs(solution[8]) > 0.02 * truck.axle_loads()["tractor.front"]
+    np.testing.assert_allclose(
+        rates(truck, x, steer, roll=False, changes=braked, speed_rate=speed_rate), expected, rtol=1e-6
+    )
+    if not speed_rate:
+        assert abs(solution[8]) > 0.02 * loads["tractor.front"]
     small = dynamics.analysis.matrices(truck, SPEED, roll=False)
-    assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.2  # it is not small
+    assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.15  # it is not small
 
 
 def force(slip: float, roll: float = 0.0, **changes: float) -> float:
@@ -158,3 +223,64 @@ def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
             sides = [float(tyre.side_force(np.tan(slip), n * static)) for n in (1 + transfer, 1 - transfer)]
             errors.append((law - tyres / 2 * abs(sum(sides))) / (0.74 * load))
     assert np.sqrt(np.mean(np.square(errors))) < 0.007
+
+
+@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.067)])
+def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
+    """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.4 % of the peak."""
+    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
+    still, rate = (ca.SX(0), ca.SX(0), ca.SX(0), ca.SX(0)), ca.SX(-used * STANDARD_GRAVITY)
+    errors = []
+    for n in (0.5, 0.8, 1.0, 1.3, 1.6):
+        own = {
+            "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(n * load / 6)),
+            "semitrailer.static_load": n * load,
+            "semitrailer.tyres": 6.0,
+            "semitrailer.braked_mass": n * load / STANDARD_GRAVITY,
+            "semitrailer.braking_load": 0.0,
+            FRICTION: 0.74,
+            SHAPE: 1.15,
+        }
+        p = TRUCK.parameters() | saturation_parameters(TRUCK) | own | {"body.half_track": 1e9}
+        for slip in np.radians([0.25, 0.5, 1, 2, 3, 4, 6, 8, 10, 12]):
+            law = slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), *still, rate)))
+            expected = side_force_while_braking(tyre, slip, n * load / 6, used)
+            errors.append((law / (n * load) - expected) / 0.73)
+    assert np.sqrt(np.mean(np.square(errors))) < limit
+
+
+def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used: float) -> float:
+    """Side force over load at the least longitudinal slip with a braking force of `used` times the load."""
+    kappa = np.linspace(0.0, -0.5, 10_001)
+    braking = np.array(ca.DM(tyre.longitudinal_force(ca.DM(kappa), load, lateral=np.tan(slip)))).ravel()
+    enough = braking <= -used * load
+    assert enough.any()
+    return float(tyre.side_force(np.tan(slip), load, longitudinal=kappa[np.argmax(enough)])) / load
+
+
+@pytest.mark.parametrize(("path", "locking"), [("tractor.front", -20.0), ("semitrailer", -9.0)])
+def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
+    """Also at a change of the speed that no truck has."""
+    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), *[ca.SX(0)] * 4)
+    rolling, locked, beyond = (
+        float(ca.evalf(group_stiffness(p, path, *still, ca.SX(rate)))) for rate in (0.0, locking, -200.0)
+    )
+    assert 0.05 * rolling < locked < 0.2 * rolling
+    assert 0 <= beyond < 0.3 * rolling
+
+
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])
+def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> None:
+    """Within 2.5 % of the static load; the load of the front axle changes by 28 and 14 %. Drag and driving force of the
+    truck at constant speed also change loads."""
+    truck = get(name)
+    truth = Plant(truck).drive(braked(straight(duration=5.0), 3.0)).truth
+    last = slice(-50, None)
+    rate = np.gradient(truth["speed"], 0.01)[last].mean()
+    parameters = saturation_parameters(truck)
+    for unit in truck.units:
+        for group in unit.axle_groups:
+            path = unit.group_path(group)
+            loads = sum(truth[f"vertical_force.{unit.name}.{axle.name}"] for axle in group.axles)
+            change = loads[last].mean() - loads[:90].mean()
+            assert change == pytest.approx(-parameters[braking_load(path)] * rate, abs=0.025 * loads[0]), path

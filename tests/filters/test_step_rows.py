@@ -129,6 +129,15 @@ def test_delay_and_play_of_an_input(record: Record) -> None:
     )
 
 
+def test_the_derivative_of_the_speed_is_an_input(record: Record) -> None:
+    falling = record.with_signals({"speed": record.signals["speed"] - 0.8 * record.time})
+    model = dynamics.model(TRUCK, YAWS, roll=False, tyres="saturating", braking=True)
+    actual = step_rows(model, TRUCK, falling)
+    k, inside = len(model.inputs), slice(200, None)
+    np.testing.assert_allclose(actual.rows[actual.sample_indices][inside, 2 * k], -0.8, atol=1e-3)
+    assert actual.steer_sigma == pytest.approx(np.std(record.signals[STEER]))
+
+
 @pytest.mark.parametrize("count", [3, 4, 40])
 def test_an_input_of_few_samples_is_shifted_too(record: Record, count: int) -> None:
     """A straight line, with its rate; constant outside of the log, where the rate is 0 or not known."""

@@ -62,6 +62,33 @@ def test_arguments_have_an_effect(truck):
     assert course("straight", truck, seed=7).speed[0] == KMH_88
 
 
+@pytest.mark.parametrize("name", PLANT_MANOEUVRES)
+def test_braking_reduces_the_speed_and_nothing_else(name, truck):
+    """From 1 s on, by 3 m/s per second, to 6 m/s."""
+    free, result = course(name, truck), course(name, truck, braking=3.0)
+    for field in ("x", "y", "heading", "curvature", "steer", "duration"):
+        np.testing.assert_array_equal(getattr(result, field, None), getattr(free, field, None))
+    assert (result.speed <= free.speed).all()
+    assert result.speed.min() == 6.0
+    time = np.interp(result.arc, *_arc_over_time(result)) if isinstance(result, Path) else result.time
+    start, speed = result.speed[0], result.speed[time < 1]
+    assert (speed == free.speed[time < 1]).all()
+    falling = (time > 1.1) & (result.speed > 6.1) & (result.speed < free.speed)
+    np.testing.assert_allclose(result.speed[falling], start - 3.0 * (time[falling] - 1), atol=0.01)
+
+
+def _arc_over_time(path):
+    """Arc length and time at the points of a path."""
+    mean = (path.speed[1:] + path.speed[:-1]) / 2
+    return path.arc, np.concatenate([[0.0], np.cumsum(np.diff(path.arc) / mean)])
+
+
+@pytest.mark.parametrize("braking", [0.0, -1.0, 6.0, float("nan")])
+def test_braking_out_of_range(truck, braking):
+    with pytest.raises(SignalError, match=r"braking: expected a deceleration above 0, up to 5 m/s\^2"):
+        course("straight", truck, braking=braking)
+
+
 def test_above_its_critical_speed_a_truck_needs_a_path():
     with pytest.raises(SignalError, match=r"speed: expected below 27\.6 m/s, .* got 30; .* along a path"):
         course("step", get("auburn_6x4"), speed=30)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fifthwheel.dynamics import SPEED_RATE
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.observe.inputs import HeldInputs, held_inputs
 from tests.observe.conftest import ROLLS, STEER, YAWS, assert_same, batched, pushed, put, samples
@@ -60,9 +61,9 @@ def test_both_forms_agree(lane_changes):
     for name, sigma in (("speed", 0.05), (STEER, 0.003)):
         values = lane_changes.signals[name] + sigma * random.normal(size=len(lane_changes))
         noisy[name] = np.where(random.random(values.size) < 0.2, np.nan, values)
-    record = lane_changes.with_signals(noisy)
-    held, fresh = held_inputs(record, tuple(noisy), settings)
-    inputs = HeldInputs(tuple(noisy), settings)
+    record, names = lane_changes.with_signals(noisy), (*noisy, SPEED_RATE)
+    held, fresh = held_inputs(record, names, settings)
+    inputs = HeldInputs(names, settings)
     for k, sample in enumerate(samples(record)):
         assert inputs.update(sample["time"], sample) == fresh[k]
         np.testing.assert_array_equal(inputs.values, held[k])
@@ -70,3 +71,4 @@ def test_both_forms_agree(lane_changes):
     present = {name: np.isfinite(values) for name, values in noisy.items()}
     refused = [(held[:, i] != record.signals[n])[present[n]].any() for i, n in enumerate(noisy)]
     assert all(refused)
+    assert 0.01 < held[:, -1].std() < 1.0

@@ -10,7 +10,7 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.manoeuvres import OpenLoop, constant_radius, lane_changes, straight
+from fifthwheel.manoeuvres import OpenLoop, braked, constant_radius, lane_changes, straight
 from fifthwheel.plant import Plant, PlantRun, Properties
 from fifthwheel.plant import truck as module
 from fifthwheel.plant.truck import Simulation
@@ -327,6 +327,20 @@ def test_speed_is_controlled_by_brakes_and_drive():
     assert np.abs(run.truth["speed"] - speed).max() < 1.0
     brakes = run.truth["longitudinal_force.semitrailer.middle"][(time > 3) & (time < 7)]
     assert (brakes < 0).all()
+
+
+def test_brakes_of_one_group():
+    """A retarder: the drive axle has the whole force, and the drag of the others stays."""
+    course = braked(straight(duration=5.0), 1.0)
+    truth = Plant(TRUCK, Properties(brakes={"tractor.drive": 2.0})).drive(course).truth
+    assert truth["longitudinal_force.tractor.drive"][-1] < -25e3
+    for axle in ("tractor.front", "semitrailer.rear"):
+        force = truth[f"longitudinal_force.{axle}"]
+        assert abs(force[-1] - force[0]) < 500
+    with pytest.raises(VehicleError, match="brakes: expected fractions of 0 or more"):
+        Properties(brakes={"tractor.drive": 0.0})
+    with pytest.raises(VehicleError, match="no such axle group"):
+        Plant(TRUCK, Properties(brakes={"trailer": 1.0}))
 
 
 def test_a_chain_of_three():

@@ -25,6 +25,7 @@ class Model(StrEnum):
     "fifthwheel simulate run.csv --model nonlinear --manoeuvre test_track --film strip.png",
     "fifthwheel simulate run.parquet --model nonlinear --manoeuvre everyday --sensors sensors.toml --all-truth",
     "fifthwheel simulate wet.csv --model nonlinear --with friction=0.6 --with 'bank=2 deg'",
+    "fifthwheel simulate brake.csv --model nonlinear --manoeuvre single_sine --braking 3",
 )
 def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
@@ -49,6 +50,10 @@ def simulate(
     rate: Annotated[float, typer.Option(min=5, max=1000, help="Sampling rate, Hz.")] = 100.0,
     duration: Annotated[
         float | None, typer.Option(min=2, max=36_000, help="Duration, s. Default: that of the manoeuvre.")
+    ] = None,
+    braking: Annotated[
+        float | None,
+        typer.Option(help="Deceleration from 1 s on, m/s^2, up to 5; the speed falls to 6 m/s; nonlinear only."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise and of random courses.")] = 0,
     yaw_only: Annotated[bool, typer.Option("--yaw-only", help="No roll; linear model only.")] = False,
@@ -89,6 +94,7 @@ def simulate(
             from fifthwheel.simulate import simulate as run_linear
 
             nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
+            nonlinear_only |= {"--braking": braking is not None}
             if refused := [option for option, value in nonlinear_only.items() if value]:
                 raise SignalError(f"{', '.join(refused)}: not available in the linear model; add --model nonlinear")
             record = run_linear(
@@ -107,7 +113,7 @@ def simulate(
             if film and film.suffix.lower() not in SUFFIXES:  # before the simulation
                 raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
             fitted = read_sensors(sensors) if sensors else None
-            course = make_course(manoeuvre, truck, seed=seed, **given)
+            course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)
             plant = Plant(truck, with_changes(Properties(), _changes(properties or [])))
             with progress_bar(quiet=as_json) as progress:
                 run = plant.drive(course, rate=rate, name=log.stem, progress=progress)

@@ -61,7 +61,8 @@ def states(
             min=0.05,
             max=1.5,
             help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.6 wet, 0.3 snow. For lateral "
-            "accelerations above 3 m/s² and slippery roads. Default: that of the identification, or linear tyres.",
+            "accelerations above 3 m/s², braking in a turn and slippery roads. Default: that of the identification, or "
+            "linear tyres.",
         ),
     ] = None,
     half_track: Annotated[

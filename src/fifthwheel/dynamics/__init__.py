@@ -4,6 +4,7 @@ from fifthwheel.dynamics.analysis import Matrices, Mode, critical_speed, matrice
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.model import (
     CONTACT,
+    SPEED_RATE,
     STEER_RATE,
     TIME_SCALE,
     ChainModel,
@@ -18,6 +19,7 @@ from fifthwheel.dynamics.state_space import LinearSystem, linear_system
 
 __all__ = [
     "CONTACT",
+    "SPEED_RATE",
     "STEER_RATE",
     "TIME_SCALE",
     "ChainModel",

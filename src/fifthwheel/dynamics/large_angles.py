@@ -1,7 +1,8 @@
 """Equations of motion with tyres that saturate and articulation angles that are not small.
 
-The forward speed u of the first unit is given. With the generalised velocities w of `chain`, each unit i has the
-velocity (u_i, v_i) on the roll axis under its CoG, in its own axes. Behind a coupling with the articulation angle g,
+The forward speed u of the first unit and its derivative u' are given. With the generalised velocities w of `chain`,
+each unit i has the velocity (u_i, v_i) on the roll axis under its CoG, in its own axes. Behind a coupling with the
+articulation angle g,
 
     u_i = u_h cos g + v_h sin g,        v_i = -u_h sin g + v_h cos g - arms,
 
@@ -16,8 +17,14 @@ back at the first coupling, by the force that keeps them at the speed of the fir
     X = sum_i e_i' (M_i a_i - f_i),        e_i = (cos psi_i, -sin psi_i, 0, 0),
 
 with the headings psi_i from that of the first unit. At the height of the coupling, X moves load from the front to the
-rear axle group of the first unit, whose side forces change in proportion. Roll angles are small. Speed changes
-slowly: u' = 0. For small angles and linear tyres the equations are those of `chain`.
+rear axle group of the first unit, whose side forces change in proportion. Roll angles are small. For small angles,
+linear tyres and u' = 0 the equations are those of `chain`.
+
+While u' < 0 every axle group brakes (`saturation.braking_force`). The first unit supplies what these forces lack for
+u', such as the drag of side forces. On a rolled body the inertia force -m_s u' acts beside the roll axis: its yaw
+moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the longitudinal forces
+of the couplings. The braking loads contain the X of groups that brake in proportion to their static loads; only the
+rest of X moves load.
 """
 
 from collections.abc import Mapping
@@ -27,7 +34,7 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.saturation import NO_CHANGE, group_stiffness
+from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, group_stiffness, static_load
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -54,6 +61,7 @@ def large_angles(
     *,
     roll: bool,
     bank: bool = False,
+    speed_rate: ca.SX = NO_CHANGE,
 ) -> LargeAngles:
     """The equations; arguments as in `chain.motion`.
 
@@ -64,6 +72,7 @@ def large_angles(
         speed: m/s.
         steer: true angle of each steered axle by its signal, rad.
         roll, bank: as in `chain.state_names`.
+        speed_rate: u', m/s^2.
     """
     names, n = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units)
     index = {name: i for i, name in enumerate(names)}
@@ -74,25 +83,30 @@ def large_angles(
     for i, k in enumerate(articulations):
         rate[k] = motion.r[i + 1] - motion.r[i]
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
-    convective, jacobians, side_force = list[ca.SX](), list[ca.SX](), dict[str, ca.SX]()
+    convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
+    side_force: dict[str, ca.SX] = {}
     shift, pull, pull_rate = ca.SX.sym("shift"), ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
     load_change = _load_changes(vehicle, shift)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
-        convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]))
+        along = speed_rate * ca.vertcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
+        convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]) + along)
         spins = ca.vertcat(motion.r[i], motion.roll_rate[i]) if roll else motion.r[i]
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, slips, forces = _tyre_forces(p, vehicle, i, motion, steer, load_change)
+        applied, slips, forces = _tyre_forces(p, vehicle, i, motion, steer, load_change, speed_rate)
         side_force |= forces
         for path, (alpha, lagged) in slips.items():
             if lagged is not None:
                 rate[index[f"slip_angle.{path}"]] = motion.u[i] * (alpha - lagged) / p[f"{path}.relaxation_length"]
         if roll:
             body = unit_equations.roll_body(p, unit)
+            applied[2] -= body.moment * motion.roll[i] * along[0]
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
+        brakes = sum((braking_force(p, unit.group_path(group), speed_rate) for group in unit.axle_groups), ca.SX(0))
+        force += ca.jacobian(beside[i], x)[:, velocities].T @ (ca.vertcat(brakes, 0) - p[f"{unit.name}.mass"] * along)
         known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
         known[1] += GRAVITY * motion.bank
         M += ca.mtimes([J.T, inertia, J])
@@ -101,6 +115,8 @@ def large_angles(
             forward = ca.horzcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
             pull += forward @ (inertia @ known - applied)[:2]
             pull_rate += forward @ (inertia @ J)[:2, :]
+            on_coupling = p[f"{unit.name}.mass"] - sum(p[static_load(path)] for path in forces) / GRAVITY
+            pull -= on_coupling * speed_rate  # the braking loads contain it
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
     right = ca.substitute(ca.horzcat(force, ca.jacobian(force, shift)), shift, 0)
@@ -163,6 +179,21 @@ def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *,
     return replace(small, u=tuple(forward), v=tuple(lateral))
 
 
+def _beside_roll_axes(p: Mapping[str, ca.SX], vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
+    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes.
+
+    At the coupling, the rolled unit in front adds (h_c - h_r) phi r to u, the one behind subtracts it.
+    """
+    parts = [ca.SX(2, 1)]
+    for i in range(len(vehicle.couplings)):
+        arms = chain.coupling_arms(p, vehicle, i)
+        u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
+        angle = motion.heading[i + 1] - motion.heading[i]
+        cos, sin, own = ca.cos(angle), ca.sin(angle), arms.above_rear * motion.roll[i + 1] * motion.r[i + 1]
+        parts.append(ca.vertcat(u * cos + v * sin - own, v * cos - u * sin))
+    return parts
+
+
 def _tyre_forces(
     p: Mapping[str, ca.SX],
     vehicle: Vehicle,
@@ -170,6 +201,7 @@ def _tyre_forces(
     motion: Motion,
     steer: Mapping[str, ca.SX],
     load_change: Mapping[str, ca.SX],
+    speed_rate: ca.SX,
 ) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]], dict[str, ca.SX]]:
     """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i; by the path of each group, its
     slip angle with its lagged slip angle if it has one; and its side force (N)."""
@@ -188,11 +220,12 @@ def _tyre_forces(
         lagged = motion.lagged_slip.get(path)
         slips[path] = mean, lagged
         slip, height = mean if lagged is None else lagged, p[f"{unit.name}.roll_axis_height"]
-        change = load_change.get(path, NO_CHANGE)
-        stiffness = group_stiffness(p, path, slip, motion.roll[i], motion.roll_rate[i], height, change) / count
+        roll = motion.roll[i], motion.roll_rate[i], height
+        stiffness = group_stiffness(p, path, slip, *roll, load_change.get(path, NO_CHANGE), speed_rate) / count
+        braking = braking_force(p, path, speed_rate) / count
         forces[path] = count * stiffness * slip
         for arm, angle, own in zip(arms, angles, each, strict=True):
             side = stiffness * (own + slip - mean)
-            lateral = side * ca.cos(angle)
-            total += ca.vertcat(-side * ca.sin(angle), lateral, arm * lateral)
+            lateral = side * ca.cos(angle) + braking * ca.sin(angle)
+            total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral)
     return total, slips, forces

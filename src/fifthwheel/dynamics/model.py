@@ -1,7 +1,8 @@
 """The chain as a discrete-time model for filters: x+ = f(x, dt, d, p, c), y = h(x, d, p, c).
 
-Within a step the speed is constant at its mean, and the steer angles change linearly from the previous sample to this
-one. The step is the Taylor series of the exact solution; its error is below 1e-6 if dt is within `steps.StepLimit`.
+Within a step the speed and its derivative are constant at their means, and the steer angles change linearly from the
+previous sample to this one. The step is the Taylor series of the exact solution; its error is below 1e-6 if dt is
+within `steps.StepLimit`.
 """
 
 import math
@@ -16,7 +17,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, saturation, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.saturation import NO_CHANGE, TyreLaw
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -37,8 +38,9 @@ class ChainModel:
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
     tyres: TyreLaw  # saturating: with the parameters of `saturation.saturation_parameters`
+    braking: bool  # whether `SPEED_RATE` is an input
     states: tuple[str, ...]  # (n,) names of x
-    inputs: tuple[str, ...]  # (k,) speed and steer signals; extended: also `contact_input` and `rate_input` of each
+    inputs: tuple[str, ...]  # (k,) speed, steer signals, extended: `contact_input` and `rate_input` of each, SPEED_RATE
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
     known: tuple[str, ...]  # names of c
@@ -46,7 +48,8 @@ class ChainModel:
     @property
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        return topology(self.vehicle), self.outputs, self.roll, self.free, self.bank, self.extended, self.tyres
+        laws = self.bank, self.extended, self.tyres, self.braking
+        return topology(self.vehicle), self.outputs, self.roll, self.free, *laws
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -112,6 +115,9 @@ CONTACT = "contact"
 
 STEER_RATE = "steer_rate"
 """Quantity of `rate_input`."""
+
+SPEED_RATE = "speed_rate"
+"""Input of a model that brakes: the derivative of the speed, m/s^2."""
 
 TIME_SCALE = "time_base.scale"
 """True duration of a second of the log, a parameter of an extended model."""
@@ -182,6 +188,7 @@ def model(
     bank: bool = False,
     extended: bool = False,
     tyres: TyreLaw = "linear",
+    braking: bool = False,
 ) -> ChainModel:
     """The discrete-time model of a vehicle; vehicles of equal topology share one model.
 
@@ -193,6 +200,8 @@ def model(
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
         tyres: law of the side forces: linear in the slip angle, or `saturation`.
+        braking: whether the derivative of the speed is an input, `SPEED_RATE`, which changes the forces of saturating
+            tyres; without it, the speed changes slowly.
 
     Raises:
         SignalError: the vehicle or the yaw-only model does not have an output.
@@ -202,7 +211,7 @@ def model(
         if name == chain.BANK and bank:
             continue
         sensors.require_available(vehicle, name, roll=roll)
-    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended, tyres)
+    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended, tyres, braking)
     if key not in _models:
         names = tuple(all_parameters(vehicle, outputs, extended=extended, tyres=tyres))
         unknown = set(free) - set(names)
@@ -216,8 +225,9 @@ def model(
             bank=bank,
             extended=extended,
             tyres=tyres,
+            braking=braking,
             states=chain.state_names(vehicle, roll=roll, bank=bank),
-            inputs=("speed", *steers, *extension),
+            inputs=("speed", *steers, *extension, *([SPEED_RATE] if braking else [])),
             outputs=tuple(outputs),
             free=tuple(free),
             known=tuple(name for name in names if name not in free),
@@ -244,8 +254,8 @@ def _build(model: ChainModel) -> _Functions:
         before, after = (
             angle - play * contact + late * rate
             for angle, contact, rate in (
-                (before, d[m + 1 : 2 * m + 1], d[2 * m + 1 : k]),
-                (after, d[k + m + 1 : k + 2 * m + 1], d[k + 2 * m + 1 :]),
+                (before, d[m + 1 : 2 * m + 1], d[2 * m + 1 : 3 * m + 1]),
+                (after, d[k + m + 1 : k + 2 * m + 1], d[k + 2 * m + 1 : k + 3 * m + 1]),
             )
         )
         correction = ca.SX.zeros(m)
@@ -264,17 +274,20 @@ def _build(model: ChainModel) -> _Functions:
     if model.tyres == "saturating":
         value |= softened
 
-        def motion(state: ca.SX, forward: ca.SX, angles: ca.SX) -> LargeAngles:
+        def motion(state: ca.SX, forward: ca.SX, angles: ca.SX, change: ca.SX) -> LargeAngles:
             steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}
-            return large_angles(value, vehicle, state, forward, steer, roll=roll, bank=bank)
+            return large_angles(value, vehicle, state, forward, steer, roll=roll, bank=bank, speed_rate=change)
+
+        earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
+        change = (earlier + latest) / 2
 
         angles = ca.SX.sym("angles", m)
-        rate = motion(x, speed, angles).rates
+        rate = motion(x, speed, angles, change).rates
         A, B, first = (
             ca.substitute(matrix, angles, start) for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
         )
-        rates = first, motion(later, speed, end).rates
-        now = motion(x, d[k], after)
+        rates = first, motion(later, speed, end, change).rates
+        now = motion(x, d[k], after, latest)
         sensed = sensors.SensorInputs(
             p=value,
             vehicle=vehicle,
@@ -297,7 +310,7 @@ def _build(model: ChainModel) -> _Functions:
     transition = taylor(A, x, rates[0], B @ (end - start), duration, order)
     matrix = transition_matrix(A, duration, order)
 
-    steer_rate = d[k + 2 * m + 1 :] if extended else ca.SX.zeros(m)
+    steer_rate = d[k + 2 * m + 1 : k + 3 * m + 1] if extended else ca.SX.zeros(m)
     sensed = sensed._replace(
         changing=(ca.vertcat(x, measured_after), ca.vertcat(sensed.changing[1], steer_rate)),
     )

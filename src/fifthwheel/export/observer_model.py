@@ -6,7 +6,9 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel.dynamics import SPEED_RATE
 from fifthwheel.dynamics.chain import equations, state_names
+from fifthwheel.dynamics.speed_rate import speed_rate_step
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.export.c_text import enumerations, table, texts
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
@@ -22,9 +24,11 @@ def header(observer: Observer) -> str:
     """Enumerations of the signals and sizes, for the public header."""
     groups = {"INPUT": observer.inputs, "MEASURED": observer.outputs, "STATE": observer.reported}
     lines = enumerations({prefix: {n: str(si_unit(n)) for n in names} for prefix, names in groups.items()})
-    return "\n".join(
-        [*lines, f"#define FW_CARRY_COUNT {observer.scan.n_carry} /* numbers in the state of the filter */"]
-    )
+    sizes = [
+        f"#define FW_MODEL_INPUT_COUNT {len(observer.model.inputs)} /* the inputs, and what is derived from them */",
+        f"#define FW_CARRY_COUNT {observer.scan.n_carry} /* numbers in the state of the filter */",
+    ]
+    return "\n".join([*lines, *sizes])
 
 
 def source(observer: Observer) -> str:
@@ -75,8 +79,18 @@ def source(observer: Observer) -> str:
             "",
             c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
             c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
+            *_speed_rate(observer),
         ]
     )
+
+
+def _speed_rate(observer: Observer) -> list[str]:
+    """The filter of the derivative of the speed, if that is an input of the model."""
+    if SPEED_RATE not in observer.model.inputs:
+        return []
+    constant = ca.DM([1 / observer.settings.speed_smoothing])
+    step = _with_constant(speed_rate_step().step, constant)
+    return [c_code.function(step, "fw_speed_rate", ("carry", "sample"), ("next", "out"))]
 
 
 def _matrices(observer: Observer) -> ca.Function:
@@ -90,7 +104,11 @@ def _matrices(observer: Observer) -> ca.Function:
 
 def _step(observer: Observer) -> ca.Function:
     """The step of the observer with its constants as numbers."""
-    step = observer.scan.step
+    return _with_constant(observer.scan.step, ca.DM(observer.constant))
+
+
+def _with_constant(step: ca.Function, constant: ca.DM) -> ca.Function:
+    """A step (carry, sample, constant) with its constant as numbers."""
     carry, sample = ca.SX.sym("carry", step.numel_in(0)), ca.SX.sym("sample", step.numel_in(1))
-    results = step(carry, sample, ca.DM(observer.constant))
+    results = step(carry, sample, constant)
     return ca.Function("step", [carry, sample], list(map(ca.densify, results)), {"cse": True})

@@ -73,7 +73,8 @@ def observer_texts(observer: Observer) -> dict[str, str]:
     Raises:
         FifthwheelError: two signals have the same name in C.
     """
-    numbers = 2 + 3 * len(observer.inputs) + observer.scan.n_carry
+    derived = len(observer.model.inputs) - len(observer.inputs)
+    numbers = 2 + 3 * len(observer.inputs) + 4 * derived + observer.scan.n_carry
     marks = _common(observer.vehicle.name, (*observer.inputs, *observer.outputs)) | {
         "BYTES": str(8 * numbers + 8),
         "ENUMERATIONS": observer_model.header(observer),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel, steps
+from fifthwheel.dynamics.speed_rate import central_speed_rates
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.filters.spline import Spline
 from fifthwheel.names import SignalName
@@ -31,7 +32,8 @@ class StepRows:
 
 def steer_sigma(inputs: Mapping[str, Array]) -> float:
     """Largest standard deviation of the steer angles among the inputs, rad."""
-    return max(float(np.std(values)) for name, values in inputs.items() if name != "speed")
+    others = ("speed", dynamics.SPEED_RATE)
+    return max(float(np.std(values)) for name, values in inputs.items() if name not in others)
 
 
 SMALLEST_PLAY = 0.002
@@ -63,7 +65,8 @@ def _contact_step() -> ca.Function:
 def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, float]) -> dict[str, Array]:
     """Inputs of a record by name, (N,) each, shifted by their delays.
 
-    The play of a steering changes its angle, unless its contact is an input of its own.
+    The play of a steering changes its angle, unless its contact is an input of its own. The derivative of the speed, if
+    it is an input, has no delay.
 
     Args:
         record: of N samples.
@@ -75,7 +78,7 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
         SignalError: an input is missing, or has a gap that is too long.
     """
     inputs = {}
-    derived = (dynamics.CONTACT, dynamics.STEER_RATE)
+    derived = (dynamics.CONTACT, dynamics.STEER_RATE, dynamics.SPEED_RATE)
     for name in (name for name in names if SignalName.of(name).quantity not in derived):
         delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
         inputs[name], contact_name = record.input(name), dynamics.contact_input(name)
@@ -89,6 +92,8 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
             inputs[dynamics.rate_input(name)] = rate - play * contact_rate
         else:
             inputs[name] = inputs[name] - play * contact
+    if dynamics.SPEED_RATE in names:
+        inputs[dynamics.SPEED_RATE] = central_speed_rates(record.time, inputs["speed"])
     return inputs
 
 

@@ -18,7 +18,7 @@ from fifthwheel.manoeuvres.catalogue import (
     acceleration_course,
     course,
 )
-from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path
+from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, braked
 from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
 from fifthwheel.manoeuvres.linear import inverse_steer
 from fifthwheel.manoeuvres.open_loops import single_sine, step_input
@@ -34,6 +34,7 @@ __all__ = [
     "OpenLoop",
     "Path",
     "acceleration_course",
+    "braked",
     "constant_radius",
     "course",
     "everyday",

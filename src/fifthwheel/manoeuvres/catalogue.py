@@ -12,7 +12,7 @@ from typing import Any
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import accelerations, open_loops, paths
-from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, require_positive
+from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, braked, require_positive
 from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
 from fifthwheel.vehicle import Vehicle
 
@@ -96,6 +96,7 @@ def course(
     speed: float | None = None,
     count: int | None = None,
     duration: float | None = None,
+    braking: float | None = None,
     seed: int = 0,
 ) -> Course:
     """The course of a manoeuvre for the nonlinear plant; what is None has the default of the manoeuvre.
@@ -106,6 +107,7 @@ def course(
         speed: m/s, 5 to 40; the highest speed for everyday driving.
         count: number of lane changes.
         duration: of the run, s.
+        braking: deceleration from 1 s on, m/s^2; see `courses.braked`.
         seed: seed of random manoeuvres; others do not use it.
 
     Raises:
@@ -131,7 +133,8 @@ def course(
             has = ", ".join(_accepted(form, options)) or "none of them"
             raise SignalError(f"{key}: {name} does not have it, got {value:g}; leave it out ({name} has {has})")
         require_positive(key, value)
-    return form(**_accepted(form, {"vehicle": vehicle, "seed": seed}), **allowed)
+    result = form(**_accepted(form, {"vehicle": vehicle, "seed": seed}), **allowed)
+    return result if braking is None else braked(result, braking)
 
 
 def _manoeuvre(name: str, available: Sequence[str]) -> Manoeuvre:

@@ -4,7 +4,7 @@ ISO 8855: left positive. Speeds in m/s, accelerations in m/s^2.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,12 @@ ARC_STEP = 0.25
 """Distance between the points of a path, m."""
 PREVIEW_MARGIN = 60.0
 """Distance by which a path continues after the end of the run, m, for the driver's preview."""
+BRAKING_START = 1.0
+"""Time from which a truck brakes, s: where the steering of the manoeuvres begins."""
+BRAKED_SPEED = 6.0
+"""Speed to which a truck brakes, m/s; the tyre models of the estimators begin at 5 m/s."""
+LARGEST_BRAKING = 5.0
+"""Largest deceleration of the speed controller of the nonlinear truck, m/s^2."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,6 +92,26 @@ class OpenLoop:
 
 
 Course = Path | OpenLoop
+
+
+def braked(course: Course, deceleration: float) -> Course:
+    """The course with a speed that falls from `BRAKING_START` on to `BRAKED_SPEED`, in m/s^2.
+
+    Raises:
+        SignalError: the deceleration is not between 0 and `LARGEST_BRAKING`.
+    """
+    if not 0 < deceleration <= LARGEST_BRAKING:
+        raise SignalError(
+            f"braking: expected a deceleration above 0, up to {LARGEST_BRAKING:g} m/s^2, got {deceleration:g}; "
+            "give another number"
+        )
+    first = course.speed[0]
+    if isinstance(course, OpenLoop):
+        speed = first - deceleration * np.maximum(course.time - BRAKING_START, 0.0)
+    else:
+        distance = np.maximum(course.arc - first * BRAKING_START, 0.0)
+        speed = np.sqrt(np.maximum(first**2 - 2 * deceleration * distance, 0.0))
+    return replace(course, speed=np.minimum(course.speed, np.maximum(speed, BRAKED_SPEED)))
 
 
 def arc_length_grid(distance: float) -> Array:

@@ -1,6 +1,7 @@
 """Speed and steer angles of an observer: an implausible value counts as missing, a missing one keeps its last value.
 
-`HeldInputs` processes one sample at a time, `held_inputs` a record; both give the same result. Both are causal.
+The derivative of the speed, if the model has it as an input, is computed from the plausible speeds. `HeldInputs`
+processes one sample at a time, `held_inputs` a record; both give the same result. Both are causal.
 """
 
 import math
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.checks.samples import LIMITS
+from fifthwheel.dynamics import SPEED_RATE
+from fifthwheel.dynamics.speed_rate import SpeedRate, speed_rates
 from fifthwheel.names import SignalName
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.record import Record
@@ -42,18 +45,20 @@ def follows(value: float, last: float, age: float, rate: float, hold: float) -> 
 
 
 class HeldInputs:
-    """The last plausible speed and steer angles, and when each was measured.
+    """The last plausible speed and steer angles, when each was measured, and the derivative of the speed.
 
     Args:
-        names: of the inputs.
-        settings: hold and largest rates of change.
+        names: of the inputs of the model; `SPEED_RATE` is the last one, if it is one.
+        settings: hold, largest rates of change and the time constant of the derivative.
     """
 
     def __init__(self, names: Sequence[str], settings: ObserverSettings) -> None:
+        measured = measured_inputs(names)
         self.hold = settings.hold
-        self.values = [math.nan] * len(names)
-        self.times = [-math.inf] * len(names)  # s
-        self._limits = [(i, n, magnitude(n), largest_rate(n, settings)) for i, n in enumerate(names)]
+        self.values = [math.nan] * len(measured) + [0.0] * (len(names) - len(measured))
+        self.times = [-math.inf] * len(measured)  # s
+        self.speed_rate = SpeedRate(settings.speed_smoothing, settings.max_gap) if SPEED_RATE in names else None
+        self._limits = [(i, n, magnitude(n), largest_rate(n, settings)) for i, n in enumerate(measured)]
 
     def update(self, time: float, sample: Mapping[str, float | None]) -> bool:
         """Take the plausible inputs of a sample; whether every input is then at most `hold` seconds old."""
@@ -63,22 +68,35 @@ class HeldInputs:
             # the magnitude of a value that is NaN or infinite is not below the largest one
             if value is not None and abs(value) <= largest and follows(value, values[i], age, rate, hold):
                 values[i], times[i] = float(value), time
+                if self.speed_rate and name == "speed":
+                    values[-1] = self.speed_rate.update(age, values[i])
             elif not age <= hold:
                 fresh = False
         return fresh
 
 
+def measured_inputs(names: Sequence[str]) -> tuple[str, ...]:
+    """The inputs that are signals of a log: speed and steer angles."""
+    return tuple(name for name in names if name != SPEED_RATE)
+
+
 def held_inputs(record: Record, names: Sequence[str], settings: ObserverSettings) -> tuple[Array, NDArray[np.bool_]]:
-    """Inputs (N, k), with the last value where one is missing, and whether all are at most `hold` seconds old (N,)."""
-    columns, fresh = [], np.ones(len(record.time), dtype=bool)
-    for name in names:
+    """Inputs (N, k), with the last value where one is missing, and whether all are at most `hold` seconds old (N,).
+
+    Arguments as in `HeldInputs`.
+    """
+    columns, derived, fresh = list[Array](), list[Array](), np.ones(len(record.time), dtype=bool)
+    for name in measured_inputs(names):
         values = record.signals[name]
         present = plausible(name, record.time, values, settings)
         last = np.maximum.accumulate(np.where(present, np.arange(len(values)), -1))
         age = record.time - record.time[np.maximum(last, 0)]
         fresh &= (last >= 0) & (age <= settings.hold)
         columns.append(np.where(last >= 0, values[np.maximum(last, 0)], np.nan))
-    return np.column_stack(columns), fresh
+        if name == "speed" and SPEED_RATE in names:
+            rates = speed_rates(record.time[present], values[present], settings.speed_smoothing, settings.max_gap)
+            derived.append(np.append(0.0, rates)[np.cumsum(present)])
+    return np.column_stack([*columns, *derived]), fresh
 
 
 def plausible(name: str, time: Array, values: Array, settings: ObserverSettings) -> NDArray[np.bool_]:

@@ -77,7 +77,7 @@ class ObservedChain:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
+        """Names of the inputs of the chain."""
         return self.chain.inputs
 
     @property
@@ -103,10 +103,11 @@ def observed_chain(
     Args:
         vehicle, outputs, roll: as in `dynamics.model`, also the errors.
         estimate_bank: whether the bank is a state.
-        tyres: law of the side forces.
+        tyres: law of the side forces; with saturating tyres, the derivative of the speed is an input.
     """
     offsets = tuple(f"{name}.offset" for name in vehicle.steer_signals())
-    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=offsets, tyres=tyres)
+    braking = tyres == "saturating"
+    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=offsets, tyres=tyres, braking=braking)
     return _observed_chain(chain, estimate_bank)
 
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import steps
+from fifthwheel.dynamics import SPEED_RATE, steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
@@ -85,6 +85,10 @@ class Observer:
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
+        groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+        for path in self.settings.brakes:
+            if path not in groups:
+                raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
         self._measured = [(name, magnitude(name)) for name in self.outputs]
         self._names = [(name, f"{name}.sigma") for name in self.reported]
         self._carry: Array | None = None  # of a copied observer
@@ -136,7 +140,9 @@ class Observer:
     def reset(self) -> None:
         """Return to the state before the first sample."""
         self._time = math.nan
-        self._held = HeldInputs(self.inputs, self.settings)
+        derived = [SPEED_RATE] if self.settings.tyres == "saturating" else []
+        self._input_names = (*self.inputs, *derived)  # of the model
+        self._held = HeldInputs(self._input_names, self.settings)
         self._accepted = -math.inf  # time of the last accepted measurement
         self._running = False
         self._last: list[float] = []  # inputs of the previous sample
@@ -172,7 +178,7 @@ class Observer:
             return self._answer(status)
         buffers = self._buffers
         row = buffers.row
-        k, m = len(self.inputs), len(self.outputs)
+        k, m = len(inputs), len(self.outputs)
         if not self._running or gap > self.settings.max_gap:
             self._start(inputs, monitor.START)
             self._running, self._accepted = True, time
@@ -209,7 +215,7 @@ class Observer:
 
     def _start(self, inputs: list[float], monitored: Array, *, suspect: bool = False) -> None:
         """Start the filter at the steady state of the inputs; `monitored` is the carry of the monitor."""
-        start = self._model.start(dict(zip(self.inputs, inputs, strict=True)), suspect=suspect)
+        start = self._model.start(dict(zip(self._input_names, inputs, strict=True)), suspect=suspect)
         self._buffers.carry[:] = np.append(start, monitored)
 
     def _subdivide(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:
@@ -279,6 +285,7 @@ class Observer:
             "time": finite([self._time])[0],
             "inputs": finite(self._held.values),
             "seen": finite(self._held.times),
+            "speed_rate": self._held.speed_rate.carry.tolist() if self._held.speed_rate else None,
             "accepted": finite([self._accepted])[0],
             "running": self._running,
             "last": finite(self._last),
@@ -298,6 +305,8 @@ class Observer:
         self._time = math.nan if saved["time"] is None else saved["time"]
         self._held.values = [math.nan if value is None else value for value in saved["inputs"]]
         self._held.times = [-math.inf if value is None else value for value in saved["seen"]]
+        if self._held.speed_rate:
+            self._held.speed_rate.carry = np.array(saved["speed_rate"])
         self._accepted = -math.inf if saved["accepted"] is None else saved["accepted"]
         self._running = saved["running"]
         self._last = [math.nan if value is None else value for value in saved["last"]]

@@ -9,7 +9,7 @@ from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK
+from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
@@ -68,7 +68,9 @@ class ObserverModel:
     def _surroundings(self) -> dict[str, float]:
         """Parameters that neither the vehicle nor a sensor has, as the settings give them."""
         values = {HALF_TRACK: self.settings.half_track, BANK: self.settings.bank_mean}
-        return values if self.settings.friction is None else values | {FRICTION: self.settings.friction}
+        if self.settings.friction is None:
+            return values
+        return values | {FRICTION: self.settings.friction} | braked_masses(self.vehicle, self.settings.brakes)
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
         """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the

@@ -13,6 +13,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters import kalman, smoother
 from fifthwheel.filters.model import packed_size, sizes
 from fifthwheel.observe import monitor
+from fifthwheel.observe.inputs import measured_inputs
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.parameter_variance import parameter_variance
@@ -40,7 +41,7 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
         SignalError: the record does not have a signal of the observer, or an uncertain name does not exist.
     """
     model = observer.model
-    for name in (*model.inputs, *model.outputs):
+    for name in (*measured_inputs(model.inputs), *model.outputs):
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
     uncertain = _uncertain(record, observer, uncertainty, smooth=smooth)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION_RANGE, HALF_TRACK, TyreLaw
+from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 
@@ -59,11 +60,17 @@ class ObserverSettings:
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
     friction: float | None = None
-    """Peak friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads:
-    0.75 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
+    """Peak friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2, braking in a turn
+    and slippery roads: 0.75 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
     half_track: float = DEFAULTS[HALF_TRACK]
     """Lateral distance from the centre line to the middle of the tyres of one side, m, for load transfer ratios; with
     twin tyres about 0.92 m."""
+    brakes: Mapping[str, float] = field(default_factory=dict)
+    """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
+    it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
+    speed_smoothing: float = TIME_CONSTANT
+    """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
+    `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
     sensor_errors: Mapping[str, float] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""
@@ -81,6 +88,7 @@ class ObserverSettings:
             "max_acceleration",
             "max_nis",
             "nis_window",
+            "speed_smoothing",
         ):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
@@ -107,6 +115,11 @@ class ObserverSettings:
             for name, value in values.items():
                 if not _is_finite(value):
                     raise SignalError(f"{name}: expected {meaning} in SI, got {value}; give a finite number")
+        for path, fraction in self.brakes.items():
+            if not _is_finite(fraction) or fraction < 0 or not sum(self.brakes.values()) > 0:
+                raise SignalError(
+                    f"brakes, {path}: expected fractions of 0 or more, one above 0, got {fraction}; correct it"
+                )
         for name, variance in self.noise.items():
             if not _is_finite(variance) or variance <= 0:
                 raise SignalError(

@@ -50,7 +50,8 @@ def sprung_bodies(vehicle: Vehicle, properties: Properties) -> tuple[SprungBody,
             unit; the first unit has no steered axle.
     """
     groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
-    for paths in (properties.twin_tyres or (), properties.roll_centre, properties.roll_steer, properties.lash):
+    by_group = properties.roll_centre, properties.roll_steer, properties.lash, properties.brakes
+    for paths in (properties.twin_tyres or (), *by_group):
         for path in paths:
             if path not in groups:
                 raise VehicleError(

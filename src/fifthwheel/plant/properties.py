@@ -68,6 +68,9 @@ class Properties:
     """Factor on the friction of every tyre: 0.6 for a wet road."""
     bank: float = 0.0
     """Bank angle of the road, rad; positive tilts the truck to the right, as a positive roll angle does."""
+    brakes: Mapping[str, float] = field(default_factory=dict)
+    """Fraction of the braking force on an axle group, such as {"tractor.drive": 1.0} for a retarder; groups that it
+    does not name do not brake. Empty: all groups brake in proportion to their static loads."""
     roll_centre: Mapping[str, float] = field(default_factory=dict)
     """Height of the roll centre of a suspension above the ground, m. The default follows from roll_axis_height of the
     unit: the body rolls about that axis on suspension and tyres in series."""
@@ -103,6 +106,8 @@ class Properties:
             raise VehicleError(
                 f"bank: expected a magnitude below 0.3 rad, got {self.bank}; give the unit if it is in degrees, '2 deg'"
             )
+        if self.brakes and not (min(self.brakes.values()) >= 0 and 0 < sum(self.brakes.values()) < 1e6):
+            raise VehicleError(f"brakes: expected fractions of 0 or more, one above 0, got {self.brakes}; correct them")
         if self.frame_torsion is not None and not self.frame_torsion > 0:
             raise VehicleError(
                 f"frame_torsion: expected above 0 N m/rad, got {self.frame_torsion}; leave it out for a rigid frame"

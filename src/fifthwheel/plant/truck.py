@@ -305,18 +305,22 @@ class SpeedController:
     def of(cls, plant: Plant, speed: float) -> "SpeedController":
         """The controller of a truck that starts at a speed, m/s, with the integral at its driving resistance.
 
-        Driven wheels share the driving force equally; all wheels brake in proportion to their load.
+        Driven wheels share the driving force equally; the wheels of a group brake in proportion to their load.
         """
         properties, axles = plant.properties, plant.multibody.axles
         mass = sum(unit.mass for unit in plant.vehicle.units)
         rolling = properties.rolling_resistance * mass * GRAVITY
         driven = np.array([float(axle.driven) for axle in axles for _ in SIDES])
-        loads = np.array([axle.load for axle in axles for _ in SIDES])
+        loads = plant.vehicle.axle_loads()
+        of_group = {path: properties.brakes.get(path, 0.0) / load for path, load in loads.items()}
+        braking = np.array(
+            [axle.load * (of_group[axle.group] if properties.brakes else 1.0) for axle in axles for _ in SIDES]
+        )
         return cls(
             mass=mass,
             wheel_radius=properties.wheel_radius,
             drive_fractions=driven / max(driven.sum(), 1.0),
-            brake_fractions=loads / loads.sum(),
+            brake_fractions=braking / braking.sum(),
             integral=rolling + tyre_forces.AIR_DENSITY / 2 * properties.drag_area * speed**2,
         )
 

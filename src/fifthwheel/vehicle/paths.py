@@ -34,6 +34,8 @@ TYRE_UNITS = {
     "half_track": "m",
     "static_load": "N",
     "tyres": "1",
+    "braking_load": "N/(m/s^2)",
+    "braked_mass": "kg",
 }
 """The same for tyres that saturate, see `dynamics.saturation`."""
 

@@ -296,13 +296,26 @@ class Vehicle(Component):
                 axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
         return type(self)(**fields)
 
-    def axle_loads(self) -> dict[str, float]:
-        """Static vertical load of each axle group by its path, N, on level ground.
+    def axle_loads(self, slope: float = 0.0) -> dict[str, float]:
+        """Static vertical load of each axle group by its path, N.
+
+        Args:
+            slope: of the road, small, rad; positive where it falls to the front. A truck that brakes at g times the
+                slope on level ground, every group in proportion to its load, has the same loads.
 
         Raises:
             VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
         """
-        return axle_loads(self._parameters, self.units, self.couplings)
+        p = dict(self._parameters)
+        if slope:
+            for unit in self.units:
+                body = laden(p, unit)
+                sprung = body.mass / unit.mass
+                p[f"{unit.name}.cog"] += slope * (sprung * body.cog_height + (1 - sprung) * unit.roll_axis_height)
+            for c in self.couplings:
+                p[f"{c.name}.leading_position"] += slope * c.height
+                p[f"{c.name}.trailing_position"] += slope * c.height
+        return axle_loads(p, self.units, self.couplings)
 
     def tyres(self) -> dict[str, int]:
         """Number of tyres of each axle group by its path.

@@ -15,7 +15,7 @@
 #define FW_ACCEPTED ((2 * FW_STATE_COUNT) + (2 * FW_MEASURED_COUNT))
 #define FW_NIS (FW_OUTPUTS - 2)
 #define FW_RESTART (FW_OUTPUTS - 1)
-#define FW_SAMPLE (1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
+#define FW_SAMPLE (1 + (2 * FW_MODEL_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
 #define FW_U (1 + FW_STEER_COUNT) /* unknowns: the bank of the road and the offsets of the steer angles */
 #define FW_MAX_STEPS 100000.0
 #define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
@@ -104,6 +104,14 @@ static bool fw_hold_inputs(fw_observer *observer, const fw_sample *sample)
         if (possible && (follows || !(age <= FW_HOLD))) {
             observer->held[i] = value;
             observer->seen[i] = sample->time;
+#if FW_MODEL_INPUT_COUNT > FW_INPUT_COUNT
+            if (i == 0) { /* the derivative of the speed follows the signals */
+                const bool starts = !(age <= FW_MAX_GAP);
+                const fw_real speed[3] = {
+                    starts ? FW_REAL(1.0) : (fw_real)age, value, starts ? FW_REAL(1.0) : FW_REAL(0.0)};
+                fw_speed_rate(observer->speed_rate, speed, observer->speed_rate, &observer->held[FW_INPUT_COUNT]);
+            }
+#endif
         } else if (!(age <= FW_HOLD)) {
             fresh = false;
         } else {
@@ -127,7 +135,7 @@ static fw_real fw_subdivide(fw_observer *observer, double before, double time, c
         return FW_REAL(-1.0);
     }
     steps = (int)count;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
         row[1 + i] = observer->last[i];
     }
     for (int step = 1; step < steps; step++) {
@@ -136,15 +144,16 @@ static fw_real fw_subdivide(fw_observer *observer, double before, double time, c
         const double now = before + (gap * fraction);
         length = now - last;
         row[0] = (fw_real)length;
-        for (int i = 0; i < FW_INPUT_COUNT; i++) {
-            row[1 + FW_INPUT_COUNT + i] = observer->last[i] + ((inputs[i] - observer->last[i]) * (fw_real)fraction);
+        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
+            const fw_real change = inputs[i] - observer->last[i];
+            row[1 + FW_MODEL_INPUT_COUNT + i] = observer->last[i] + (change * (fw_real)fraction);
         }
-        for (int i = 1 + (2 * FW_INPUT_COUNT); i < FW_SAMPLE; i++) {
+        for (int i = 1 + (2 * FW_MODEL_INPUT_COUNT); i < FW_SAMPLE; i++) {
             row[i] = FW_REAL(0.0);
         }
         fw_step(observer->carry, row, observer->carry, out);
-        for (int i = 0; i < FW_INPUT_COUNT; i++) {
-            row[1 + i] = row[1 + FW_INPUT_COUNT + i];
+        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
+            row[1 + i] = row[1 + FW_MODEL_INPUT_COUNT + i];
         }
         last = now;
     }
@@ -167,7 +176,7 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     const double previous = observer->time;
     fw_real row[FW_SAMPLE];
     fw_real out[FW_OUTPUTS];
-    fw_real inputs[FW_INPUT_COUNT];
+    fw_real inputs[FW_MODEL_INPUT_COUNT];
     bool fresh;
     bool accepted = false;
     if (!(time > previous) || !(time < INFINITY)) {
@@ -175,7 +184,7 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     }
     fresh = fw_hold_inputs(observer, sample);
     observer->time = time;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
         inputs[i] = observer->held[i];
     }
     states->time = time;
@@ -201,7 +210,7 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
         observer->running = 1;
         observer->accepted = time;
         row[0] = FW_REAL(0.0);
-        for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
             row[1 + i] = inputs[i];
         }
     } else {
@@ -211,25 +220,25 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
             return FW_ERROR_GAP;
         }
     }
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        row[1 + FW_INPUT_COUNT + i] = inputs[i];
+    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
+        row[1 + FW_MODEL_INPUT_COUNT + i] = inputs[i];
     }
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
         const fw_real value = sample->measured[i];
         const bool present = FW_ABS(value) <= fw_measured_magnitude[i];
-        row[1 + (2 * FW_INPUT_COUNT) + i] = present ? value : FW_REAL(0.0);
-        row[1 + (2 * FW_INPUT_COUNT) + FW_MEASURED_COUNT + i] = present ? FW_REAL(1.0) : FW_REAL(0.0);
+        row[1 + (2 * FW_MODEL_INPUT_COUNT) + i] = present ? value : FW_REAL(0.0);
+        row[1 + (2 * FW_MODEL_INPUT_COUNT) + FW_MEASURED_COUNT + i] = present ? FW_REAL(1.0) : FW_REAL(0.0);
     }
     fw_step(observer->carry, row, observer->carry, out);
     if (out[FW_RESTART] != FW_REAL(0.0)) { /* the measurements contradict the state */
         fw_start(observer, inputs, out[FW_NIS], FW_SUSPECT_STEER_SIGMA);
         row[0] = FW_REAL(0.0);
-        for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
             row[1 + i] = inputs[i];
         }
         fw_step(observer->carry, row, observer->carry, out);
     }
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
         observer->last[i] = inputs[i];
     }
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
