@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.plant import Plant, Properties, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -96,3 +96,28 @@ def test_a_state_is_not_resumed_with_another_friction() -> None:
     dry, snow = (Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=f)) for f in (0.8, 0.3))
     with pytest.raises(SignalError, match="same vehicle"):
         snow.resume(dry.save())
+
+
+def violent(seed: int, samples: int = 300) -> Record:
+    """Random steering at irregular times, and random yaw rates and roll rates of any truck that tumbles."""
+    rng = np.random.default_rng(seed)
+    step = 10 ** rng.uniform(-3, -0.4, samples)
+    steer, speed = np.zeros(samples), np.full(samples, 30.0)
+    for k in range(1, samples):
+        steer[k] = np.clip(steer[k - 1] + rng.uniform(-2.8, 2.8) * step[k], -0.9, 0.9)
+        speed[k] = np.clip(speed[k - 1] + rng.uniform(-15, 15) * step[k], 6.0, 40.0)
+    rates = {n: np.where(rng.random(samples) < 0.9, 4.5 * rng.normal(size=samples), np.nan) for n in SIGNALS[2:]}
+    return Record(time=np.cumsum(step), signals={"speed": speed, "steer.tractor.front": steer} | rates, name="violent")
+
+
+@pytest.mark.parametrize(("friction", "seed"), [(0.85, 12), (0.85, 32), (0.3, 26), (1.5, 16)])
+def test_a_diverged_filter_restarts(friction: float, seed: int) -> None:
+    """No state and no sigma is NaN, and a stream restarts where a record does."""
+    record = violent(seed)
+    observer = Observer(TRUCK, SIGNALS, ObserverSettings(friction=friction))
+    assert_same(pushed(observer, record), batched(observer, record))
+    for states in (observer.batch(record), observer.smooth(record)):
+        assert (states.status == Status.INCONSISTENT).mean() > 0.9
+        for name, values in states.values.items():
+            assert np.isfinite(values).all(), name
+            assert np.isfinite(states.sigma[name]).all(), name

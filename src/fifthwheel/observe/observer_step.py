@@ -10,6 +10,7 @@ uncertainty of a least-squares fit: innovations that are larger than the filter 
 of a sensor, which the state has too.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
@@ -66,10 +67,15 @@ class FilterStep(NamedTuple):
     covariance: ca.SX  # P (n, n)
     considered: ca.SX  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate]
+    carry: ca.SX  # of the next step, as in `Layout`
+
+
+FilterFunction = Callable[[ObservedChain, Layout, ca.SX, ca.SX, ca.SX], FilterStep]
+"""(model, layout, carry, sample, constant) -> one step of a filter."""
 
 
 def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.SX, constant: ca.SX) -> FilterStep:
-    """Prediction and update; carry, sample and constant as in `Layout`."""
+    """Prediction and update of the (extended) Kalman filter; carry, sample and constant as in `Layout`."""
     x, P, s = split(carry, layout.carry)
     dt, d, y, weight = split(sample, layout.sample)
     c, q, r, limit, _, sigma = split(constant, layout.constant)
@@ -86,12 +92,17 @@ def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.S
     after, P_after, s, channels, _ = kalman.correct_considering(
         before, P_before, predicted, H, y, weight, r, limit, s, direct
     )
-    return FilterStep(before, after, P_after, s, channels)
+    return FilterStep(before, after, P_after, s, channels, ca.vertcat(after, pack(P_after), ca.vec(s)))
 
 
 @compiled(Scan)
 def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
-    """The compiled step: a Kalman filter of `model` with the outputs of `report` and their variances.
+    """The compiled step of an observer; see `monitored_step`."""
+    return monitored_step(model, report, filter_step)
+
+
+def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: FilterFunction) -> ca.Function:
+    """A filter of `model` with the outputs of `report`, their variances, and the monitor.
 
     carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
     considered bank, settings of the monitor]; output = [reported, their variances, innovation, variance, accepted, NIS,
@@ -112,11 +123,13 @@ def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     _, _, _, limit, c_report, _ = split(numbers, layout.constant)
     step = filter_step(model, layout, filtered, sample, numbers)
     reported, H = kalman.observe(report, step.after, d, ca.SX(0, 1), c_report)
-    variances = [
-        H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])
-    ]
+    variances = ca.vertcat(
+        *[H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])]
+    )
     monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, limit, monitor_settings)
-    excess = monitor.excess(findings[0])
-    carried = ca.vertcat(step.after, pack(step.covariance), ca.vec(step.considered), monitored)
-    output = ca.vertcat(reported, excess * ca.vertcat(*variances), kalman.channel_columns(step.channels), findings)
+    nis, disagrees = ca.vertsplit(findings)
+    restart = ca.fmax(disagrees, monitor.diverged(reported, variances, dt))
+    carried = ca.vertcat(step.carry, monitored)
+    channels = kalman.channel_columns(step.channels)
+    output = ca.vertcat(reported, monitor.excess(nis) * variances, channels, nis, restart)
     return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})

@@ -18,7 +18,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import pack, split
+from fifthwheel.filters.model import split
 from fifthwheel.native import DirectionScan, compiled
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_step import Layout, filter_step
@@ -52,7 +52,7 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     c, *_, c_report, _ = split(constant, layout.constant)
     c_dot, report_dot = split(parameters_dot, [n_c, n_report])
     no_p, state = ca.SX(0, 1), ca.SX.sym("state", n_x)
-    before, after, P_after, considered, _ = filter_step(model, layout, carry, sample, constant)
+    before, after, _, considered, _, carried = filter_step(model, layout, carry, sample, constant)
     gain = ca.jacobian(after, y)
     before_dot = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
     along = ca.vertcat(before_dot, c_dot)
@@ -62,7 +62,7 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     _, H = kalman.observe(report, after, d, no_p, c_report)
     reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
     results = [
-        ca.vertcat(after, pack(P_after), ca.vec(considered)),
+        carried,
         ca.sum2((H @ considered) ** 2),
         after_dot,
         ca.substitute(reported_dot, state, after),
