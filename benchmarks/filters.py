@@ -33,7 +33,6 @@ from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.native.c_code import function
 from fifthwheel.observe import Observer, ObserverSettings, monitor, offline
-from fifthwheel.observe.observed_chain import observed_chain
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.segments import observer_segments
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
@@ -108,16 +107,10 @@ def logged(run: PlantRun, setting: Setting, seed: int) -> Record:
 
 def observer_model(vehicle: Vehicle, signals: Iterable[str], settings: ObserverSettings, kind: Filter) -> ObserverModel:
     """The models and numbers of an observer with one of the filters."""
-    observer = Observer(vehicle, signals, settings)
-    model, report = (
-        observed_chain(
-            observer.vehicle, names, roll=observer.roll, estimate_bank=settings.estimate_bank, tyres=settings.tyres
-        )
-        for names in (observer.outputs, observer.reported)
-    )
+    base = Observer(vehicle, signals, settings)._model
     if kind in ("linear", "extended"):
-        return ObserverModel(vehicle=observer.vehicle, model=model, report=report, settings=settings)
-    return UnscentedModel(vehicle=observer.vehicle, model=model, report=report, settings=settings, form=kind)
+        return base
+    return UnscentedModel(vehicle=base.vehicle, model=base.model, report=base.report, settings=base.settings, form=kind)
 
 
 def with_friction(settings: ObserverSettings, kind: Filter, friction: float) -> ObserverSettings:

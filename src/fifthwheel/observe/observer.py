@@ -97,6 +97,7 @@ class Observer:
             observed_chain(
                 self.vehicle,
                 names,
+                accelerometers=[name for name in self.outputs if SignalName.of(name).quantity == ACCELEROMETER],
                 roll=self.roll,
                 estimate_bank=self.settings.estimate_bank,
                 tyres=self.settings.tyres,

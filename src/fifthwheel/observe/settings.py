@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
+from fifthwheel.names import ACCELEROMETER, SignalName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +59,9 @@ class ObserverSettings:
     steer_offset: float = 0.01
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
+    acceleration_offset: float = 0.3
+    """The same for the offset of every lateral accelerometer, m/s^2. It contains gravity by the tilt of the mounting:
+    1 deg gives 0.17 m/s^2."""
     friction: float | None = None
     """Friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2 and slippery roads: 0.8
     dry, 0.6 wet, 0.3 snow; None: linear tyres."""
@@ -86,7 +90,7 @@ class ObserverSettings:
                 f"friction: expected between 0.05 and 1.5, or None for linear tyres, got {self.friction}; a dry road "
                 "has 0.8"
             )
-        for name in ("hold", "process_noise", "restart_after"):
+        for name in ("hold", "process_noise", "restart_after", "acceleration_offset"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
         for name, smallest in (("bank", 0.0), ("bank_mean", -1.0), ("steer_offset", 0.0)):
@@ -106,6 +110,10 @@ class ObserverSettings:
                 raise SignalError(
                     f"{name}: expected a finite variance above 0, got {variance}; give the noise variance in SI"
                 )
+
+    def offset_sigma(self, name: str) -> float:
+        """Prior standard deviation of the offset of a steer angle or accelerometer, SI."""
+        return self.acceleration_offset if SignalName.of(name).quantity == ACCELEROMETER else self.steer_offset
 
     @property
     def tyres(self) -> TyreLaw:
