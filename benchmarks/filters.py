@@ -52,9 +52,11 @@ NONLINEAR: dict[Filter, str] = {
 }
 FREQUENCY = 0.4
 """Of the steering, Hz."""
-CASES = tuple((1.0, a) for a in (1.0, 2.0, 3.0, 4.0, 5.0)) + tuple((0.35, a) for a in (0.5, 1.0, 1.5, 2.0))
+CASES = tuple((1.0, a) for a in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)) + tuple((0.35, a) for a in (0.5, 1.0, 1.5, 2.0))
 """Factor of the friction, and lateral acceleration of the front axle, m/s^2."""
-ACCELEROMETERS = {f"lateral_acceleration.{unit}": Sensor(variance=0.05**2) for unit in UNITS}
+ACCELEROMETERS = tuple(f"lateral_acceleration.{unit}" for unit in UNITS)
+NOISE = dict.fromkeys(ACCELEROMETERS, 0.05**2)
+"""Variance of the accelerometers, (m/s^2)^2; the gyros have that of the article."""
 EXACT = ObserverSettings(bank=0.0, steer_offset=0.0)
 SEEDS = 3
 NINETY_PERCENT = 1.645
@@ -66,7 +68,7 @@ class Setting(NamedTuple):
 
     settings: ObserverSettings
     friction: float = 1.0  # factor of the friction of the observer
-    accelerometers: bool = False
+    accelerometers: float | None = None  # their offset on tractor and, with the other sign, trailer, m/s^2
     start: float = 0.0  # of the log, s
 
 
@@ -74,9 +76,13 @@ SETTINGS = {
     "Gyros": Setting(EXACT),
     "Gyros, friction 20 % low": Setting(EXACT, friction=0.8),
     "Gyros, friction 20 % high": Setting(EXACT, friction=1.2),
-    "Gyros and lateral accelerometers": Setting(EXACT, accelerometers=True),
-    "Gyros, unknown bank and offset of the steering (the default settings)": Setting(ObserverSettings()),
-    "The same, from the middle of the manoeuvre": Setting(ObserverSettings(), start=2.5),
+    "Gyros and lateral accelerometers, whose offset is unknown": Setting(EXACT, accelerometers=0.0),
+    "The same, with an offset of 0.3 m/s²": Setting(EXACT, accelerometers=0.3),
+    "The same, with an offset of 0.3 m/s² that the filters take as 0": Setting(
+        replace(EXACT, acceleration_offset=0.0), accelerometers=0.3
+    ),
+    "Gyros, default settings: unknown bank and offset of the steering": Setting(ObserverSettings()),
+    "Gyros, default settings, from the middle of the manoeuvre": Setting(ObserverSettings(), start=2.5),
 }
 
 
@@ -98,7 +104,9 @@ def driven(manoeuvre: str, friction: float, acceleration: float) -> PlantRun:
 def logged(run: PlantRun, setting: Setting, seed: int) -> Record:
     """The log of a run, with the true sideslip angles as reference."""
     sensors = {name: sensor for name, sensor in article_sensors(TRUCK).items() if name in SIGNALS}
-    sensors |= ACCELEROMETERS if setting.accelerometers else {}
+    if setting.accelerometers is not None:
+        offsets = setting.accelerometers, -setting.accelerometers
+        sensors |= {n: Sensor(bias=x, variance=NOISE[n]) for n, x in zip(ACCELEROMETERS, offsets, strict=True)}
     used = run.time >= setting.start
     signals = {name: values[used] for name, values in measure(run.time, run.truth, sensors, seed=seed).items()}
     reference = {f"sideslip.{unit}": run.truth[f"sideslip.{unit}"][used] for unit in UNITS}
@@ -124,8 +132,7 @@ def cell(run: PlantRun, setting: Setting, kind: Filter) -> str:
     for seed in range(SEEDS):
         record = logged(run, setting, seed)
         settings = with_friction(setting.settings, kind, PEAK * run.properties.friction * setting.friction)
-        settings = replace(settings, noise={name: sensor.variance for name, sensor in ACCELEROMETERS.items()})
-        model = observer_model(TRUCK, record.signals, settings, kind)
+        model = observer_model(TRUCK, record.signals, replace(settings, noise=NOISE), kind)
         states = offline.states(record, model, None, smooth=False)
         errors = {name: states.values[name] - truth for name, truth in record.reference.items()}
         squares.append([np.mean(error**2) for error in errors.values()])

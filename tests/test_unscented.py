@@ -18,6 +18,7 @@ from filters import TRUCK, Filter, Samples, correlations, covariances, observer_
 WITHOUT_LAG = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})
 SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")
 """Of the yaw model, whose step is compiled fast."""
+FORMS = ("covariance", "square root")
 
 
 def lane_change(seed: int = 1) -> Record:
@@ -29,7 +30,7 @@ def lane_change(seed: int = 1) -> Record:
     return Record(time=record.time, signals=signals, name="lane change")
 
 
-@pytest.mark.parametrize("form", ["covariance", "square root"])
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     "settings", [ObserverSettings(), ObserverSettings(bank=0.0, steer_offset=0.0)], ids=["uncertain", "exact"]
 )
@@ -77,7 +78,7 @@ def test_square_roots_of_singular_matrices() -> None:
     np.testing.assert_array_equal(lower, np.tril(lower))
 
 
-@pytest.mark.parametrize("form", ["extended", "covariance", "square root"])
+@pytest.mark.parametrize("form", ["extended", *(pytest.param(f, marks=pytest.mark.slow) for f in FORMS)])
 def test_no_covariance_becomes_indefinite(form: Filter) -> None:
     """On ice with violent steering and arbitrary measurements, all of them accepted."""
     rng = np.random.default_rng(3)
