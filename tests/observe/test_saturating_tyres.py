@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.model import pack_array
 from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
+from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty, monitor
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -180,3 +182,30 @@ def test_a_diverged_filter_restarts(friction: float, seed: int) -> None:
         for name, values in states.values.items():
             assert np.isfinite(values).all(), name
             assert np.isfinite(states.sigma[name]).all(), name
+
+
+def test_each_channel_is_linearised_at_the_corrected_state() -> None:
+    """The first sample after a start with a wide sigma, in NumPy; an accelerometer on saturating tyres is nonlinear."""
+    truck = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})
+    observer = Observer(
+        truck, (*SIGNALS, ACCELERATION), ObserverSettings(friction=0.5, gate=1e6, bank=0.0, steer_offset=0.0)
+    )
+    model, inputs = observer.model, [24.0, 0.03]
+    n, m = len(model.states), len(model.outputs)
+    variance = np.array([0.2, 0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1, *np.zeros(n - 9), 0.09]) ** 2
+    y, d = np.array([0.1, 0.08, 0.0, 0.0, 3.0]), np.array([*inputs, *inputs])
+    carry = np.concatenate([np.zeros(n), pack_array(np.diag(variance)), np.zeros(n), monitor.START])
+    after, _ = observer.scan(carry, np.concatenate([[0.0], d, y, np.ones(m)])[None], observer.constant)
+
+    c, noise = observer.constant[: len(model.known)], observer.constant[len(model.known) + n * (n + 1) // 2 :][:m]
+    state = ca.SX.sym("x", n)
+    outputs = model.observation(state, d, [], c)
+    h = ca.Function("h", [state], [outputs, ca.jacobian(outputs, state)])
+    x, P = np.zeros(n), np.diag(variance)
+    at_start = np.array(h(x)[1])[-1]
+    for i in range(m):
+        predicted, H = (np.array(value)[i] for value in h(x))
+        K = P @ H / (H @ P @ H + noise[i])
+        x, P = x + K * (y[i] - predicted), P - np.outer(K, H @ P)
+    assert np.abs(H / at_start - 1).max() > 0.2
+    np.testing.assert_allclose(after[:n], x, atol=1e-9)

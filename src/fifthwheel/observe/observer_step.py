@@ -68,6 +68,8 @@ class FilterStep(NamedTuple):
     considered: ca.SX  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate]
     carry: ca.SX  # of the next step, as in `Layout`
+    linearised: tuple[tuple[ca.SX, ca.SX, ca.SX], ...] = ()
+    """Of each channel of an extended Kalman filter: state (n,) of the linearisation, row (1, n) of H, gain (n, 1)."""
 
 
 FilterFunction = Callable[[ObservedChain, Layout, ca.SX, ca.SX, ca.SX], FilterStep]
@@ -75,24 +77,32 @@ FilterFunction = Callable[[ObservedChain, Layout, ca.SX, ca.SX, ca.SX], FilterSt
 
 
 def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.SX, constant: ca.SX) -> FilterStep:
-    """Prediction and update of the (extended) Kalman filter; carry, sample and constant as in `Layout`."""
+    """Prediction and update of the (extended) Kalman filter; carry, sample and constant as in `Layout`.
+
+    Each channel is linearised at the state that the channels before it have corrected. After a start with a wide
+    covariance, an accelerometer on saturating tyres then is linearised at the state that the gyros give.
+    """
     x, P, s = split(carry, layout.carry)
     dt, d, y, weight = split(sample, layout.sample)
     c, q, r, limit, _, sigma = split(constant, layout.constant)
-    n, no_p = x.shape[0], ca.SX(0, 1)
-    before, P_before, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
-    predicted, H = kalman.observe(model, before, d, no_p, c)
-    direct = ca.SX(y.shape[0], s.shape[0] // n)
+    n, m, no_p = x.shape[0], y.shape[0], ca.SX(0, 1)
+    before, P, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
+    state = ca.SX.sym("state", n)
+    outputs = model.observation(state, d, no_p, c)
+    H, direct = ca.jacobian(outputs, state), ca.SX(m, s.shape[0] // n)
     s = ca.reshape(s, n, direct.shape[1])
     if not model.estimates_bank:
         bank = c[model.known.index(BANK)]
         s = F @ s + ca.jacobian(before, bank) * sigma
-        state = ca.SX.sym("state", n)
-        direct = ca.substitute(ca.jacobian(model.observation(state, d, no_p, c), bank), state, before) * sigma
-    after, P_after, s, channels, _ = kalman.correct_considering(
-        before, P_before, predicted, H, y, weight, r, limit, s, direct
-    )
-    return FilterStep(before, after, P_after, s, channels, ca.vertcat(after, pack(P_after), ca.vec(s)))
+        direct = ca.jacobian(outputs, bank) * sigma
+    x, channels, linearised = before, [], []
+    for i in range(m):
+        predicted, row, effect = ca.substitute([outputs[i], H[i, :], direct[i, :]], [state], [x])
+        point, innovation = x, y[i] - predicted
+        x, P, s, channel, gain = kalman.correct_channel(x, P, innovation, row, weight[i], r[i], limit, s, effect)
+        channels.append(channel)
+        linearised.append((point, row, gain))
+    return FilterStep(before, x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
 
 
 @compiled(Scan)
