@@ -178,6 +178,20 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
     assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.15  # it is not small
 
 
+@pytest.mark.parametrize(("speed_rate", "relieved"), [(0.0, 0.0), (-0.1, 0.22), (-1.0, 1.0)])
+def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved: float) -> None:
+    """In a turn it moves load from the front to the drive axle, as far as it is larger than the braking force."""
+    names, symbol = chain.state_names(TRUCK, roll=False), ca.SX.sym("u'")
+    state = ca.SX.sym("x", len(names))
+    x = np.array([{"yaw_rate": 0.2, "articulation": -0.05}.get(name.split(".")[0], 0.0) for name in names])
+    values, angles = TRUCK.parameters() | saturation_parameters(TRUCK), dict.fromkeys(TRUCK.steer_signals(), ca.SX(0))
+    result = large_angles(values, TRUCK, state, ca.SX(SPEED), angles, roll=False, speed_rate=symbol)
+    moved = ca.Function("moved", [state, symbol], [result.shift[1]])
+    drag = float(moved(x, 0.0))
+    assert drag > 500.0
+    assert 1 - float(moved(x, speed_rate)) / drag == pytest.approx(relieved, abs=0.02)
+
+
 def force(slip: float, roll: float = 0.0, **changes: float) -> float:
     """Side force of the trailer's axle group, N, with the nominal load on each tyre."""
     number = TRUCK.axle_loads()["semitrailer"] / NOMINAL_LOAD

@@ -15,6 +15,7 @@ from fifthwheel.export import FILES, export_c, observer_model
 from fifthwheel.logs import write_record
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
+from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.dynamics.test_lagrangian import b_double
@@ -23,6 +24,7 @@ COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 STEER = "steer.tractor.front"
+ACCELERATION = "lateral_acceleration.tractor"
 ERRORS = {f"{STEER}.offset": 0.002, f"{STEER}.gain": 1.03, f"{STEER}.delay": 0.04, "yaw_rate.tractor.offset": 0.001}
 SETTINGS = {
     "plain": ObserverSettings(),
@@ -181,16 +183,19 @@ def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
     "units",
     [
         "yaw only",
+        "accelerometer",
         *(pytest.param(n, marks=pytest.mark.slow) for n in ("three units", "four units", "relaxation lengths")),
     ],
 )
 def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
     catalogue = {"four units": "a_double", "relaxation lengths": "cheng_cebon_2011"}
     train = vehicle.get(catalogue[units]) if units in catalogue else b_double() if units == "three units" else truck
-    record = simulate(train, count=1, seed=1)
+    sensors = article_gyro_variance([unit.name for unit in train.units])
+    sensors |= {ACCELERATION: 0.01} if units == "accelerometer" else {}
+    record = simulate(train, count=1, seed=1, sensors=sensors)
     signals = {n: v for n, v in record.signals.items() if units != "yaw only" or not n.startswith("roll_rate")}
     record = Record(time=record.time, signals=signals, name=units)
-    observer = Observer(train, signals)
+    observer = Observer(train, signals, ObserverSettings(sensor_errors={f"{ACCELERATION}.offset": 0.1}))
     assert_equal(replayed(compiled(observer, tmp_path), observer, record), pushed(observer, record), 1e-12)
 
 

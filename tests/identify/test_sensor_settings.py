@@ -10,7 +10,7 @@ import pytest
 from fifthwheel.identify import Identification, OneStage
 from fifthwheel.identify.result.storage import _finite
 
-STEER, YAW = "steer.tractor.front", "yaw_rate.tractor"
+STEER, YAW, LATERAL = "steer.tractor.front", "yaw_rate.tractor", "lateral_acceleration.tractor"
 
 
 def error(name: str, value: float, log: str | None) -> SimpleNamespace:
@@ -40,7 +40,7 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     """Of another log only what all logs share, with the noise of the first; an observer has one time base."""
     settings = Identification.sensor_settings(IDENTIFICATION, log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
-    exact = {"bank": 0.0, "steer_offset": 0.0}
+    exact = {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}, "friction": None} | exact
 
 
@@ -54,15 +54,14 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
         ("b", True, 0.0, 0.03, 0.01),
     ],
 )
-def test_bank_and_steering_offset_of_a_log(
-    log: str | None, joint: bool, bank_mean: float, bank: float, offset: float
-) -> None:
-    """The joint covariance contains the offset of a log that has one; other logs have the priors."""
-    sensors = [*IDENTIFICATION.sensors, error(f"{STEER}.offset", 0.004, "first")]
+def test_bank_and_offsets_of_a_log(log: str | None, joint: bool, bank_mean: float, bank: float, offset: float) -> None:
+    """The joint covariance contains the offsets of a log that has them; other logs have the priors."""
+    sensors = [*IDENTIFICATION.sensors, *(error(f"{name}.offset", 0.004, "first") for name in (STEER, LATERAL))]
     changes = {"sensors": sensors, "settings": OneStage(), "covariance": object() if joint else None}
     identification: Any = SimpleNamespace(**{**vars(IDENTIFICATION), **changes})
     settings = Identification.sensor_settings(identification, log)
     assert [settings[name] for name in ("bank_mean", "bank", "steer_offset")] == [bank_mean, bank, offset]
+    assert settings["acceleration_offset"] == (0.3 if offset == 0.01 else offset)
 
 
 def test_json_has_no_number_that_is_not_finite() -> None:

@@ -6,10 +6,11 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
-from tests.observe.conftest import STEER, YAWS, batched, pushed
+from tests.observe.conftest import EXACT, STEER, YAWS, batched, pushed
 
 NAME, SIDESLIP = "lateral_acceleration.tractor", "sideslip.tractor"
 
@@ -30,8 +31,9 @@ def banked(truck: Vehicle, lane_changes: Record) -> Record:
 
 
 def test_it_bounds_the_sideslip_on_an_unknown_bank(truck: Vehicle, banked: Record) -> None:
-    """An accelerometer measures the side forces of the tyres, whatever the bank; the observer assumes a level road."""
-    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2}, steer_offset=0.0)
+    """An exact accelerometer measures the side forces of the tyres, whatever the bank; the observer assumes a level
+    road."""
+    rms, settings = [], ObserverSettings(noise={NAME: 0.1**2}, steer_offset=0.0, acceleration_offset=0.0)
     for signals in ((*YAWS, NAME), YAWS):
         states = Observer(truck, ("speed", STEER, *signals), settings).batch(banked)
         error = states.values[SIDESLIP] - banked.reference[SIDESLIP]
@@ -47,3 +49,33 @@ def test_it_needs_roll_and_pushes_as_in_a_batch(truck: Vehicle, banked: Record) 
     one_by_one, together = pushed(observer, banked), batched(observer, banked)
     for name, values in one_by_one.items():
         np.testing.assert_array_equal(values, together[name], err_msg=name)
+
+
+def test_its_offset_is_estimated(truck: Vehicle) -> None:
+    """An offset of 0.3 m/s^2 does not change the sideslip; an observer that takes it as exact is wrong by sigmas."""
+    sensors = {**dict.fromkeys(YAWS, 0.004**2), NAME: 0.05**2}
+    record = simulate(truck, count=2, seed=4, sensors=sensors)
+    biased = record.with_signals({NAME: record.signals[NAME] + 0.3})
+    truth = record.reference[SIDESLIP]
+
+    def errors(log: Record, **settings: float) -> tuple[np.ndarray, np.ndarray]:
+        states = Observer(truck, log.signals, ObserverSettings(noise=sensors, **EXACT, **settings)).batch(log)
+        return np.abs(states.values[SIDESLIP] - truth)[100:], states.sigma[SIDESLIP][100:]
+
+    (without, _), (estimated, sigma), (exact, small) = (
+        errors(record),
+        errors(biased),
+        errors(biased, acceleration_offset=0.0),
+    )
+    assert np.abs(estimated - without).max() < 0.1 * sigma.min()
+    assert (estimated < 1.645 * sigma).mean() > 0.9
+    assert (exact < 1.645 * small).mean() < 0.2
+
+
+def test_the_offset_is_exact_or_uncertain_or_estimated(truck: Vehicle, banked: Record) -> None:
+    """An uncertain offset adds to sigma only if the observer does not estimate it."""
+    uncertain = Uncertainty(names=(f"{NAME}.offset",), covariance=[[0.3**2]])
+    for sigma, adds in ((0.0, True), (0.3, False)):
+        observer = Observer(truck, banked.signals, ObserverSettings(acceleration_offset=sigma))
+        known, more = observer.batch(banked).sigma[SIDESLIP], observer.batch(banked, uncertain).sigma[SIDESLIP]
+        assert (more > 1.05 * known).any() == adds

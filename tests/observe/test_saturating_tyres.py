@@ -2,18 +2,22 @@
 
 import copy
 import json
+from collections.abc import Iterable
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.model import pack_array
 from fifthwheel.manoeuvres import braked
 from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty, monitor
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get
+from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.unit import Accelerometer
 from tests.observe.conftest import assert_same, batched, pushed, samples
 
 TRUCK = get("cheng_cebon_2011")
@@ -23,7 +27,15 @@ SIGNALS = (
     *(f"{q}.{u}" for q in ("yaw_rate", "roll_rate") for u in ("tractor", "semitrailer")),
 )
 SIDESLIP = ("sideslip.tractor", "sideslip.semitrailer")
+ACCELERATION = "lateral_acceleration.tractor"
 LANE_CHANGES = simulate(TRUCK, count=1, seed=3)
+
+
+def placed(position: float, height: float) -> Vehicle:
+    """The truck with an accelerometer on the tractor."""
+    tractor, *others = TRUCK.units
+    tractor = tractor.model_copy(update={"accelerometer": Accelerometer(position=position, height=height)})
+    return TRUCK.model_copy(update={"units": (tractor, *others)})
 
 
 def driven(acceleration: float, friction: float, braking: float = 0.0, **properties) -> Record:
@@ -41,9 +53,9 @@ def driven(acceleration: float, friction: float, braking: float = 0.0, **propert
     return Record(time=run.time, signals=signals, reference={n: run.truth[n] for n in SIDESLIP}, name="sine")
 
 
-def errors(record: Record, **settings) -> list[float]:
+def errors(record: Record, truck: Vehicle = TRUCK, signals: Iterable[str] = SIGNALS, **settings) -> list[float]:
     """Rms error of both sideslip angles, deg."""
-    observer = Observer(TRUCK, SIGNALS, ObserverSettings(bank=0.0, steer_offset=0.0, **settings))
+    observer = Observer(truck, signals, ObserverSettings(bank=0.0, steer_offset=0.0, **settings))
     states = observer.batch(record)
     return [
         float(np.degrees(np.sqrt(np.mean((states.values[name] - record.reference[name]) ** 2)))) for name in SIDESLIP
@@ -59,7 +71,7 @@ def test_sideslip_near_the_limit(acceleration: float, friction: float, limit: fl
     """A single sine of 0.53 g on a dry road, and one of 0.33 g on snow; the friction is known within 15 %."""
     record = driven(acceleration, friction)
     linear = errors(record)
-    for factor in (0.85, 1.0):
+    for factor in (0.74, 0.85):
         saturating = errors(record, friction=factor * friction)
         assert max(saturating) < limit
         assert saturating[1] < 0.4 * linear[1]
@@ -74,7 +86,7 @@ def test_sideslip_near_the_limit(acceleration: float, friction: float, limit: fl
 )
 def test_sideslip_while_braking(acceleration: float, friction: float, braking: float, limit: float) -> None:
     """A single sine of 0.54 g with 3 m/s^2 on a dry road, and of 0.27 g with 1.5 m/s^2 on snow; noisy speed."""
-    record, mu = driven(acceleration, friction, braking), 0.85 * friction
+    record, mu = driven(acceleration, friction, braking), 0.74 * friction
     actual = errors(record, friction=mu)
     assert max(actual) < limit
     if friction == 1.0:
@@ -87,8 +99,8 @@ def test_sideslip_with_a_retarder() -> None:
     """Of 1 m/s^2 at 0.36 g: rms of tractor and trailer 0.02 and 0.06 deg; 0.24 and 0.11 if all groups braked."""
     retarder = {"tractor.drive": 1.0}
     record = driven(1.5, 1.0, 1.0, brakes=retarder)
-    assert max(errors(record, friction=0.85, brakes=retarder)) < 0.15
-    assert max(errors(record, friction=0.85)) > 0.2
+    assert max(errors(record, friction=0.74, brakes=retarder)) < 0.15
+    assert max(errors(record, friction=0.74)) > 0.2
 
 
 def stopping() -> Record:
@@ -142,6 +154,55 @@ def test_smoothing_out_of_range(smoothing: float) -> None:
         ObserverSettings(speed_smoothing=smoothing)
 
 
+@pytest.fixture(scope="module")
+def accelerated() -> Record:
+    """A single sine of 0.5 g on a dry road with a bank, and a truck with an accelerometer that is not at its CoG."""
+    run = Plant(placed(-1.5, 1.5), Properties(bank=0.02)).drive(single_sine(TRUCK, acceleration=2.0))
+    sensors = {name: sensor for name, sensor in article_sensors(TRUCK).items() if name in SIGNALS}
+    sensors[ACCELERATION] = Sensor(variance=0.05**2, bias=0.2, scale=1.02)
+    return Record(
+        time=run.time,
+        signals=measure(run.time, run.truth, sensors, seed=1),
+        reference={name: run.truth[name] for name in SIDESLIP},
+        name="sine",
+    )
+
+
+@pytest.mark.slow
+def test_an_accelerometer_near_the_limit(accelerated: Record) -> None:
+    """With an unknown offset it does no harm, if its place is that of the truck."""
+    without = errors(accelerated, friction=0.74, bank_mean=0.02)
+    offset, placed_right, signals = {"acceleration_offset": 0.0}, placed(-1.5, 1.5), (*SIGNALS, ACCELERATION)
+    settings = {"friction": 0.74, "bank_mean": 0.02, "noise": {ACCELERATION: 0.05**2}}
+    # rms 0.033 and 0.048 deg without it, 0.030 and 0.043 with it; 0.066 and 0.073 if misplaced, 0.104 and 0.138 if its
+    # offset is ignored
+    estimated = errors(accelerated, placed_right, signals, **settings)
+    misplaced = errors(accelerated, TRUCK, signals, **settings)
+    ignored = errors(accelerated, placed_right, signals, **settings, **offset)
+    for i in range(2):
+        assert estimated[i] < 1.1 * without[i]
+        assert misplaced[i] > 1.3 * estimated[i]
+        assert ignored[i] > 1.5 * estimated[i]
+
+
+@pytest.mark.slow
+def test_an_accelerometer_measures_gravity_by_the_bank(accelerated: Record) -> None:
+    """With the true bank and offset its innovations have no mean; the truck rolls."""
+    known = {"acceleration_offset": 0.0, "sensor_errors": {f"{ACCELERATION}.gain": 1.02, f"{ACCELERATION}.offset": 0.2}}
+    observer, level = (
+        Observer(
+            placed(-1.5, 1.5),
+            (*SIGNALS, ACCELERATION),
+            ObserverSettings(bank=0.0, bank_mean=mean, steer_offset=0.0, friction=0.74, **known),
+        )
+        for mean in (0.02, 0.0)
+    )
+    straight = accelerated.time < 1.0
+    means = [np.mean(o.batch(accelerated).innovation[ACCELERATION][straight]) for o in (observer, level)]
+    assert abs(means[0]) < 0.02
+    assert abs(means[1]) > 0.05
+
+
 def test_small_slip_is_linear() -> None:
     """In a lane change of 0.1 g of the linear truck both observers agree within a small part of sigma."""
     linear, saturating = (
@@ -177,3 +238,55 @@ def test_a_state_is_not_resumed_with_another_friction() -> None:
     dry, snow = (Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(friction=f)) for f in (0.8, 0.3))
     with pytest.raises(SignalError, match="same vehicle"):
         snow.resume(dry.save())
+
+
+def violent(seed: int, samples: int = 300) -> Record:
+    """Random steering at irregular times, and random yaw rates and roll rates of any truck that tumbles."""
+    rng = np.random.default_rng(seed)
+    step = 10 ** rng.uniform(-3, -0.4, samples)
+    steer, speed = np.zeros(samples), np.full(samples, 30.0)
+    for k in range(1, samples):
+        steer[k] = np.clip(steer[k - 1] + rng.uniform(-2.8, 2.8) * step[k], -0.9, 0.9)
+        speed[k] = np.clip(speed[k - 1] + rng.uniform(-15, 15) * step[k], 6.0, 40.0)
+    rates = {n: np.where(rng.random(samples) < 0.9, 4.5 * rng.normal(size=samples), np.nan) for n in SIGNALS[2:]}
+    return Record(time=np.cumsum(step), signals={"speed": speed, "steer.tractor.front": steer} | rates, name="violent")
+
+
+@pytest.mark.parametrize(("friction", "seed"), [(0.85, 12), (0.85, 32), (0.3, 26), (1.5, 16)])
+def test_a_diverged_filter_restarts(friction: float, seed: int) -> None:
+    """No state and no sigma is NaN, and a stream restarts where a record does."""
+    record = violent(seed)
+    observer = Observer(TRUCK, SIGNALS, ObserverSettings(friction=friction))
+    assert_same(pushed(observer, record), batched(observer, record))
+    for states in (observer.batch(record), observer.smooth(record)):
+        assert (states.status == Status.INCONSISTENT).mean() > 0.9
+        for name, values in states.values.items():
+            assert np.isfinite(values).all(), name
+            assert np.isfinite(states.sigma[name]).all(), name
+
+
+def test_each_channel_is_linearised_at_the_corrected_state() -> None:
+    """The first sample after a start with a wide sigma, in NumPy; an accelerometer on saturating tyres is nonlinear."""
+    truck = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})
+    observer = Observer(
+        truck, (*SIGNALS, ACCELERATION), ObserverSettings(friction=0.5, gate=1e6, bank=0.0, steer_offset=0.0)
+    )
+    model, inputs = observer.model, [24.0, 0.03, 0.0]
+    n, m = len(model.states), len(model.outputs)
+    variance = np.array([0.2, 0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1, *np.zeros(n - 9), 0.09]) ** 2
+    y, d = np.array([0.1, 0.08, 0.0, 0.0, 3.0]), np.array([*inputs, *inputs])
+    carry = np.concatenate([np.zeros(n), pack_array(np.diag(variance)), np.zeros(n), monitor.START])
+    after, _ = observer.scan(carry, np.concatenate([[0.0], d, y, np.ones(m)])[None], observer.constant)
+
+    c, noise = observer.constant[: len(model.known)], observer.constant[len(model.known) + n * (n + 1) // 2 :][:m]
+    state = ca.SX.sym("x", n)
+    outputs = model.observation(state, d, [], c)
+    h = ca.Function("h", [state], [outputs, ca.jacobian(outputs, state)])
+    x, P = np.zeros(n), np.diag(variance)
+    at_start = np.array(h(x)[1])[-1]
+    for i in range(m):
+        predicted, H = (np.array(value)[i] for value in h(x))
+        K = P @ H / (H @ P @ H + noise[i])
+        x, P = x + K * (y[i] - predicted), P - np.outer(K, H @ P)
+    assert np.abs(H / at_start - 1).max() > 0.2
+    np.testing.assert_allclose(after[:n], x, atol=1e-9)

@@ -23,8 +23,8 @@ linear tyres and u' = 0 the equations are those of `chain`.
 While u' < 0 every axle group brakes (`saturation.braking_force`). The first unit supplies what these forces lack for
 u', such as the drag of side forces. On a rolled body the inertia force -m_s u' acts beside the roll axis: its yaw
 moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the longitudinal forces
-of the couplings. The braking loads contain the X of groups that brake in proportion to their static loads; only the
-rest of X moves load.
+of the couplings. The braking loads contain the X of groups that brake in proportion to their static loads. Of the rest
+only that part moves load which is larger than the braking forces of the units behind: the drag relieves their brakes.
 """
 
 from collections.abc import Mapping
@@ -86,6 +86,7 @@ def large_angles(
     convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
     side_force: dict[str, ca.SX] = {}
     shift, pull, pull_rate = ca.SX.sym("shift"), ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
+    brakes_behind = ca.SX(0)
     load_change = _load_changes(vehicle, shift)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
@@ -117,12 +118,14 @@ def large_angles(
             pull_rate += forward @ (inertia @ J)[:2, :]
             on_coupling = p[f"{unit.name}.mass"] - sum(p[static_load(path)] for path in forces) / GRAVITY
             pull -= on_coupling * speed_rate  # the braking loads contain it
+            brakes_behind += brakes
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
     right = ca.substitute(ca.horzcat(force, ca.jacobian(force, shift)), shift, 0)
     free, slope = ca.horzsplit(chain.solve_positive_definite(M, right))
     arm = _pull_arm(p, vehicle)
     moved = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)  # the accelerations contain it: implicit
+    moved = ca.fmin(moved, 0) + ca.fmax(moved + arm * brakes_behind, 0)
     solved = free + slope * moved
     for row, k in enumerate(velocities):
         rate[k] = solved[row]

@@ -37,7 +37,7 @@ def source(observer: Observer) -> str:
     states = state_names(vehicle, roll=observer.roll)
     floor = [INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states]
     critical = dynamics.critical_speed(vehicle, roll=observer.roll)
-    errors, steered = settings.sensor_errors, vehicle.steer_signals()
+    errors, steered, offsets = settings.sensor_errors, vehicle.steer_signals(), observer.model.offsets
     numbers = {
         "MIN_SPEED": settings.min_speed,
         "MAX_NIS": settings.max_nis,
@@ -45,7 +45,6 @@ def source(observer: Observer) -> str:
         "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
         "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
-        "BANK_MEAN": settings.bank_mean,
     }
     times = {"HOLD": settings.hold, "MAX_GAP": settings.max_gap, "COAST": settings.coast}
     columns = ("time", *observer.inputs, *observer.outputs)
@@ -54,9 +53,9 @@ def source(observer: Observer) -> str:
         "input_rate": [largest_rate(name, settings) for name in observer.inputs],
         "measured_magnitude": [magnitude(name) for name in observer.outputs],
         "steer_gain": [errors.get(f"{name}.gain", 1.0) for name in steered],
-        "steer_offset": [errors.get(f"{name}.offset", 0.0) for name in steered],
         "initial_variance": floor,
-        "unknown_sigma": [settings.bank, *[settings.steer_offset] * len(steered)],
+        "unknown_mean": [settings.bank_mean, *(errors.get(name, 0.0) for name in offsets)],
+        "unknown_sigma": [settings.bank, *map(settings.offset_sigma, offsets)],
         "step_speed": SPEEDS,
         "step_limit": step_limit(vehicle, observer.roll).longest,
     }
@@ -64,6 +63,7 @@ def source(observer: Observer) -> str:
         "FILTER_STATES": len(observer.model.states),
         "MODEL_STATES": len(states),
         "STEER_COUNT": len(steered),
+        "UNKNOWN_COUNT": 1 + len(offsets),
         "ESTIMATES_BANK": int(settings.estimate_bank),
         "SPEED_COUNT": len(SPEEDS),
     }

@@ -94,50 +94,53 @@ def correct(
     Returns:
         State, covariance, the update of each channel, and (gain, row of H) of each channel.
     """
-    nothing = ca.SX(x.shape[0], 0), ca.SX(y.shape[0], 0)
-    corrected = correct_considering(x, covariance, predicted, H, y, weight, r, limit, *nothing)
-    return corrected[0], corrected[1], corrected[3], corrected[4]
+    prior, nothing, channels, gains = x, (ca.SX(x.shape[0], 0), ca.SX(1, 0)), [], []
+    for i in range(y.shape[0]):
+        row = H[i, :]
+        innovation = y[i] - predicted[i] - row @ (x - prior)
+        x, covariance, _, channel, gain = correct_channel(
+            x, covariance, innovation, row, weight[i], r[i], limit, *nothing
+        )
+        channels.append(channel)
+        gains.append((gain, row))
+    return x, covariance, channels, gains
 
 
-def correct_considering(
+def correct_channel(
     x: ca.SX,
     covariance: ca.SX,
-    predicted: ca.SX,
-    H: ca.SX,
-    y: ca.SX,
+    innovation: ca.SX,
+    row: ca.SX,
     weight: ca.SX,
     r: ca.SX,
     limit: ca.SX,
     considered: ca.SX,
     direct: ca.SX,
-) -> tuple[ca.SX, ca.SX, ca.SX, list[ChannelUpdate], list[tuple[ca.SX, ca.SX]]]:
-    """Measurement update with considered parameters, which measurements do not correct (Schmidt 1966).
+) -> tuple[ca.SX, ca.SX, ca.SX, ChannelUpdate, ca.SX]:
+    """Measurement update of one channel with considered parameters, which it does not correct (Schmidt 1966).
 
     The weights are those for exact parameters. Optimal weights would correct the state as if the measurements showed
     the parameters, which a model error does too. The gate allows for the parameters.
 
     Args:
-        x, covariance, predicted, H, y, weight, r, limit: as in `correct`; the covariance is that without them.
+        x, covariance: as in `correct`; the covariance is that without the parameters.
+        innovation: measured less predicted at x.
+        row: derivative (1, n) of the measurement at x.
+        weight, r, limit: as in `correct`, of the channel.
         considered: change (n, k) of the state before the update by one standard deviation of each of k parameters.
-        direct: further change (m, k) of the measurements.
+        direct: further change (1, k) of the measurement.
 
     Returns:
-        State, covariance, `considered` after the update, and channels and gains as in `correct`.
+        State, covariance, `considered` after the update, the update of the channel, and the gain (n, 1).
     """
-    prior, channels, gains = x, [], []
-    for i in range(y.shape[0]):
-        row = H[i, :]
-        innovation = y[i] - predicted[i] - row @ (x - prior)
-        cross, effect = covariance @ row.T, row @ considered + direct[i, :]
-        exact = row @ cross + r[i]
-        variance = exact + ca.sumsqr(effect)
-        accepted = gate(innovation, variance, weight[i], limit)
-        gain = accepted * cross / exact
-        x, considered = x + gain * innovation, considered - gain @ effect
-        covariance = joseph(covariance, cross, gain, row, r[i])
-        channels.append(ChannelUpdate(weight[i] * innovation, variance, accepted))
-        gains.append((gain, row))
-    return x, covariance, considered, channels, gains
+    cross, effect = covariance @ row.T, row @ considered + direct
+    exact = row @ cross + r
+    variance = exact + ca.sumsqr(effect)
+    accepted = gate(innovation, variance, weight, limit)
+    gain = accepted * cross / exact
+    covariance = joseph(covariance, cross, gain, row, r)
+    channel = ChannelUpdate(weight * innovation, variance, accepted)
+    return x + gain * innovation, covariance, considered - gain @ effect, channel, gain
 
 
 def channel_columns(channels: list[ChannelUpdate]) -> ca.SX:

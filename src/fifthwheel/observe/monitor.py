@@ -4,6 +4,8 @@ The health figure is the normalised innovation squared (NIS) of each channel, at
 time; 1 is expected (Bar-Shalom, Li and Kirubarajan 2001, 5.4). Rejected measurements count too: a filter that rejects
 good measurements because its own state is wrong is not healthy.
 
+A filter that has diverged restarts at once: near a jackknife, a model with saturating tyres has no bound.
+
 The measurements disagree with the state if the gate rejects at least half of them, and at least two if there are two:
 of two that contradict each other, one is right.
 """
@@ -24,6 +26,9 @@ MIN_SAMPLES = 10
 CHANCE = 1.5
 """A health figure up to this value may be chance: of 100 squares of white innovations, the average has the standard
 deviation 0.14, and one rejected sample of all channels adds 0.36."""
+
+DIVERGED = 1e3
+"""rad and rad/s; no state of a truck is so large, nor its sigma where any measurement or the start informs it."""
 
 
 def monitor(
@@ -65,6 +70,12 @@ def excess(nis: Array | ca.SX) -> Array | ca.SX:
     """Factor of the variances of the states: how far the NIS exceeds what may be chance; at least 1."""
     ratio = nis / CHANCE
     return ca.fmax(ratio, 1.0) if isinstance(ratio, ca.SX) else np.maximum(ratio, 1.0)
+
+
+def diverged(values: ca.SX, variances: ca.SX, dt: ca.SX) -> ca.SX:
+    """1 if a reported value or its sigma is too large or not a number, else 0; 0 at a start of the filter, dt = 0."""
+    bounded = (ca.norm_1(values) <= DIVERGED) * (ca.sum1(ca.fabs(variances)) <= DIVERGED**2)
+    return (dt > 0) * (1 - bounded)
 
 
 def after_restart(nis: float) -> Array:

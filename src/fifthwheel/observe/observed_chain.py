@@ -1,4 +1,4 @@
-"""The model of an observer: the chain with further unknowns, the bank of the road and the offsets of the steer angles.
+"""The model of an observer: the chain with further unknowns, the bank of the road and the offsets of sensors.
 
 The offsets are states. The bank is a state if measurements are to correct it, otherwise a parameter.
 """
@@ -24,17 +24,19 @@ from fifthwheel.vehicle import Vehicle
 class ObservedChain:
     """A `filters.model.Model` without parameters p, built by `observed_chain`.
 
-    The states are those of the chain, then the offsets of the steer angles.
+    The states are those of the chain, then the offsets.
     """
 
     chain: ChainModel
+    offsets: tuple[str, ...]
+    """Names of the offsets, those of the steer angles first. `chain.free` are those that it depends on."""
     estimates_bank: bool
     """Whether the bank is a state, the last one of the chain; otherwise it is the last parameter of c."""
 
     @property
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        return "observed chain", self.chain.identity, self.estimates_bank
+        return "observed chain", self.chain.identity, self.offsets, self.estimates_bank
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -68,12 +70,12 @@ class ObservedChain:
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Names of the bank and of the offsets."""
-        return (BANK, *self.chain.free)
+        return (BANK, *self.offsets)
 
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
-        return (*(self.chain.states if self.estimates_bank else self.chain.states[:-1]), *self.chain.free)
+        return (*(self.chain.states if self.estimates_bank else self.chain.states[:-1]), *self.offsets)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -96,24 +98,32 @@ class ObservedChain:
 
 
 def observed_chain(
-    vehicle: Vehicle, outputs: Sequence[str], *, roll: bool, estimate_bank: bool, tyres: TyreLaw = "linear"
+    vehicle: Vehicle,
+    outputs: Sequence[str],
+    *,
+    accelerometers: Sequence[str] = (),
+    roll: bool,
+    estimate_bank: bool,
+    tyres: TyreLaw = "linear",
 ) -> ObservedChain:
     """The model of a vehicle; vehicles of equal topology share one model.
 
     Args:
         vehicle, outputs, roll: as in `dynamics.model`, also the errors.
+        accelerometers: signals whose offsets are states, whether or not they are among the outputs.
         estimate_bank: whether the bank is a state.
         tyres: law of the side forces; with saturating tyres, the derivative of the speed is an input.
     """
-    offsets = tuple(f"{name}.offset" for name in vehicle.steer_signals())
-    braking = tyres == "saturating"
-    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=offsets, tyres=tyres, braking=braking)
-    return _observed_chain(chain, estimate_bank)
+    offsets = tuple(f"{name}.offset" for name in (*vehicle.steer_signals(), *accelerometers))
+    known, braking = dynamics.all_parameters(vehicle, outputs), tyres == "saturating"
+    free = tuple(name for name in offsets if name in known)
+    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=free, tyres=tyres, braking=braking)
+    return _observed_chain(chain, offsets, estimate_bank)
 
 
 @functools.cache
-def _observed_chain(chain: ChainModel, estimate_bank: bool) -> ObservedChain:
-    return ObservedChain(chain=chain, estimates_bank=estimate_bank)
+def _observed_chain(chain: ChainModel, offsets: tuple[str, ...], estimate_bank: bool) -> ObservedChain:
+    return ObservedChain(chain=chain, offsets=offsets, estimates_bank=estimate_bank)
 
 
 class _Functions(NamedTuple):
@@ -127,7 +137,7 @@ class _Functions(NamedTuple):
 def _build(model: ObservedChain) -> _Functions:
     """Build the symbolic functions."""
     chain, considered = model.chain, not model.estimates_bank
-    n, m = len(chain.states) - considered, len(chain.free)
+    n, m = len(chain.states) - considered, len(model.offsets)
     x, dt, d, p, c = (
         ca.SX.sym(name, size)
         for name, size in (
@@ -139,10 +149,11 @@ def _build(model: ObservedChain) -> _Functions:
         )
     )
     state, offsets, known = ca.vertcat(x[:n], c[len(chain.known) :]), x[n:], c[: len(chain.known)]
-    later = chain.transition(state, dt, d, offsets, known)[:n]
-    F = chain.state_jacobian(state, dt, d, offsets, known)[:n, :n]
+    free = offsets[[model.offsets.index(name) for name in chain.free]]
+    later = chain.transition(state, dt, d, free, known)[:n]
+    F = chain.state_jacobian(state, dt, d, free, known)[:n, :n]
     F = ca.blockcat([[F, ca.jacobian(later, offsets)], [ca.SX(m, n), ca.SX.eye(m)]])
-    y = chain.observation(state, d, offsets, known)
+    y = chain.observation(state, d, free, known)
     arguments = [x, dt, d, p, c]
     return _Functions(
         transition=ca.Function("transition", arguments, [ca.vertcat(later, offsets)]),

@@ -101,6 +101,7 @@ class Observer:
             observed_chain(
                 self.vehicle,
                 names,
+                accelerometers=[name for name in self.outputs if SignalName.of(name).quantity == ACCELEROMETER],
                 roll=self.roll,
                 estimate_bank=self.settings.estimate_bank,
                 tyres=self.settings.tyres,
@@ -261,7 +262,8 @@ class Observer:
     def smooth(self, record: Record, uncertainty: Uncertainty | None = None) -> States:
         """States of a record given all samples of their segment; arguments and errors as in `batch`.
 
-        A segment ends where the filter starts again. Status and innovations are those of `batch`.
+        A segment ends where the filter starts again. Status and innovations are those of `batch`, and so are the states
+        of a segment in which the smoother diverges.
         """
         return offline.states(record, self._model, uncertainty, smooth=True)
 

@@ -22,7 +22,7 @@ from fifthwheel.filters.initial_state import (
     steer_effects,
 )
 from fifthwheel.filters.model import pack_array
-from fifthwheel.names import SENSOR_ERROR_KINDS, ParameterPath, SensorErrorName, SignalName
+from fifthwheel.names import ACCELEROMETER, SENSOR_ERROR_KINDS, ParameterPath, SensorErrorName, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_step import observer_step
@@ -87,7 +87,7 @@ class ObserverModel:
                     f" {suggestion(name, known)}"
                 )
         estimated = {BANK} if self.model.estimates_bank else set()
-        estimated |= {*self.model.chain.free} if self.settings.steer_offset else set()
+        estimated |= {name for name in self.model.offsets if self.settings.offset_sigma(name)}
         return uncertainty.among(known - estimated)
 
     def pairs(self, uncertainty: Uncertainty) -> list[SigmaPointPair]:
@@ -112,7 +112,7 @@ class ObserverModel:
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
         """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
         settings, outputs = self.settings, self.model.outputs
-        drift = variances.OBSERVER_PROCESS_VARIANCE | {"steer": 0.0}  # offsets are constant
+        drift = variances.OBSERVER_PROCESS_VARIANCE | {"steer": 0.0, ACCELEROMETER: 0.0}  # offsets are constant
         noise = Noise(
             process=variances.process_covariance(self.model.states, drift, settings.process_noise),
             measurement=np.array([variances.sensor_variance(self.vehicle, name, settings.noise) for name in outputs]),
@@ -149,7 +149,7 @@ class ObserverModel:
         errors = self.settings.sensor_errors
         x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.model.roll, bank=means[0])
         P0 = initial_covariance(m, SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA)
-        sigmas = np.array([self.settings.bank, *[self.settings.steer_offset] * len(unknowns[1:])])
+        sigmas = np.array([self.settings.bank, *map(self.settings.offset_sigma, unknowns[1:])])
         bank, *offsets = sigmas[:, None] * self._effects(m)
         states = [bank, *offsets] if self.model.estimates_bank else offsets
         P0 = np.pad(P0, (0, n - len(P0))) + sum((np.outer(effect, effect) for effect in states), np.zeros((n, n)))
@@ -168,7 +168,8 @@ class ObserverModel:
     def _effects(self, m: dynamics.Matrices) -> Array:
         values, steers = self.values(), self.vehicle.steer_signals()
         gains = np.array([values[f"{name}.gain"] for name in steers])
-        moved = np.vstack([bank_effect(m), -gains[:, None] * steer_effects(m)])
+        accelerometers = np.zeros((len(self.model.offsets) - len(steers), len(m.A)))
+        moved = np.vstack([bank_effect(m), -gains[:, None] * steer_effects(m), accelerometers])
         states = moved if self.model.estimates_bank else moved[:, :-1]
         return np.hstack([states, np.eye(len(moved))[:, 1:]])
 

@@ -10,6 +10,7 @@ uncertainty of a least-squares fit: innovations that are larger than the filter 
 of a sensor, which the state has too.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -74,32 +75,52 @@ class FilterStep(NamedTuple):
     covariance: ca.SX  # P (n, n)
     considered: ca.SX  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate]
+    carry: ca.SX  # of the next step, as in `Layout`
+    linearised: tuple[tuple[ca.SX, ca.SX, ca.SX], ...] = ()
+    """Of each channel of an extended Kalman filter: state (n,) of the linearisation, row (1, n) of H, gain (n, 1)."""
+
+
+FilterFunction = Callable[[ObservedChain, Layout, ca.SX, ca.SX, ca.SX], FilterStep]
+"""(model, layout, carry, sample, constant) -> one step of a filter."""
 
 
 def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.SX, constant: ca.SX) -> FilterStep:
-    """Prediction and update; carry, sample and constant as in `Layout`."""
+    """Prediction and update of the (extended) Kalman filter; carry, sample and constant as in `Layout`.
+
+    Each channel is linearised at the state that the channels before it have corrected. After a start with a wide
+    covariance, an accelerometer on saturating tyres then is linearised at the state that the gyros give.
+    """
     x, P, s = split(carry, layout.carry)
     dt, d, y, weight = split(sample, layout.sample)
     c, q, r, limit, _, sigma = split(constant, layout.constant)
-    n, no_p = x.shape[0], ca.SX(0, 1)
-    before, P_before, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
-    predicted, H = kalman.observe(model, before, d, no_p, c)
-    direct = ca.SX(y.shape[0], s.shape[0] // n)
+    n, m, no_p = x.shape[0], y.shape[0], ca.SX(0, 1)
+    before, P, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
+    state = ca.SX.sym("state", n)
+    outputs = model.observation(state, d, no_p, c)
+    H, direct = ca.jacobian(outputs, state), ca.SX(m, s.shape[0] // n)
     s = ca.reshape(s, n, direct.shape[1])
     if not model.estimates_bank:
         bank = c[model.known.index(BANK)]
         s = F @ s + ca.jacobian(before, bank) * sigma
-        state = ca.SX.sym("state", n)
-        direct = ca.substitute(ca.jacobian(model.observation(state, d, no_p, c), bank), state, before) * sigma
-    after, P_after, s, channels, _ = kalman.correct_considering(
-        before, P_before, predicted, H, y, weight, r, limit, s, direct
-    )
-    return FilterStep(before, after, P_after, s, channels)
+        direct = ca.jacobian(outputs, bank) * sigma
+    x, channels, linearised = before, [], []
+    for i in range(m):
+        predicted, row, effect = ca.substitute([outputs[i], H[i, :], direct[i, :]], [state], [x])
+        point, innovation = x, y[i] - predicted
+        x, P, s, channel, gain = kalman.correct_channel(x, P, innovation, row, weight[i], r[i], limit, s, effect)
+        channels.append(channel)
+        linearised.append((point, row, gain))
+    return FilterStep(before, x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
 
 
 @compiled(Scan)
 def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
-    """The compiled step: a Kalman filter of `model` with the outputs of `report` and their variances.
+    """The compiled step of an observer; see `monitored_step`."""
+    return monitored_step(model, report, filter_step)
+
+
+def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: FilterFunction) -> ca.Function:
+    """A filter of `model` with the outputs of `report`, their variances, and the monitor.
 
     carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
     considered bank, settings of the monitor]; output = [reported, their variances, innovation, variance, accepted, NIS,
@@ -120,11 +141,13 @@ def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     _, _, _, limit, c_report, _ = split(numbers, layout.constant)
     step = filter_step(model, layout, filtered, sample, numbers)
     reported, H = kalman.observe(report, step.after, d, ca.SX(0, 1), c_report)
-    variances = [
-        H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])
-    ]
+    variances = ca.vertcat(
+        *[H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])]
+    )
     monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, limit, monitor_settings)
-    excess = monitor.excess(findings[0])
-    carried = ca.vertcat(step.after, pack(step.covariance), ca.vec(step.considered), monitored)
-    output = ca.vertcat(reported, excess * ca.vertcat(*variances), kalman.channel_columns(step.channels), findings)
+    nis, disagrees = ca.vertsplit(findings)
+    restart = ca.fmax(disagrees, monitor.diverged(reported, variances, dt))
+    carried = ca.vertcat(step.carry, monitored)
+    channels = kalman.channel_columns(step.channels)
+    output = ca.vertcat(reported, monitor.excess(nis) * variances, channels, nis, restart)
     return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})

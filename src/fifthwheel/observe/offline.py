@@ -49,39 +49,73 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
     status, segments = observer_segments(record, model, observer.settings, observer.step_limit)
     n, m = len(observer.report.outputs), len(model.outputs)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
-    ungated, accepted = observer.constant(gate=np.inf), slice(2 * (n + m), 2 * (n + m) + m)
-    points = SigmaPoints.of(observer, pairs)
+    accepted = slice(2 * (n + m), 2 * (n + m) + m)
+    points, with_bank = SigmaPoints.of(observer, pairs), BANK in uncertain.names
     for segment in segments:
         for part, start, filtered in filtered_parts(observer, segment):
             samples, rows = part.samples, part.rows
             output[samples] = filtered[part.sample_indices]
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
-            run = partial(smoother_pass, model, observer.report, rows)
-            excess = monitor.excess(output[samples, -2:-1])
-            own = output[samples, n : 2 * n] / excess
-            if smooth:
-                start = start[: len(model.states) + packed_size(len(model.states))]
-                output[samples, :n], own = np.hsplit(run(start[None], ungated[None])[0, part.sample_indices], 2)
-                output[samples, n : 2 * n] = own * excess
-            if pairs:
-                effects, with_bank = observer.effects(part.first), BANK in uncertain.names
-                variance = (
-                    sigma_point_variance(points, effects, start, run, observer.scan.lanes)
-                    if smooth
-                    else parameter_variance(
-                        model, observer.report, points, effects, start, rows, ungated, with_bank=with_bank
-                    )
-                )
-                total = np.maximum(own + variance[part.sample_indices], 0.0)
-                # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
-                raised = np.where(total < own, excess * total, output[samples, n : 2 * n])  # less: the bank is known
-                output[samples, n : 2 * n] = np.maximum(total, raised)
-            del part, filtered, rows, run  # the memory of a long record
+            reported = partial(reported_states, observer, part, start, output[samples], points, with_bank=with_bank)
+            if smooth and is_finite(result := reported(smooth=True)):
+                output[samples, : 2 * n] = result
+            elif smooth or pairs:  # the states of the filter remain where the smoother diverges
+                output[samples, : 2 * n] = reported(smooth=False)
+            del part, filtered, rows, reported  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
         inconsistent = within[:, -2] > settings.max_nis
         status[segment.samples] = np.select([inconsistent, coasting], [Status.INCONSISTENT, Status.COASTING], Status.OK)
     return _states(record, observer, output, status)
+
+
+def is_finite(result: Array) -> bool:
+    """Whether values and variances (N, 2 n) are finite and no variance is negative."""
+    return bool(np.isfinite(result).all() and (np.hsplit(result, 2)[1] >= 0).all())
+
+
+def reported_states(
+    observer: ObserverModel,
+    part: ObserverSegment,
+    start: Array,
+    output: Array,
+    points: SigmaPoints,
+    *,
+    with_bank: bool,
+    smooth: bool,
+) -> Array:
+    """Values and variances (N, 2 n) of the reported signals for the N samples of a part.
+
+    Args:
+        observer: the models and the settings.
+        part: its rows have weights only where the filter accepted the measurement.
+        start: carry before the first row, without the monitor.
+        output: of the filter (N, n_output).
+        points: sigma points of the uncertain parameters.
+        with_bank: whether the bank is one of them.
+        smooth: with all samples of the part, instead of the past ones.
+    """
+    model, n, ungated = observer.model, len(observer.report.outputs), observer.constant(gate=np.inf)
+    excess = monitor.excess(output[:, -2:-1])
+    values, raised = output[:, :n], output[:, n : 2 * n]
+    own = raised / excess
+    run = partial(smoother_pass, model, observer.report, part.rows)
+    if smooth:
+        start = start[: len(model.states) + packed_size(len(model.states))]
+        values, own = np.hsplit(run(start[None], ungated[None])[0, part.sample_indices], 2)
+        raised = own * excess
+    if not points.steps.size:
+        return np.hstack([values, raised])
+    effects = observer.effects(part.first)
+    variance = (
+        sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+        if smooth
+        else parameter_variance(model, observer.report, points, effects, start, part.rows, ungated, with_bank=with_bank)
+    )
+    total = np.maximum(own + variance[part.sample_indices], 0.0)
+    # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
+    raised = np.where(total < own, excess * total, raised)  # less: the bank is known
+    return np.hstack([values, np.maximum(total, raised)])
 
 
 def _uncertain(
@@ -100,23 +134,27 @@ def _uncertain(
 def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterator[tuple[ObserverSegment, Array, Array]]:
     """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs.
 
-    The rows of a part are its own.
+    The rows of a part are its own. As in `Observer.push`, the filter restarts at samples only; rows between the last
+    sample of a part and the restart belong to no part, because the filter may have diverged there.
     """
     constant, start = observer.constant(), observer.start(segment.first)
     carry, first, row = np.append(start, monitor.START), 0, 0
-    outputs = np.empty((len(segment.rows), observer.scan.n_output))
+    outputs, samples = np.empty((len(segment.rows), observer.scan.n_output)), segment.sample_indices
+    is_sample = np.zeros(len(segment.rows), dtype=bool)
+    is_sample[samples] = True
     while row < len(segment.rows):
         end = row + CHUNK
         rows = segment.rows[row:end] if row > first else segment.part(first, end).rows
         carry, output = observer.scan(carry, rows, constant)
-        restarts = np.flatnonzero(output[:, -1])
+        restarts = np.flatnonzero((output[:, -1] > 0) & is_sample[row:end])
         outputs[row:end] = output
         if not restarts.size:
             row = end
             continue
         restart = int(restarts[0])
         row += restart
-        yield segment.part(first, row), start, outputs[first:row]
+        end = samples[np.searchsorted(samples, row) - 1] + 1
+        yield segment.part(first, end), start, outputs[first:end]
         first, start = row, observer.start(segment.inputs(row), suspect=True)
         carry = np.append(start, monitor.after_restart(output[restart, -2]))
     yield segment.part(first, row), start, outputs[first:]

@@ -5,7 +5,7 @@ stays as it is: its change acts on innovations only, which are small. It would c
 percent, and needs ten times the operations.
 
     x'- = F x' + dx-/dp p'                 prediction
-    x'  = x'- - K (H x'- + dh/dp p')       update
+    x'  = x'- - K (H x'- + dh/dp p')       update, channel by channel
 
 The variance of a signal is the sum of the squares of its sensitivities along the columns of a square root of the
 covariance of the parameters.
@@ -18,7 +18,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import pack, split
+from fifthwheel.filters.model import split
 from fifthwheel.native import DirectionScan, compiled
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_step import Layout, filter_step
@@ -48,24 +48,23 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
         )
     )
     x, *_ = split(carry, layout.carry)
-    dt, d, y, _ = split(sample, layout.sample)
+    dt, d, _, _ = split(sample, layout.sample)
     c, *_, c_report, _ = split(constant, layout.constant)
     c_dot, report_dot = split(parameters_dot, [n_c, n_report])
     no_p, state = ca.SX(0, 1), ca.SX.sym("state", n_x)
-    before, after, P_after, considered, _ = filter_step(model, layout, carry, sample, constant)
-    gain = ca.jacobian(after, y)
+    step = filter_step(model, layout, carry, sample, constant)
     before_dot = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
-    along = ca.vertcat(before_dot, c_dot)
-    predicted_dot = ca.jtimes(model.observation(state, d, no_p, c), ca.vertcat(state, c), along)
-    after_dot = before_dot - gain @ ca.substitute(predicted_dot, state, before)
+    direct_dot, after_dot = ca.jtimes(model.observation(state, d, no_p, c), c, c_dot), before_dot
+    for i, (point, row, gain) in enumerate(step.linearised):
+        after_dot = after_dot - gain @ (row @ after_dot + ca.substitute(direct_dot[i], state, point))
     reported = report.observation(state, d, no_p, c_report)
-    _, H = kalman.observe(report, after, d, no_p, c_report)
+    _, H = kalman.observe(report, step.after, d, no_p, c_report)
     reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
     results = [
-        ca.vertcat(after, pack(P_after), ca.vec(considered)),
-        ca.sum2((H @ considered) ** 2),
+        step.carry,
+        ca.sum2((H @ step.considered) ** 2),
         after_dot,
-        ca.substitute(reported_dot, state, after),
+        ca.substitute(reported_dot, state, step.after),
     ]
     arguments = [carry, sample, constant, x_dot, parameters_dot]
     return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})

@@ -9,6 +9,7 @@ from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION_RANGE, HALF_TRACK,
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
+from fifthwheel.names import ACCELEROMETER, SignalName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +60,9 @@ class ObserverSettings:
     steer_offset: float = 0.01
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
+    acceleration_offset: float = 0.3
+    """The same for the offset of every lateral accelerometer, m/s^2. It contains gravity by the tilt of the mounting:
+    1 deg gives 0.17 m/s^2."""
     friction: float | None = None
     """Peak friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2, braking in a turn
     and slippery roads: 0.75 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
@@ -100,7 +104,7 @@ class ObserverSettings:
             )
         if not (_is_finite(self.half_track) and 0.3 <= self.half_track <= 2):
             raise SignalError(f"half_track: expected 0.3 to 2 m, got {self.half_track}; give half the track width in m")
-        for name in ("hold", "process_noise", "restart_after"):
+        for name in ("hold", "process_noise", "restart_after", "acceleration_offset"):
             if not getattr(self, name) >= 0:
                 raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; give 0 to switch it off")
         for name, smallest in (("bank", 0.0), ("bank_mean", -1.0), ("steer_offset", 0.0)):
@@ -125,6 +129,10 @@ class ObserverSettings:
                 raise SignalError(
                     f"{name}: expected a finite variance above 0, got {variance}; give the noise variance in SI"
                 )
+
+    def offset_sigma(self, name: str) -> float:
+        """Prior standard deviation of the offset of a steer angle or accelerometer, SI."""
+        return self.acceleration_offset if SignalName.of(name).quantity == ACCELEROMETER else self.steer_offset
 
     @property
     def tyres(self) -> TyreLaw:

@@ -16,7 +16,7 @@
 #define FW_NIS (FW_OUTPUTS - 2)
 #define FW_RESTART (FW_OUTPUTS - 1)
 #define FW_SAMPLE (1 + (2 * FW_MODEL_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
-#define FW_U (1 + FW_STEER_COUNT) /* unknowns: the bank of the road and the offsets of the steer angles */
+#define FW_U FW_UNKNOWN_COUNT /* the bank of the road, and the offsets of the steer angles and accelerometers */
 #define FW_MAX_STEPS 100000.0
 #define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
 
@@ -40,12 +40,12 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
             row[j] = FW_REAL(0.0);
         }
         if (stable) {
-            row[0] = -effect[i] * FW_BANK_MEAN;
+            row[0] = -effect[i] * fw_unknown_mean[0];
             row[1] = -effect[i] * fw_unknown_sigma[0];
         }
         for (int j = 0; stable && (j < FW_STEER_COUNT); j++) {
             const fw_real gain = b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j];
-            row[0] -= gain * (inputs[1 + j] - fw_steer_offset[j]);
+            row[0] -= gain * (inputs[1 + j] - fw_unknown_mean[1 + j]);
             row[2 + j] = gain * fw_unknown_sigma[1 + j];
         }
         for (int j = 0; j < FW_N; j++) {
@@ -65,7 +65,7 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
         if (i < FW_N) {
             carry[i] = x[i * (1 + FW_U)];
         } else {
-            carry[i] = (unknown == 0) ? FW_BANK_MEAN : fw_steer_offset[unknown - 1];
+            carry[i] = fw_unknown_mean[unknown];
         }
     }
     for (int j = 0; j < FW_FILTER_STATES; j++) { /* lower triangle by columns */

@@ -22,7 +22,7 @@ from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import SignalName, is_sensor_error
+from fifthwheel.names import ACCELEROMETER, SignalName, is_sensor_error
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.plots import Plot
@@ -323,20 +323,32 @@ class Identification:
 
 
 def _unknowns(identification: Identification, log: str | None) -> dict[str, float]:
-    """Mean and sigma of the bank, and sigma of the steering offset, as arguments of `ObserverSettings`.
+    """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
 
-    If there is a joint covariance, it contains the offset of a log, so that it is exact for the observer of that log.
+    If there is a joint covariance, it contains the offsets of a log, so that they are exact for the observer of that
+    log.
     """
     settings = identification.settings
     if not settings.nuisances:
-        return {"bank": 0.0, "steer_offset": 0.0}
+        return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
     prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
     mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
     own = [error for error in identification.sensors if error.log is not None and error.log == log]
-    offsets = [error.sigma for error in own if _is_steer_offset(error.name)]
-    known = identification.covariance is not None and offsets
-    offset = 0.0 if known else max(offsets, default=settings.steer_offset_prior)
-    return {"bank_mean": mean, "bank": bank, "steer_offset": offset}
+
+    def offset(quantity: str, prior: float) -> float:
+        offsets = [error for error in own if is_sensor_error(error.name, "offset")]
+        sigmas = [error.sigma for error in offsets if SignalName.of(error.name).quantity == quantity]
+        known = identification.covariance is not None and sigmas
+        return 0.0 if known else max(sigmas, default=prior)
+
+    other = ObserverSettings.acceleration_offset
+    acceleration = settings.acceleration_offset_prior if isinstance(settings, OneStage) else other
+    return {
+        "bank_mean": mean,
+        "bank": bank,
+        "steer_offset": offset("steer", settings.steer_offset_prior),
+        "acceleration_offset": offset(ACCELEROMETER, acceleration),
+    }
 
 
 def _friction(identification: Identification) -> float | None:
@@ -344,7 +356,3 @@ def _friction(identification: Identification) -> float | None:
     if not isinstance(settings, OneStage) or settings.tyre_law == "linear":
         return None
     return next((e.value for e in identification.parameters if e.name == FRICTION), settings.friction)
-
-
-def _is_steer_offset(name: str) -> bool:
-    return is_sensor_error(name, "offset") and SignalName.of(name).quantity == "steer"
