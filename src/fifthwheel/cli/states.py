@@ -85,8 +85,8 @@ def states(
     contradict the vehicle, the speed or the steer angle.
 
     load_transfer.<axle group> is the load of the right wheels less that of the left ones, divided by their sum. Where
-    predicted_load_transfer.<axle group>, its value in 0.3 s at its present rate, is beyond 1 or -1, a wheel is about to
-    lift.
+    predicted_load_transfer.<axle group>, its value in 0.2 s at its present rate, is 0.9 or more in magnitude, a wheel
+    is about to lift.
 
     With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
     for the identification, its sensor errors are estimated from the log itself.
