@@ -85,6 +85,8 @@ def live(
         typer.Option(help="Port of the page, for this computer only, such as 8080; or HOST:PORT."),
     ] = None,
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this speed, m/s, there are no states.")] = 5.0,
+    friction: options.FrictionOption = None,
+    half_track: options.HalfTrackOption = options.HALF_TRACK,
     allow_outside: options.AllowOutsideOption = False,
     force: options.ForceFileOption = False,
 ) -> None:
@@ -104,6 +106,8 @@ def live(
         raise FifthwheelError("--state, --trailer, --trailer-signal and --lock are for --learn; add it")
     if learn and identification:
         raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
+    if learn and (friction is not None or half_track != options.HALF_TRACK):
+        raise FifthwheelError("--friction and --half-track are for runs without --learn; omit them")
     stop = threading.Event()
     inputs = Inputs(
         vehicle=vehicle,
@@ -119,6 +123,8 @@ def live(
         trailer_signal=trailer_signal,
         locks=tuple(lock or ()),
         min_speed=min_speed,
+        friction=friction,
+        half_track=half_track,
         allow_outside=allow_outside,
     )
     outputs = Outputs(

@@ -54,25 +54,8 @@ def states(
             help="Also estimate the bank of the road. Default: sigma contains the bank.",
         ),
     ] = False,
-    friction: Annotated[
-        float | None,
-        typer.Option(
-            "--friction",
-            min=0.05,
-            max=1.5,
-            help="Tyres saturate at this friction of the road: 0.8 dry, 0.6 wet, 0.3 snow. For lateral accelerations "
-            "above 3 m/s² and slippery roads. Default: linear tyres.",
-        ),
-    ] = None,
-    half_track: Annotated[
-        float,
-        typer.Option(
-            min=0.3,
-            max=2.0,
-            help="Centre line to the middle of the tyres of one side, m, for the load transfer ratios; twin tyres "
-            "about 0.92.",
-        ),
-    ] = 1.0,
+    friction: options.FrictionOption = None,
+    half_track: options.HalfTrackOption = options.HALF_TRACK,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
