@@ -140,6 +140,8 @@ def test_states_parquet(identified, folder):
     units = ("tractor", "semitrailer")
     states = [f"{q}.{u}" for q in ("sideslip", "yaw_rate", "roll", "roll_rate") for u in units]
     states.append("articulation.semitrailer")
+    groups = ("tractor.front", "tractor.drive", "semitrailer")
+    states += [f"{q}.{group}" for q in ("load_transfer", "predicted_load_transfer") for group in groups]
     assert set(table.column_names) == {"time", "status", "nis", "log", *states, *[f"{name}.sigma" for name in states]}
     logs = np.array(table["log"].to_pylist())
     assert {name: int((logs == name).sum()) for name in set(logs)} == {"first": 1600, "second": 1600, "flat": 800}

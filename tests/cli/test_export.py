@@ -24,7 +24,16 @@ def test_the_files(options: tuple[str, ...], files: tuple[str, ...], tmp_path: P
     assert ("estimated" in described) == bool(options)
 
 
-@pytest.mark.parametrize("options", [("--learner", "--bank"), ("--passes", "2"), ("--segment", "100")])
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--learner", "--bank"),
+        ("--learner", "--friction", "0.3"),
+        ("--learner", "--half-track", "0.92"),
+        ("--passes", "2"),
+        ("--segment", "100"),
+    ],
+)
 def test_contradicting_options(options: tuple[str, ...], tmp_path: Path) -> None:
     done = CliRunner().invoke(app, [*SIGNALS, *options, "--out", str(tmp_path / "c")])
     assert isinstance(done.exception, FifthwheelError)

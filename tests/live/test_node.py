@@ -6,9 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from fifthwheel.live.build import completed_map, make_observer
 from fifthwheel.live.status import Fault, NodeStatus
 from fifthwheel.logs.can.decoder import Frame
-from tests.live.truck_bus import driven, frames, observer_node, write_files
+from tests.live.truck_bus import TRUCK, driven, frames, observer_node, write_files
 
 RECORD = driven()
 AT = 3.0
@@ -230,10 +231,16 @@ class Lifting:
         raise AssertionError
 
 
-@pytest.mark.parametrize("ratio", [0.95, -1.05])
+@pytest.mark.parametrize("ratio", [0.85, -0.95])
 def test_a_wheel_that_is_about_to_lift(node, ratio):
     """Is a fault of the truck, not of the states."""
     node.estimator = Lifting(ratio)
     found = [output for frame in stream() for output in node.receive(frame)][50:]
     assert {output.status for output in found} == {NodeStatus.OK}
-    assert {bool(output.faults & Fault.WHEEL_LIFT) for output in found} == {abs(ratio) > 1}
+    assert {bool(output.faults & Fault.WHEEL_LIFT) for output in found} == {abs(ratio) > 0.9}
+
+
+def test_settings_of_the_observer(tmp_path):
+    complete = completed_map(write_files(tmp_path))
+    settings = make_observer(TRUCK, complete, None, 5.0, friction=0.3, half_track=0.92).settings
+    assert (settings.friction, settings.half_track) == (0.3, 0.92)

@@ -99,7 +99,7 @@ def test_a_browser_shows_states_and_drawings(page, tmp_path, width):
         shown.open(page.address, width)
         shown.wait_for("document.getElementById('status').textContent === 'ok'")
         assert shown.evaluate("document.documentElement.scrollWidth") <= width
-        assert shown.evaluate("document.querySelectorAll('#plots canvas').length") == 4
+        assert shown.evaluate("document.querySelectorAll('#plots canvas').length") == 5
         assert "rotate(" in shown.evaluate("document.querySelector('#above g').getAttribute('transform')")
         painted = """[...document.querySelectorAll('#plots canvas')].every((canvas) =>
             canvas.getContext('2d').getImageData(60, 0, canvas.width - 60, canvas.height).data.some((v) => v))"""

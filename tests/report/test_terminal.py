@@ -3,6 +3,7 @@
 import io
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -76,6 +77,14 @@ def test_states(result):
     assert "sideslip.semitrailer" in text
     assert "too slow for the model" in " ".join(text.split())
     assert "yaw_rate.tractor" in text
+
+
+def test_a_wheel_lift_is_announced(result):
+    (states, *_) = result.states
+    lifting = {**states.values, "predicted_load_transfer.semitrailer": np.where(states.time < 2, 0.0, -0.95)}
+    text = printed(show_states, [replace(states, values=lifting)], result.records)
+    assert f"A wheel is about to lift at {states.time[states.time >= 2][0]:.1f} s." in text
+    assert "lift" not in printed(show_states, [states], result.records)
 
 
 def test_without_a_console(result, capsys):

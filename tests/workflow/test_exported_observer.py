@@ -12,7 +12,8 @@ TRUCK = get("cheng_cebon_2011")
 
 
 def test_default_signals() -> None:
-    observer = exported_observer(TRUCK, min_speed=7.0)
+    observer = exported_observer(TRUCK, min_speed=7.0, friction=0.3, half_track=0.92)
+    assert (observer.settings.friction, observer.settings.half_track) == (0.3, 0.92)
     assert observer.inputs == ("speed", *TRUCK.steer_signals())
     assert len(observer.outputs) == 4
     assert observer.settings.min_speed == 7.0

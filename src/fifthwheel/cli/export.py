@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -52,6 +52,8 @@ def c(
     ] = None,
     min_speed: MinSpeedOption = 5.0,
     bank: BankOption = False,
+    friction: options.FrictionOption = None,
+    half_track: options.HalfTrackOption = options.HALF_TRACK,
     learner: Annotated[
         bool, typer.Option("--learner", help="Write the learner, which also estimates the parameters of the vehicle.")
     ] = False,
@@ -83,6 +85,8 @@ def c(
     if learner:
         if bank:
             raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
+        if friction is not None or half_track != options.HALF_TRACK:
+            raise FifthwheelError("--friction, --half-track: settings of an observer; omit them, or --learner")
         stored = Identification.load(identification) if identification else None
         estimator = exported_learner(
             read_vehicle(vehicle), signal, stored, min_speed=min_speed, passes=passes, segment=segment
@@ -96,7 +100,8 @@ def c(
     else:
         if passes is not None or segment is not None:
             raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
-        estimator = _observer(vehicle, identification, signal, min_speed, bank=bank)
+        settings = {"min_speed": min_speed, "estimate_bank": bank, "friction": friction, "half_track": half_track}
+        estimator = _observer(vehicle, identification, signal, settings)
         described = {"inputs": estimator.inputs, "measured": estimator.outputs, "states": estimator.reported}
     read = [Path(vehicle), *([identification] if identification else [])]
     names = LEARNER_FILES if learner else FILES
@@ -146,6 +151,8 @@ def fmu(
     ] = None,
     min_speed: MinSpeedOption = 5.0,
     bank: BankOption = False,
+    friction: options.FrictionOption = None,
+    half_track: options.HalfTrackOption = options.HALF_TRACK,
     sources_only: Annotated[
         bool, typer.Option("--sources-only", help="No libraries; the importer compiles the sources.")
     ] = False,
@@ -166,14 +173,20 @@ def fmu(
 
     path = out or Path(f"fifthwheel-{what}.fmu")
     platforms = () if sources_only else tuple(PLATFORMS)
-    observer_only = {"--identification": identification, "--bank": bank}
+    observer_only = {
+        "--identification": identification,
+        "--bank": bank,
+        "--friction": friction,
+        "--half-track": half_track != options.HALF_TRACK,
+    }
     refused = {"--tunable": tunable} if what is Subject.observer else observer_only
     if names := [option for option, value in refused.items() if value]:
         other = Subject.truck if what is Subject.observer else Subject.observer
         raise FifthwheelError(f"{', '.join(names)}: only for --what {other}; remove it, or export the {other}")
     with reserved(path, force=force):
         if what is Subject.observer:
-            observer = _observer(vehicle, identification, signal, min_speed, bank=bank)
+            settings = {"min_speed": min_speed, "estimate_bank": bank, "friction": friction, "half_track": half_track}
+            observer = _observer(vehicle, identification, signal, settings)
             export_fmu(observer, path, fmi=fmi, platforms=platforms)
         else:
             export_fmu(read_vehicle(vehicle), path, fmi=fmi, outputs=signal, tunable=tunable, platforms=platforms)
@@ -184,11 +197,11 @@ def fmu(
 
 
 def _observer(
-    vehicle: str, identification: Path | None, signals: list[str] | None, min_speed: float, *, bank: bool
+    vehicle: str, identification: Path | None, signals: list[str] | None, settings: dict[str, Any]
 ) -> "Observer":
     """The observer that the options describe."""
     from fifthwheel.identify import Identification
     from fifthwheel.workflow import exported_observer, read_vehicle
 
     stored = Identification.load(identification) if identification else None
-    return exported_observer(read_vehicle(vehicle), signals, stored, min_speed=min_speed, estimate_bank=bank)
+    return exported_observer(read_vehicle(vehicle), signals, stored, **settings)

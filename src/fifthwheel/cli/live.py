@@ -97,6 +97,8 @@ def live(
         typer.Option(help="Port of the page, for this computer only, such as 8080; or HOST:PORT."),
     ] = None,
     min_speed: Annotated[float, typer.Option(min=0.5, help="Below this speed, m/s, there are no states.")] = 5.0,
+    friction: options.FrictionOption = None,
+    half_track: options.HalfTrackOption = options.HALF_TRACK,
     allow_outside: options.AllowOutsideOption = False,
     force: options.ForceFileOption = False,
 ) -> None:
@@ -116,6 +118,8 @@ def live(
         raise FifthwheelError("--state, --trailer, --trailer-signal, --lock and --tyres are for --learn; add it")
     if learn and identification:
         raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
+    if learn and (friction is not None or half_track != options.HALF_TRACK):
+        raise FifthwheelError("--friction and --half-track are for runs without --learn; omit them")
     stop = threading.Event()
     inputs = Inputs(
         vehicle=vehicle,
@@ -132,6 +136,8 @@ def live(
         locks=tuple(lock or ()),
         tyres=tyres.value,
         min_speed=min_speed,
+        friction=friction,
+        half_track=half_track,
         allow_outside=allow_outside,
     )
     outputs = Outputs(

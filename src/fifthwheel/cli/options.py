@@ -55,6 +55,26 @@ class FigureFormat(StrEnum):
     pdf = "pdf"
 
 
+FrictionOption = Annotated[
+    float | None,
+    typer.Option(
+        "--friction",
+        min=0.05,
+        max=1.5,
+        help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.6 wet, 0.3 snow. For lateral accelerations "
+        "above 3 m/s², braking in a turn and slippery roads. Default: that of the identification, or linear tyres.",
+    ),
+]
+HALF_TRACK = 1.0
+HalfTrackOption = Annotated[
+    float,
+    typer.Option(
+        min=0.3,
+        max=2.0,
+        help="Centre line to the middle of the tyres of one side, m, for the load transfer ratios; twin tyres about "
+        "0.92.",
+    ),
+]
 FiguresOption = Annotated[
     FigureFormat | None,
     typer.Option("--figures", help="Also write every figure of the report to OUT/figures; needs matplotlib."),

@@ -54,26 +54,8 @@ def states(
             help="Also estimate the bank of the road. Default: sigma contains the bank.",
         ),
     ] = False,
-    friction: Annotated[
-        float | None,
-        typer.Option(
-            "--friction",
-            min=0.05,
-            max=1.5,
-            help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.6 wet, 0.3 snow. For lateral "
-            "accelerations above 3 m/s², braking in a turn and slippery roads. Default: that of the identification, or "
-            "linear tyres.",
-        ),
-    ] = None,
-    half_track: Annotated[
-        float,
-        typer.Option(
-            min=0.3,
-            max=2.0,
-            help="Centre line to the middle of the tyres of one side, m, for the load transfer ratios; twin tyres "
-            "about 0.92.",
-        ),
-    ] = 1.0,
+    friction: options.FrictionOption = None,
+    half_track: options.HalfTrackOption = options.HALF_TRACK,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
@@ -86,8 +68,8 @@ def states(
     contradict the vehicle, the speed or the steer angle.
 
     load_transfer.<axle group> is the load of the right wheels less that of the left ones, divided by their sum. Where
-    predicted_load_transfer.<axle group>, its value in 0.3 s at its present rate, is beyond 1 or -1, a wheel is about to
-    lift.
+    predicted_load_transfer.<axle group>, its value in 0.2 s at its present rate, is 0.9 or more in magnitude, a wheel
+    is about to lift.
 
     With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
     for the identification, its sensor errors are estimated from the log itself.

@@ -29,8 +29,8 @@ LOAD_TRANSFER = "load_transfer"
 PREDICTED_LOAD_TRANSFER = "predicted_load_transfer"
 """Quantity of the load transfer ratio of an axle group after `HORIZON`, at its present rate: the predictive load
 transfer ratio (C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention systems, IEEE
-Transactions on Vehicular Technology 62, 2013). At 1 or -1 a wheel is about to lift."""
-HORIZON = 0.3
+Transactions on Vehicular Technology 62, 2013)."""
+HORIZON = 0.2
 """s."""
 
 

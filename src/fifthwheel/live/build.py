@@ -1,5 +1,7 @@
 """A node from the files of a user: vehicle, signal map, identification, learner."""
 
+from typing import Any
+
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.live.node import Estimator, Node
@@ -49,7 +51,7 @@ def completed_map(signal_map: SignalMap) -> SignalMap:
 
 
 def make_observer(
-    vehicle: Vehicle, signal_map: SignalMap, identification: Identification | None, min_speed: float
+    vehicle: Vehicle, signal_map: SignalMap, identification: Identification | None, min_speed: float, **settings: Any
 ) -> Observer:
     """The observer of a vehicle with the signals of a map.
 
@@ -57,7 +59,7 @@ def make_observer(
         vehicle: with its numbers.
         signal_map: as `completed_map` gives it.
         identification: for the sensor errors and the noise.
-        min_speed: see `ObserverSettings`.
+        min_speed, settings: of `exported_observer`.
 
     Raises:
         SignalError: the signals are not sufficient.
@@ -65,7 +67,7 @@ def make_observer(
     """
     every = Observer(vehicle, signal_map.signals)
     used = [name for name in signal_map.signals if name in (*every.inputs, *every.outputs)]
-    observer = exported_observer(vehicle, used, identification, min_speed=min_speed)
+    observer = exported_observer(vehicle, used, identification, min_speed=min_speed, **settings)
     straight = dict.fromkeys(used, 0.0) | {"speed": 2 * min_speed}
     for time in (0.0, 0.01):  # compiles it now, and not while driving
         observer.push({"time": time, **straight})

@@ -23,6 +23,7 @@ from fifthwheel.live.sources.bus import LiveBus
 from fifthwheel.live.sources.listen import frame_queue, listen
 from fifthwheel.live.sources.replay import read_trace, replay
 from fifthwheel.logs import SignalMap
+from fifthwheel.observe import ObserverSettings
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import read_vehicle
 
@@ -54,6 +55,9 @@ class Inputs:
     """Law of the side forces that is learned."""
     min_speed: float = 5.0
     """m/s."""
+    friction: float | None = None
+    half_track: float = ObserverSettings.half_track
+    """m; see `ObserverSettings`."""
     allow_outside: bool = False
     """See `SignalMap.load`."""
 
@@ -156,7 +160,8 @@ def _node(inputs: Inputs, vehicle: Vehicle, signal_map: SignalMap) -> tuple[Node
         )
         return make_node(complete, learning, extra=extra), learning, learning.learner.reported
     identification = Identification.load(inputs.identification) if inputs.identification else None
-    observer = make_observer(vehicle, complete, identification, inputs.min_speed)
+    surroundings = {"friction": inputs.friction, "half_track": inputs.half_track}
+    observer = make_observer(vehicle, complete, identification, inputs.min_speed, **surroundings)
     return make_node(complete, observer, extra=extra), None, observer.reported
 
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 
 PREDICTED = f"{PREDICTED_LOAD_TRANSFER}."
+LIFT_LIMIT = 0.9
+"""The first axle of a group lifts when the load transfer ratio of the group is about 0.95; errors are about 0.05."""
 
 
 class Status(IntEnum):
@@ -52,13 +54,13 @@ class Status(IntEnum):
 
 
 def wheel_lifts(values: Mapping[str, Any]) -> Any:
-    """Whether a wheel is about to lift: a predicted load transfer ratio is 1 or -1, or beyond.
+    """Whether a wheel is about to lift: the magnitude of a predicted load transfer ratio is `LIFT_LIMIT` or more.
 
     Args:
         values: states by name, numbers or arrays.
     """
     names = [n for n in values if n.startswith(PREDICTED) and not n.endswith(".sigma")]
-    return functools.reduce(operator.or_, [abs(values[name]) >= 1 for name in names], False)
+    return functools.reduce(operator.or_, [abs(values[name]) >= LIFT_LIMIT for name in names], False)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -116,7 +118,7 @@ class States:
             if name not in self.values:
                 raise SignalError(f"{name}: not among the states; {suggestion(name, self.values)}")
         invalid = self._spans(~np.isin(self.status, (Status.OK, Status.COASTING)), GREY)
-        lifting = [*self._spans(self.lift_warning, VERMILLION), *(Guide(y=y) for y in (-1.0, 1.0))]
+        lifting = [*self._spans(self.lift_warning, VERMILLION), *(Guide(y=y) for y in (-LIFT_LIMIT, LIFT_LIMIT))]
         panels = []
         for name in names or self.values:
             unit = shown(si_unit(name))

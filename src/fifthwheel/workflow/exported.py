@@ -20,6 +20,8 @@ def exported_observer(
     *,
     min_speed: float = 5.0,
     estimate_bank: bool = False,
+    friction: float | None = None,
+    half_track: float = ObserverSettings.half_track,
 ) -> Observer:
     """The observer that `fifthwheel export` writes.
 
@@ -29,15 +31,15 @@ def exported_observer(
             angle of the vehicle, and the yaw rate and the roll rate of every unit.
         identification: for the sensor errors that its logs share, and the noise. Offsets that belong to one log are
             not used.
-        min_speed: see `ObserverSettings`.
-        estimate_bank: see `ObserverSettings`.
+        min_speed, estimate_bank, friction, half_track: see `ObserverSettings`.
 
     Raises:
         SignalError: the signals are not sufficient, or an observer of the vehicle does not use one of them.
         VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
     available = _available_signals(vehicle, signals, identification)
-    changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank}
+    changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank, "half_track": half_track}
+    changes |= {} if friction is None else {"friction": friction}  # otherwise that of the identification
     settings = identification.observer_settings(**changes) if identification else ObserverSettings(**changes)
     observer = Observer(vehicle, available, settings)
     _require_used(signals, (*observer.inputs, *observer.outputs), f"an observer of {vehicle.name}")

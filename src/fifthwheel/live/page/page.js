@@ -5,7 +5,7 @@ import { bandPlot } from "/plots.js";
 const SECONDS = 60;
 const QUANTITIES = [
   ["sideslip", "deg", 180 / Math.PI], ["articulation", "deg", 180 / Math.PI],
-  ["yaw_rate", "deg/s", 180 / Math.PI], ["roll", "deg", 180 / Math.PI],
+  ["yaw_rate", "deg/s", 180 / Math.PI], ["roll", "deg", 180 / Math.PI], ["load_transfer", "1", 1],
 ];
 const MOST_ESTIMATES = 1200;
 const element = (id) => document.getElementById(id);
@@ -45,9 +45,13 @@ function legend(units) {
   return made;
 }
 
+function nameOf(states, name) {  // of a state of a unit, or of its last axle group
+  return Object.keys(states).filter((n) => n === name || (n.startsWith(`${name}.`) && !n.endsWith(".sigma"))).at(-1);
+}
+
 function makePlots(states) {
   return QUANTITIES.flatMap(([quantity, unit, factor]) => {
-    const names = truck.units.map((u) => `${quantity}.${u.name}`).filter((name) => name in states);
+    const names = truck.units.map((u) => nameOf(states, `${quantity}.${u.name}`)).filter(Boolean);
     if (!names.length) return [];
     const title = `${quantity.replace("_", " ")} (${unit})`;
     const made = figure(element("plots"), [title, legend(names.map((name) => name.split(".")[1]))]);

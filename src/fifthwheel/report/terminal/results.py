@@ -60,6 +60,8 @@ def show_states(
         )
         statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
         page.line(f"Samples: {'; '.join(statuses)}")
+        if summary.lift_warning is not None:
+            page.line(f"A wheel is about to lift at {summary.lift_warning:.1f} s.")
         page.table(
             ("Measured", "Innovation rms, sigma>", "Rejected>"),
             [
