@@ -3,7 +3,7 @@
     python benchmarks/limits.py
 
 A single sine of the steer angle at 0.4 Hz, from 0.1 to 0.6 g of the front axle, on a dry road and on snow, with the
-sensors of the article. The observer with saturating tyres has the friction 0.85 times the factor of the tyres, which is
+sensors of the article. The observer with saturating tyres has the friction 0.74 times the factor of the tyres, which is
 the peak of the tyre 315/80 R 22.5 in PAC2002, and for comparison a friction that is 20 % wrong. Vehicle file and
 sensors are otherwise exact.
 
@@ -24,8 +24,8 @@ from trust_runs import TRUCK, table
 
 UNITS = ("tractor", "semitrailer")
 SIGNALS = ("speed", "steer.tractor.front", *(f"{q}.{unit}" for q in ("yaw_rate", "roll_rate") for unit in UNITS))
-PEAK = 0.85
-"""Friction at large slip of the law that is closest to the tyre."""
+PEAK = 0.74
+"""Peak friction of the tyre at its nominal load."""
 OBSERVERS = {"linear": None, "saturating": 1.0, "friction 20 % low": 0.8, "friction 20 % high": 1.2}
 """Factor of the friction of each observer; None: linear tyres."""
 
