@@ -127,6 +127,7 @@ def solve_one_stage(
             free=free,
             extended=True,
             tyres=settings.tyre_law,
+            braking=settings.tyre_law == "saturating",
         ),
         estimated=tuple(estimated),
         start=_start_of_saturating(start) if start else {},

@@ -40,7 +40,14 @@ def free_run_fits(
         outputs, settings = problem.model.outputs, replace(problem.settings, tyres=law)
         free = tuple(dynamics.all_parameters(vehicle, outputs, extended=True, tyres=law))
         model = dynamics.model(
-            vehicle, outputs, roll=True, bank=problem.model.bank, free=free, extended=True, tyres=law
+            vehicle,
+            outputs,
+            roll=True,
+            bank=problem.model.bank,
+            free=free,
+            extended=True,
+            tyres=law,
+            braking=law == "saturating",
         )
         alone = Problem(model, vehicle, [white], unknowns, settings)
         lower, upper = alone.bounds
