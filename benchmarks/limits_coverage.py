@@ -15,7 +15,7 @@ from trust_coverage import Draw, row, samples
 from trust_runs import SINE, table
 
 RUNS = (("0.65", 1.0), ("1", 1.0), ("2", 1.0), ("2.5", 1.0), ("1", 0.35), ("1.5", 0.35))
-"""Lateral acceleration of the front axle, m/s^2, and factor of the friction of the tyres, whose peak is 0.7."""
+"""Lateral acceleration of the front axle, m/s^2, and factor of the friction of the tyres, whose peak is 0.74."""
 
 
 def main() -> None:
@@ -41,7 +41,7 @@ def main() -> None:
                 for seed in seeds
             ]
             results = [result for result in pool.map(samples, draws) if result]
-            print(f"\n## {acceleration} m/s², friction {friction:g} x 0.7, {tyres}: {len(results)} of {len(draws)}\n")
+            print(f"\n## {acceleration} m/s², friction {friction:g} x 0.74, {tyres}: {len(results)} of {len(draws)}\n")
             names = results[0] if results else {}
             print("\n".join(table(heads, [row(name, [r[name] for r in results if name in r]) for name in names])))
 

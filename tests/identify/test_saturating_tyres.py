@@ -13,9 +13,10 @@ from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.manoeuvres import braked
 from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.observe import Observer, ObserverSettings
-from fifthwheel.plant import Plant, Properties
+from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.workflow import run_states
@@ -206,14 +207,15 @@ def test_options() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("acceleration", "factor"), [(2.0, 1.0), (1.5, 0.35)])
-def test_nonlinear_truck(acceleration: float, factor: float) -> None:
-    """0.48 g on a dry road, and 0.36 g on snow, with the article's sensors; the peak of the tyres is 0.74.
+@pytest.mark.parametrize(("acceleration", "factor", "braking"), [(2.0, 1.0, 0.0), (1.5, 0.35, 0.0), (2.0, 1.0, 2.0)])
+def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> None:
+    """0.48 g on a dry road, 0.36 g on snow, and braking, with the article's sensors; the peak of the tyres is 0.74.
 
     The shape of these tyres is 1.14, by default 1.1.
     """
-    run = Plant(TRUCK, Properties(friction=factor)).drive(single_sine(TRUCK, acceleration=acceleration))
-    record = run.record(seed=1)
+    course = single_sine(TRUCK, acceleration=acceleration, lead=2.0)
+    run = Plant(TRUCK, Properties(friction=factor)).drive(braked(course, braking) if braking else course)
+    record = run.record(article_sensors(TRUCK) | {"speed": Sensor(variance=0.01 if braking else 0.0)}, seed=1)
     result = identify([record], TRUCK, OneStage(tyres="auto", check=False))
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters)
     assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.2)
