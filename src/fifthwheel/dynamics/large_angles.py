@@ -34,7 +34,7 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, group_stiffness, static_load
+from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, braking_load, group_stiffness, static_load
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -141,7 +141,9 @@ def large_angles(
         motion=motion,
         acceleration=acceleration,
         side_force=side_force,
-        load_change=load_change,
+        load_change={
+            path: load_change.get(path, NO_CHANGE) - p[braking_load(path)] * speed_rate for path in side_force
+        },
         shift=(shift, moved),
     )
 
