@@ -1,11 +1,16 @@
-"""`python docs/_figures` draws all figures that are not plots into docs/_static."""
+"""`python docs/_figures` draws all figures outside the gallery into docs/_static."""
 
 from pathlib import Path
 
 import architecture
+import tyre_law
 import vehicle_model
 
-FIGURES = {"architecture.svg": architecture.draw, "vehicle_model.svg": vehicle_model.draw}
+FIGURES = {
+    "architecture.svg": architecture.draw,
+    "tyre_law.svg": tyre_law.draw,
+    "vehicle_model.svg": vehicle_model.draw,
+}
 
 if __name__ == "__main__":
     for name, draw in FIGURES.items():

@@ -10,6 +10,7 @@ STYLE = """
   .axis { stroke: #b3261e; stroke-width: 2; fill: none; marker-end: url(#arrow-axis) } .axis-text { fill: #b3261e }
   .dimension { stroke: #555; stroke-width: 1; fill: none; marker-end: url(#arrow); marker-start: url(#arrow) }
   .flow { stroke: #222; stroke-width: 1.5; fill: none; marker-end: url(#arrow) } .dark { fill: #333 }
+  .measured { stroke: #b3261e; stroke-width: 1.5; fill: none; stroke-dasharray: 5 4 }
 """
 MARKER = (
     '<marker id="{0}" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" '
