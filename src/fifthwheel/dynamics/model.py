@@ -235,92 +235,135 @@ def model(
     return _models[key]
 
 
+class _Steering(NamedTuple):
+    """Steer angles of the wheels of a step, rad."""
+
+    start: ca.SX  # at its beginning, as of the delayed signal (m,)
+    end: ca.SX  # at its end (m,)
+    now: dict[str, ca.SX]  # at its end without the correction of a delay, by signal
+    rate: ca.SX  # derivatives of the measured angles (m,), rad/s; 0 in a plain model
+
+
+class _Motion(NamedTuple):
+    """The linearised motion during a step, and what sensors see at its end."""
+
+    A: ca.SX  # (n, n)
+    B: ca.SX  # (n, m)
+    rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
+    sensed: sensors.SensorInputs
+
+
 def _build(model: ChainModel) -> _Functions:
     """Build the symbolic functions."""
-    vehicle, roll, bank, extended = model.vehicle, model.roll, model.bank, model.extended
-    free, known, outputs, steers = model.free, model.known, model.outputs, model.vehicle.steer_signals()
+    free, known, outputs = model.free, model.known, model.outputs
+    n, k = len(model.states), len(model.inputs)
     p, c = ca.SX.sym("p", len(free)), ca.SX.sym("c", len(known))
+    x, later, dt, d = ca.SX.sym("x", n), ca.SX.sym("later", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
     value = dict(zip(free, ca.vertsplit(p), strict=True)) if free else {}
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
-    n, m, k = len(model.states), len(steers), len(model.inputs)
-    x, dt, d = ca.SX.sym("x", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
-    measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
+    steering = _steering(model, value, d, dt)
+    motion = (_saturating if model.tyres == "saturating" else _linear)(model, value, steering, x, later, d)
+    duration = dt * value[TIME_SCALE] if model.extended else dt
+    order = ORDER[model.roll, bool(chain.relaxation_groups(model.vehicle))]
+    transition = taylor(motion.A, x, motion.rates[0], motion.B @ (steering.end - steering.start), duration, order)
+    measured = d[k + 1 : k + len(steering.now) + 1]
+    changing = ca.vertcat(x, measured), ca.vertcat(motion.sensed.changing[1], steering.rate)
+    sensed = motion.sensed._replace(changing=changing)
+    y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
+    step = [x, dt, d, p, c]
+    return _Functions(
+        transition=ca.Function("transition", step, [transition]),
+        observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
+        state_jacobian=ca.Function("state_jacobian", step, [transition_matrix(motion.A, duration, order)]),
+        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(end) for end in motion.rates]),
+    )
+
+
+def _steering(model: ChainModel, value: Mapping[str, ca.SX], d: ca.SX, dt: ca.SX) -> _Steering:
+    """The steer angles, from the measured ones and the errors of their sensors."""
+    steers, k = model.vehicle.steer_signals(), len(model.inputs)
+    m = len(steers)
     error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
-    duration = dt * value[TIME_SCALE] if extended else dt
-    factors = dict(chain.LINEAR_TYRES)
+    measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
-    if extended:
+    rate = ca.SX.zeros(m)
+    if model.extended:
         play, late = ca.vertcat(*[value[f"{name}.play"] for name in steers]), error["gain"] * error["delay"]
+        rate = d[k + 2 * m + 1 : k + 3 * m + 1]
         before, after = (
-            angle - play * contact + late * rate
-            for angle, contact, rate in (
+            angle - play * contact + late * own_rate
+            for angle, contact, own_rate in (
                 (before, d[m + 1 : 2 * m + 1], d[2 * m + 1 : 3 * m + 1]),
-                (after, d[k + m + 1 : k + 2 * m + 1], d[k + 2 * m + 1 : k + 3 * m + 1]),
+                (after, d[k + m + 1 : k + 2 * m + 1], rate),
             )
         )
         correction = ca.SX.zeros(m)
-        steer = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
-        slip = chain.slip_angles(value, vehicle, x, d[k], steer, roll=roll)
-        factors = {
-            f"{path}.cornering_stiffness": _softening(value[f"{path}.softening"], alpha) for path, alpha in slip.items()
-        }
     else:
         shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
         correction = error["gain"] * shift
-    start, end = before + correction, after + correction
-    speed, order = (d[0] + d[k]) / 2, ORDER[roll, bool(chain.relaxation_groups(vehicle))]
-    softened = {name: value[name] * factor for name, factor in factors.items()}
-    later = ca.SX.sym("later", n)
-    if model.tyres == "saturating":
-        value |= softened
+    now = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
+    return _Steering(before + correction, after + correction, now, rate)
 
-        def motion(state: ca.SX, forward: ca.SX, angles: ca.SX, change: ca.SX) -> LargeAngles:
-            steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}
-            return large_angles(value, vehicle, state, forward, steer, roll=roll, bank=bank, speed_rate=change)
 
-        earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
-        change = (earlier + latest) / 2
+def _softening_factors(
+    model: ChainModel, value: Mapping[str, ca.SX], steering: _Steering, x: ca.SX, speed: ca.SX
+) -> dict[str, ca.SX]:
+    """Factors of the cornering stiffnesses by name; none in a plain model."""
+    if not model.extended:
+        return dict(chain.LINEAR_TYRES)
+    slip = chain.slip_angles(value, model.vehicle, x, speed, steering.now, roll=model.roll)
+    return {f"{path}.cornering_stiffness": _softening(value[f"{path}.softening"], a) for path, a in slip.items()}
 
-        angles = ca.SX.sym("angles", m)
-        rate = motion(x, speed, angles, change).rates
-        A, B, first = (
-            ca.substitute(matrix, angles, start) for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
-        )
-        rates = first, motion(later, speed, end, change).rates
-        now = motion(x, d[k], after, latest)
-        sensed = sensors.SensorInputs(
-            p=value,
-            vehicle=vehicle,
-            motion=now.motion,
-            acceleration=now.acceleration,
-            speed=d[k],
-            steer=dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {},
-            side_force=now.side_force,
-            load_change=now.load_change,
-            shift=now.shift,
-            roll=roll,
-            changing=(x, now.rates),
-        )
-    else:
-        equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-        value |= softened
-        A, B = equations.state_space(speed)
-        rates = A @ x + B @ start, A @ later + B @ end
-        sensed = sensors.sensor_inputs(value, vehicle, equations, x, d[k], after, roll=roll, bank=bank)
-    transition = taylor(A, x, rates[0], B @ (end - start), duration, order)
-    matrix = transition_matrix(A, duration, order)
 
-    steer_rate = d[k + 2 * m + 1 : k + 3 * m + 1] if extended else ca.SX.zeros(m)
-    sensed = sensed._replace(
-        changing=(ca.vertcat(x, measured_after), ca.vertcat(sensed.changing[1], steer_rate)),
+def _linear(
+    model: ChainModel, value: Mapping[str, ca.SX], steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX
+) -> _Motion:
+    """With linear tyres: the chain."""
+    vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, d[len(model.inputs)]
+    factors = _softening_factors(model, value, steering, x, now)
+    equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
+    softened = {**value, **{name: value[name] * factor for name, factor in factors.items()}}
+    A, B = equations.state_space((d[0] + now) / 2)
+    angles = ca.vertcat(*steering.now.values())
+    sensed = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank)
+    return _Motion(A, B, (A @ x + B @ steering.start, A @ later + B @ steering.end), sensed)
+
+
+def _saturating(
+    model: ChainModel, value: Mapping[str, ca.SX], steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX
+) -> _Motion:
+    """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
+    k, steers = len(model.inputs), tuple(steering.now)
+    factors = _softening_factors(model, value, steering, x, d[k])
+    softened = {**value, **{name: value[name] * factor for name, factor in factors.items()}}
+
+    def motion(state: ca.SX, speed: ca.SX, angles: ca.SX, speed_rate: ca.SX) -> LargeAngles:
+        steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}
+        vehicle, roll, bank = model.vehicle, model.roll, model.bank
+        return large_angles(softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate)
+
+    earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
+    mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steers))
+    rate = motion(x, mean, angles, change).rates
+    A, B, first = (
+        ca.substitute(matrix, angles, steering.start)
+        for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
     )
-    y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
-    return _Functions(
-        transition=ca.Function("transition", [x, dt, d, p, c], [transition]),
-        observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
-        state_jacobian=ca.Function("state_jacobian", [x, dt, d, p, c], [matrix]),
-        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(end) for end in rates]),
+    now = motion(x, d[k], ca.vertcat(*steering.now.values()), latest)
+    sensed = sensors.SensorInputs(
+        p=softened,
+        vehicle=model.vehicle,
+        motion=now.motion,
+        acceleration=now.acceleration,
+        speed=d[k],
+        steer=steering.now,
+        side_force=now.side_force,
+        load_change=now.load_change,
+        shift=now.shift,
+        roll=model.roll,
+        changing=(x, now.rates),
     )
+    return _Motion(A, B, (first, motion(later, mean, steering.end, change).rates), sensed)
 
 
 SMOOTHING = 0.001
