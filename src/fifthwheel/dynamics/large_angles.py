@@ -42,14 +42,24 @@ from fifthwheel.vehicle import Vehicle
 
 @dataclass(frozen=True, kw_only=True)
 class LargeAngles:
-    """Rates of the state and motion of the units, as expressions of state, speed and steer angles."""
+    """Rates of the state and motion of the units, as expressions of state, speed, steer angles and the shift.
+
+    The shift is the load that X moves, N. It depends on the accelerations; its derivatives are large expressions of
+    little effect, so a Jacobian is taken at a constant shift.
+    """
 
     rates: ca.SX  # x' (n,)
     motion: Motion
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
-    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N, as expressions of the shift
-    load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N; likewise
-    shift: tuple[ca.SX, ca.SX]  # symbol, and value by state, speed and steer angles, of the load that X moves, N
+    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
+    load_change: Mapping[str, ca.SX]  # of axle groups, by their path, from the static load, N
+    shift: ca.SX  # symbol
+    moved: ca.SX  # value of the shift
+    steady: ca.SX  # its value without accelerations along the coupling force, for outputs
+
+    def exact(self, expression: ca.SX) -> ca.SX:
+        """An expression at the value of the shift."""
+        return ca.substitute(expression, self.shift, self.moved)
 
 
 def large_angles(
@@ -124,9 +134,11 @@ def large_angles(
     right = ca.substitute(ca.horzcat(force, ca.jacobian(force, shift)), shift, 0)
     free, slope = ca.horzsplit(chain.solve_positive_definite(M, right))
     arm = _pull_arm(p, vehicle)
-    moved = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)  # the accelerations contain it: implicit
-    moved = ca.fmin(moved, 0) + ca.fmax(moved + arm * brakes_behind, 0)
-    solved = free + slope * moved
+    moved, steady = (
+        ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0)
+        for load in (arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope), arm * pull)
+    )
+    solved = free + slope * shift
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
     for k, name in enumerate(names):
@@ -144,7 +156,9 @@ def large_angles(
         load_change={
             path: load_change.get(path, NO_CHANGE) - p[braking_load(path)] * speed_rate for path in side_force
         },
-        shift=(shift, moved),
+        shift=shift,
+        moved=moved,
+        steady=steady,
     )
 
 

@@ -344,26 +344,26 @@ def _saturating(
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
     mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steers))
-    rate = motion(x, mean, angles, change).rates
+    begin, end = motion(x, mean, angles, change), motion(later, mean, steering.end, change)
     A, B, first = (
-        ca.substitute(matrix, angles, steering.start)
-        for matrix in (ca.jacobian(rate, x), ca.jacobian(rate, angles), rate)
+        ca.substitute(begin.exact(matrix), angles, steering.start)
+        for matrix in (ca.jacobian(begin.rates, x), ca.jacobian(begin.rates, angles), begin.rates)
     )
     now = motion(x, d[k], ca.vertcat(*steering.now.values()), latest)
     sensed = sensors.SensorInputs(
         p=softened,
         vehicle=model.vehicle,
         motion=now.motion,
-        acceleration=now.acceleration,
+        acceleration=tuple(map(now.exact, now.acceleration)),
         speed=d[k],
         steer=steering.now,
         side_force=now.side_force,
         load_change=now.load_change,
-        shift=now.shift,
+        shift=(now.shift, now.steady),
         roll=model.roll,
         changing=(x, now.rates),
     )
-    return _Motion(A, B, (first, motion(later, mean, steering.end, change).rates), sensed)
+    return _Motion(A, B, (first, end.exact(end.rates)), sensed)
 
 
 SMOOTHING = 0.001

@@ -239,13 +239,16 @@ def extension_parameters(name: str) -> dict[str, float]:
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
+    return ca.substitute(_output(inputs, name), *inputs.shift)
+
+
+def _output(inputs: SensorInputs, name: str) -> ca.SX:
     if name == BANK:
         return inputs.motion.bank
     if SignalName.of(name).quantity in LOAD_TRANSFERS:
         ratio = _load_transfer(inputs, *axle_group(inputs.vehicle, name))
         predicted = SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER
-        later = ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio  # at a constant shift
-        return ca.substitute(later, *inputs.shift)
+        return ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio  # at a constant shift
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
     value, p = quantity.expression(inputs, i, name), inputs.p
     if f"{name}.delay" in p:
