@@ -189,7 +189,10 @@ def test_causes_in_words(result, sign):
             cause({"yaw_rate.tractor.delay": sign * 0.05}, prior_sigmas=sign * 4.0),
             f"yaw_rate.tractor is 50 ms {'late' if later else 'early'} ({times})",
         ),
-        (cause({"tractor.softening": sign * 1.0}), f"the tyres of tractor soften with the slip angle ({times})"),
+        (
+            cause({"tractor.softening": sign * 1.0}),
+            f"the tyres of tractor soften with the slip angle: try --tyres auto ({times})",
+        ),
         (
             cause({position: sign * 0.1, "tractor.drive.position": sign * -0.25}, "tractor.axle_positions"),
             f"the axles of tractor are up to 0.25 m {'closer to' if later else 'further from'} its front ({times})",

@@ -70,9 +70,9 @@ def c(
 ) -> None:
     """Write the state observer of a vehicle, or its learner, as a library in C99 with a build file and a test program.
 
-    The library needs no heap and, of the C library, only sqrt, fabs, exp and ceil; it computes in double or, with
-    -DFW_FLOAT, in single precision. It treats missing samples, gaps and wrong measurements like `fifthwheel states`;
-    a learner does what `Learner` does in Python.
+    The library needs no heap and, of the C library, only sqrt, fabs, exp and ceil (with tyres that saturate also sin,
+    cos and atan); it computes in double or, with -DFW_FLOAT, in single precision. It treats missing samples, gaps and
+    wrong measurements like `fifthwheel states`; a learner does what `Learner` does in Python.
     """
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.export import FILES, LEARNER_FILES, export_c

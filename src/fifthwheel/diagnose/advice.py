@@ -167,7 +167,7 @@ def _friction(identification: Identification) -> Iterator[Advice]:
         if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
             yield Advice(
                 "To estimate road.friction, add a run that uses more of it: a lateral acceleration of 2 m/s² or more "
-                "on a dry road, 1 m/s² on snow. Without it, linear tyres are enough (--tyres linear).",
+                "on a dry road, 1 m/s² on snow.",
                 (FRICTION,),
             )
 
@@ -213,7 +213,7 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
             if ParameterPath.of(term.parameter).is_payload_height and independent_of_load(term.source):
                 cure += f" {CALIBRATION}"
         elif term.source.endswith(".softening"):
-            cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration."
+            cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration, or use --tyres auto."
         yield Advice(
             f"{percent(term.fraction)} of the variance of {term.parameter} comes from {term.source}{known}. {cure}",
             (term.parameter,),

@@ -12,6 +12,7 @@ from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
 from fifthwheel.dynamics import TIME_SCALE
+from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, OneStage, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
@@ -159,7 +160,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
     if error and error.kind == "delay":
         return f"{error.signal} is {with_sigma(abs(change), None, 's')} {'late' if change > 0 else 'early'} ({times})"
     if path.endswith(".softening"):
-        return f"the tyres of {path.removesuffix('.softening')} soften with the slip angle ({times})"
+        return f"the tyres of {path.removesuffix('.softening')} soften with the slip angle: try --tyres auto ({times})"
     if cause.name.endswith(".axle_positions"):
         largest = max(map(abs, cause.changes.values()))
         side = "closer to" if change > 0 else "further from"
@@ -182,6 +183,8 @@ def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     prior = identification.settings.prior
     for e in identification.parameters:
         if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ParameterPath.of(e.name).is_payload_height:
+            continue
+        if e.name == FRICTION:  # roads differ
             continue
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:

@@ -64,11 +64,11 @@ def axle_load_differences(
     Raises:
         SignalError: an axle load with too few samples at rest or on a straight.
     """
-    expected = vehicle.axle_loads()
+    weighed = [record for record in records if any(name.startswith(PREFIX) for name in record.signals)]
+    expected = vehicle.axle_loads() if weighed else {}
     return tuple(
         AxleLoadDifference(log=record.name, group=group, measured=load.value, expected=expected[group])
-        for record in records
-        if any(name.startswith(PREFIX) for name in record.signals)
+        for record in weighed
         for group, load in static_loads(record).items()
         if group in expected and abs(load.value / expected[group] - 1) > tolerance
     )

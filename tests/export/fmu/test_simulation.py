@@ -238,6 +238,23 @@ def test_the_observer_gives_what_push_gives(
     assert {Status.OK, Status.COASTING, Status.INPUT_MISSING} <= statuses
 
 
+def test_tyres_that_saturate(truck: Vehicle, tmp_path: Path) -> None:
+    """The FMU has its own arc tangent, and sine, cosine and exponential of the compiler."""
+    record = simulate(truck, count=1, seed=3)
+    observer = Observer(truck, record.signals, ObserverSettings(friction=0.3))
+    path = export_fmu(observer, tmp_path / "observer.fmu", fmi=3, platforms=["x86_64-linux"])
+    expected, found = [], []
+    with Unit(path, tmp_path / "unpacked") as unit:
+        for k, time in enumerate(record.time.tolist()):
+            sample = {name: record.signals[name][k] for name in (*observer.inputs, *observer.outputs)}
+            answer = observer.push({"time": time, **sample})
+            unit.set({name if name in observer.inputs else f"measured.{name}": x for name, x in sample.items()})
+            unit.step(0.01, time)
+            expected.append([answer[name] for name in observer.reported])
+            found.append(unit.get(list(observer.reported)))
+    assert_close(np.array(found), np.array(expected))
+
+
 def test_short_steps_give_a_sample_each_sample_time(
     observer: Observer, observers: Mapping[int, Path], tmp_path: Path
 ) -> None:

@@ -80,7 +80,7 @@ def _library(folder: Path, sources: Iterable[str], identifier: str, platform: Pl
     command = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target, *_OPTIONS, *_WITHOUT_C_LIBRARY]
     cache = str(folder / "cache")
     done = subprocess.run(
-        [*command, *files, *platform.extra, "-o", result.name],
+        [*command, *files, "atan.c", *platform.extra, "-o", result.name],
         cwd=folder,
         env={"ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache} | os.environ,
         capture_output=True,

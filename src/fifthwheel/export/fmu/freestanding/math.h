@@ -6,4 +6,8 @@
 double sqrt(double value);
 double fabs(double value);
 double ceil(double value);
+double exp(double value);
+double sin(double value);
+double cos(double value);
+double atan(double value); /* atan.c */
 #endif
