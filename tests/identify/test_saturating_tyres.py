@@ -125,7 +125,11 @@ def test_states_of_both_kinds_of_logs(snow: Identification) -> None:
     """A log of the identification, and one whose sensor errors are estimated with the identified tyres."""
     other = response(1.5, 0.3, offset=-0.01, name="other", seed=2)
     for record in (response(1.5, 0.3, offset=0.005), other):
-        (states,) = run_states([record], snow.vehicle, identification=snow, check=False).states
+        run = run_states([record], snow.vehicle, identification=snow, check=False)
+        (states,) = run.states
+        (note,) = [note for note in run.conclusion.notes if "friction" in note]
+        assert note.startswith("Tyres saturate at a friction of the road of 0.3")
+        assert " ± 0.0" in note
         for name in SIDESLIP:
             error = states.values[name] - record.reference[name]
             assert np.degrees(np.sqrt(np.mean(error**2))) < 0.1
@@ -148,6 +152,13 @@ def test_a_known_friction_replaces_the_estimate(snow: Identification) -> None:
     assert sensors.settings["friction"] == 0.5
     assert FRICTION not in sensors.uncertainty.names
     assert Observer(snow.vehicle, snow.signals, ObserverSettings(**sensors.settings)).settings.tyres == "saturating"
+
+
+def test_linear_identification_with_a_friction(guess: Vehicle) -> None:
+    record = response(1.5, 0.3)
+    linear = identify([record], guess, OneStage(check=False))
+    run = run_states([record], linear.vehicle, ObserverSettings(friction=0.3), identification=linear, check=False)
+    assert run.notes == ("The identification had linear tyres: identify again with --tyres saturating or auto.",)
 
 
 @pytest.mark.parametrize("tyres", ["saturating", "auto"])

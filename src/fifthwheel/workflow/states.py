@@ -4,11 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 import fifthwheel
 from fifthwheel.checks import raise_errors
+from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.formatting import with_sigma
 from fifthwheel.identify import Identification
 from fifthwheel.identify.sensor_errors import log_sensors
-from fifthwheel.observe import Observer, ObserverSettings, States, Status
+from fifthwheel.observe import Observer, ObserverSettings, States, Status, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
 from fifthwheel.time_bases import check_record
@@ -71,7 +75,9 @@ def run_states(
     settings = settings or ObserverSettings()
     uncertainty = identification.covariance if identification else None
     states, notes = [], []
-    friction = settings.friction
+    friction = None if settings.friction is None else f"{settings.friction:.3g}"
+    if identification and friction and identification.friction is None:
+        notes.append("The identification had linear tyres: identify again with --tyres saturating or auto.")
     for i, record in enumerate(records):
         progress("states", i, len(records))
         if check:
@@ -80,7 +86,7 @@ def run_states(
         if identification:
             sensors = log_sensors(identification, record, vehicle, settings.friction)
             used, own = replace(settings, **sensors.settings), sensors.uncertainty
-            friction = used.friction
+            friction = _friction(used, own)
             notes += [sensors.note] if sensors.note else []
         observer = Observer(vehicle, record.signals, used)
         states.append((observer.smooth if smooth else observer.batch)(record, own))
@@ -96,11 +102,21 @@ def run_states(
     )
 
 
-def _with_tyres(conclusion: Conclusion, friction: float | None) -> Conclusion:
+def _friction(settings: ObserverSettings, uncertainty: Uncertainty | None) -> str | None:
+    """The friction with its sigma if it was estimated; None with linear tyres."""
+    if settings.friction is None:
+        return None
+    if uncertainty is None or FRICTION not in uncertainty.names:
+        return f"{settings.friction:.3g}"
+    sigma = float(np.sqrt(uncertainty.among([FRICTION]).covariance[0, 0]))
+    return with_sigma(settings.friction, sigma, "1")
+
+
+def _with_tyres(conclusion: Conclusion, friction: str | None) -> Conclusion:
     """The conclusion, with a note on tyres that are not linear."""
     if friction is None:
         return conclusion
-    note = f"Tyres saturate at a friction of the road of {friction:.3g}."
+    note = f"Tyres saturate at a friction of the road of {friction}."
     return replace(conclusion, notes=(*conclusion.notes, note))
 
 
