@@ -105,6 +105,15 @@ def test_linear_tyres_beyond_their_range_are_doubtful(guess: Vehicle) -> None:
     assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
 
 
+def test_softening_on_a_slippery_road_is_a_doubt(guess: Vehicle) -> None:
+    """Below 3 m/s^2, and without one on a dry road."""
+    slippery, dry = (identify([response(1.5, f)], guess, OneStage(check=False)) for f in (0.3, 0.75))
+    assert dry.doubts == ()
+    (doubt,) = slippery.doubts
+    assert doubt.causes[0].name.endswith(".softening")
+    assert Verdict.DOUBTFUL in {e.verdict for e in slippery.parameters}
+
+
 def test_stored(snow: Identification, tmp_path) -> None:
     snow.save(tmp_path)
     loaded = Identification.load(tmp_path)

@@ -30,6 +30,9 @@ STRONG_SCORE = 9.0
 UNUSUAL_CHANGE = 3.0
 """An implied change, alone in units of sqrt(v_c) or beside the others, that the priors do not explain. Alone, |t| is
 then above 6, because |t| = |z_c| (1 + I_c) / sqrt(I_c): whitened residuals of a real vehicle are not exactly white."""
+UNUSUAL_SOFTENING = 1.5
+"""The same for a softening in complete logs: tyres that soften more than on a dry road are not linear enough, and sigma
+holds only the typical softening."""
 UNUSUAL_SENSOR_ERROR = 3.5
 """An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""
 UNUSUAL_ESTIMATE = 2.5
@@ -134,7 +137,12 @@ def score_tests(
     return sorted(tests, key=lambda test: -abs(test.statistic))
 
 
-def most_likely(tests: Sequence[ScoreTest]) -> list[ScoreTest]:
-    """The tests with an unusual change that are about as likely as the first of them."""
-    unusual = [t for t in tests if t.size > UNUSUAL_CHANGE]
+def most_likely(tests: Sequence[ScoreTest], *, softening: float = UNUSUAL_CHANGE) -> list[ScoreTest]:
+    """The tests with an unusual change that are about as likely as the first of them.
+
+    Args:
+        tests: the largest |t| first.
+        softening: size from which a softening is unusual.
+    """
+    unusual = [t for t in tests if t.size > (softening if t.name.endswith(".softening") else UNUSUAL_CHANGE)]
     return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]

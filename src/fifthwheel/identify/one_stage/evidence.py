@@ -12,6 +12,7 @@ from fifthwheel.identify.doubts import (
     STRONG_SCORE,
     UNUSUAL_ESTIMATE,
     UNUSUAL_SENSOR_ERROR,
+    UNUSUAL_SOFTENING,
     Cause,
     Doubt,
     DoubtKind,
@@ -30,7 +31,7 @@ def find_doubts(solution: Solution, linearisation: Linearisation) -> list[Doubt]
 
 def _contradicted_assumptions(solution: Solution, linearisation: Linearisation) -> list[Doubt]:
     """The assumption that the score tests contradict most, with those that are about as likely."""
-    likely, unknowns = most_likely(linearisation.tests), _unknowns(solution)
+    likely, unknowns = most_likely(linearisation.tests, softening=UNUSUAL_SOFTENING), _unknowns(solution)
     if not likely:
         return []
     strong = abs(likely[0].statistic) > STRONG_SCORE
