@@ -26,8 +26,8 @@ from fifthwheel.identify import OneStage, TwoStage, article, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online.learner import Learner
-from fifthwheel.identify.parameters import longest_matching_key, one_stage_unknowns, stage_1_names
 from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.identify.unknowns.parameters import longest_matching_key, one_stage_unknowns, stage_1_names
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.names import ParameterPath, SignalName
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors

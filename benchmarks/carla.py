@@ -32,7 +32,7 @@ from fifthwheel._types import Array
 from fifthwheel.identify import Identification, TwoStage, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import free_run_fits
-from fifthwheel.identify.parameters import sensor_error_unknowns
+from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle

@@ -18,9 +18,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
+from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, Sensor, measure
 from fifthwheel.record import Record

@@ -34,7 +34,7 @@ from fifthwheel.filters import Noise, dual, kalman, sample_rows
 from fifthwheel.filters.model import pack_array
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.online.learner import Learner
-from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.native import Scan
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record

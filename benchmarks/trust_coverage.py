@@ -21,9 +21,9 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.parameters import longest_matching_key, stage_1_names
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Sensor, measure

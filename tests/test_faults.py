@@ -19,7 +19,7 @@ from fifthwheel.checks import Fault
 from fifthwheel.diagnose import cautions
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification, TwoStage, identify
-from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Observer, Status
 from fifthwheel.record import Record

@@ -3,7 +3,7 @@
 import pytest
 
 from fifthwheel import vehicle
-from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 

@@ -10,7 +10,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, TwoStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.parameters import group_paths
+from fifthwheel.identify.unknowns.parameters import group_paths
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate

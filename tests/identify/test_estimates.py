@@ -15,7 +15,7 @@ from fifthwheel.identify.estimates import (
     sensor_error_estimates,
     sensor_error_unit,
 )
-from fifthwheel.identify.parameters import sensor_error_unknowns, two_stage_unknowns
+from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns, two_stage_unknowns
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle

@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation, parameters
+from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import (
     FitEvaluation,
@@ -16,6 +16,7 @@ from fifthwheel.identify.fit_evaluation import (
     evaluate_fits,
     free_run_fits,
 )
+from fifthwheel.identify.unknowns import parameters
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle

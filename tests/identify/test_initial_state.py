@@ -7,13 +7,15 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import step_rows
-from fifthwheel.identify import OneStage, TwoStage, parameters
+from fifthwheel.identify import OneStage, TwoStage
 from fifthwheel.identify.initial_state import (
     initial_state_with_sensitivity,
     steady_state,
     steady_state_bank_slope,
     steady_state_slopes,
 )
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
@@ -28,13 +30,13 @@ def test_derivative_by_z(truck: Vehicle, roll: bool) -> None:
     unknowns = parameters.two_stage_unknowns(steered, parameters.stage_1_names(steered), settings)
     unknowns += parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
     names = [u.name for u in unknowns]
-    scaling = parameters.scaling(unknowns)
+    scale = scaling(unknowns)
     rows = step_rows(dynamics.model(steered, OUTPUTS, roll=roll), steered, record)
     z = np.random.default_rng(0).normal(size=len(names)) * 0.1
-    x0, P0, derivative = initial_state_with_sensitivity(steered, names, scaling, z, rows, roll=roll)
+    x0, P0, derivative = initial_state_with_sensitivity(steered, names, scale, z, rows, roll=roll)
 
     def steady(z: np.ndarray) -> np.ndarray:
-        values = dict(zip(names, scaling.to_p(z).tolist(), strict=True))
+        values = dict(zip(names, scale.to_p(z).tolist(), strict=True))
         return steady_initial_state(steered, rows.first, values, roll=roll)[0]
 
     np.testing.assert_allclose(x0, steady(z))

@@ -8,8 +8,8 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage
-from fifthwheel.identify.parameters import one_stage_unknowns
 from fifthwheel.identify.suspension import with_suspension
+from fifthwheel.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.vehicle import Vehicle
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, information_verdicts, uninformed_parameters
 
 STIFFNESS, HEIGHT = "tractor.front.cornering_stiffness", "semitrailer.payload.height"

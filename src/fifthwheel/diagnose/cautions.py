@@ -16,7 +16,7 @@ from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, OneStage, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
-from fifthwheel.identify.parameters import accelerometer_prior
+from fifthwheel.identify.unknowns.parameters import accelerometer_prior
 from fifthwheel.names import (
     ACCELEROMETER,
     PLACE_KINDS,

@@ -9,7 +9,8 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.identify import Fit, Identification, OneStage
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import free_run_fits
-from fifthwheel.identify.parameters import TIME_BASE, Unknown, one_stage_unknowns
+from fifthwheel.identify.unknowns.parameters import TIME_BASE, one_stage_unknowns
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 

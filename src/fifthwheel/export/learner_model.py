@@ -21,7 +21,8 @@ from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
 from fifthwheel.identify.online.live_filter import LiveFilter
-from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
+from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath, SignalName
 from fifthwheel.native import c_code
 from fifthwheel.record.signal_names import si_unit

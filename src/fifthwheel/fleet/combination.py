@@ -17,7 +17,7 @@ from fifthwheel.fleet.changes import OUTLIER, Change, Kind, Truck, find_changes,
 from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
-from fifthwheel.identify.parameters import unit_of_unknown
+from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.names import ParameterPath, SensorErrorName
 
 DAY = 86_400.0

@@ -11,9 +11,9 @@ from fifthwheel.checks import raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
-from fifthwheel.identify import parameters
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.identify.unknowns import parameters
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above

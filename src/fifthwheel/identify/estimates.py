@@ -8,8 +8,8 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.dataset import LogData, speed_range
-from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import ParameterPath, SensorErrorName
 from fifthwheel.observe.uncertainty import Uncertainty

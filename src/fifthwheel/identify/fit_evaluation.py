@@ -23,9 +23,9 @@ from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_factor, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
 from fifthwheel.identify.dataset import Dataset, LogData, speed_range
-from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ACCELEROMETER, SignalName, is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance

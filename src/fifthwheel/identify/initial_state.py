@@ -14,7 +14,7 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import bank_effect, initial_state, steady_initial_state
 from fifthwheel.filters.step_rows import StepRows
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 
 

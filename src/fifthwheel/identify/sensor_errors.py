@@ -9,9 +9,9 @@ from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
-from fifthwheel.identify.parameters import given_parameters
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.parameters import given_parameters
 from fifthwheel.names import is_sensor_error, split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record

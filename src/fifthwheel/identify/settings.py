@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from fifthwheel.dynamics.saturation import FRICTION_RANGE, TyreLaw
+from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION, FRICTION_RANGE, TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle.uncertainty import Change
 
@@ -189,7 +189,7 @@ class OneStage(CommonSettings):
     """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
     and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
     in a `Learner` saturating."""
-    friction: float = 0.75
+    friction: float = DEFAULTS[FRICTION]
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: float = 0.4
     """Prior standard deviation of the friction, as a fraction of its median."""

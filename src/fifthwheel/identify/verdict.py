@@ -4,7 +4,8 @@ from collections.abc import Container, Sequence
 from enum import StrEnum
 
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.parameters import Unknown, lacks_roll_rate
+from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
+from fifthwheel.identify.unknowns.unknown import Unknown
 
 
 class Verdict(StrEnum):

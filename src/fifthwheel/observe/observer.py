@@ -142,8 +142,7 @@ class Observer:
         """Return to the state before the first sample."""
         self._time = math.nan
         derived = [SPEED_RATE] if self.settings.tyres == "saturating" else []
-        self._input_names = (*self.inputs, *derived)  # of the model
-        self._held = HeldInputs(self._input_names, self.settings)
+        self._held = HeldInputs((*self.inputs, *derived), self.settings)
         self._accepted = -math.inf  # time of the last accepted measurement
         self._running = False
         self._last: list[float] = []  # inputs of the previous sample
@@ -216,7 +215,7 @@ class Observer:
 
     def _start(self, inputs: list[float], monitored: Array, *, suspect: bool = False) -> None:
         """Start the filter at the steady state of the inputs; `monitored` is the carry of the monitor."""
-        start = self._model.start(dict(zip(self._input_names, inputs, strict=True)), suspect=suspect)
+        start = self._model.start(dict(zip(self.model.inputs, inputs, strict=True)), suspect=suspect)
         self._buffers.carry[:] = np.append(start, monitored)
 
     def _subdivide(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:

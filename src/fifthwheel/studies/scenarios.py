@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.manoeuvres import OpenLoop
 from fifthwheel.manoeuvres import course as make_course
 from fifthwheel.names import SignalName

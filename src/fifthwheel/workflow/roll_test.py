@@ -1,7 +1,7 @@
 """A static roll test, with the uncertainty that identifications assume for all other numbers."""
 
-from fifthwheel.identify.parameters import longest_matching_key
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
+from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.vehicle import RollTest, Vehicle, changes, with_roll_test
 
 

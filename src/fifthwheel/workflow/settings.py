@@ -8,9 +8,9 @@ from typing import Any
 
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification, OneStage, TwoStage, article
-from fifthwheel.identify.parameters import estimated_parameters
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 

@@ -22,7 +22,7 @@ from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRe
 from fifthwheel.identify.design.search import CandidateRun
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.parameters import estimated_parameters
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.record import Record

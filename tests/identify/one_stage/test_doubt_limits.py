@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.identify.doubts import Doubt, DoubtKind, ScoreTest
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9

@@ -11,7 +11,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.initial_state import steady_state
-from fifthwheel.identify.parameters import stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import Identification, OneStage, identify, parameters
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.doubts import STRONG_SCORE, Doubt, DoubtKind
+from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate

@@ -14,7 +14,7 @@ from fifthwheel.identify.one_stage.identification import (
     _without_number,
 )
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
 
 FRONT, REAR, AXIS = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "tractor.roll_axis_height"

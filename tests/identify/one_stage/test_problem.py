@@ -13,7 +13,8 @@ from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.parameters import Unknown, one_stage_unknowns, suspects, time_base_delays
+from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, suspects, time_base_delays
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate

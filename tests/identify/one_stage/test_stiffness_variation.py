@@ -9,7 +9,7 @@ import pytest
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.doubts import DoubtKind, ScoreTest, score_tests
 from fifthwheel.identify.one_stage.stiffness_variation import VARIATION, WINDOW, StiffnessVariation
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.manoeuvres import course
 from fifthwheel.plant import Plant, Properties, article_sensors
 from fifthwheel.vehicle import Vehicle

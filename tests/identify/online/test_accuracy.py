@@ -12,8 +12,9 @@ from fifthwheel.identify import identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online import Learner, LearnerSettings
-from fifthwheel.identify.parameters import one_stage_unknowns, scaling, stage_1_names
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
+from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate

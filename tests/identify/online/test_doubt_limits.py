@@ -9,7 +9,7 @@ from fifthwheel.filters.relinearised import Estimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.evidence import find_doubts, score_tests
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}

@@ -11,7 +11,7 @@ from fifthwheel import identify as methods
 from fifthwheel import vehicle
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, TwoStage, article
-from fifthwheel.identify.parameters import group_paths, stage_1_names, stage_2_names
+from fifthwheel.identify.unknowns.parameters import group_paths, stage_1_names, stage_2_names
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate

@@ -10,10 +10,11 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
-from fifthwheel.identify import TwoStage, parameters
+from fifthwheel.identify import TwoStage
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
 from fifthwheel.identify.two_stage.stage import run_stage, stage_model
+from fifthwheel.identify.unknowns import parameters, unknown
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -128,7 +129,7 @@ def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) 
         """Values of the unknowns in each log."""
         rows = np.zeros((2, len(noisy.unknowns)))
         rows[:, shared], rows[:, own] = z[: len(shared)], z[len(shared) :].reshape(2, -1)
-        p = parameters.scaling(noisy.unknowns).to_p(rows)
+        p = unknown.scaling(noisy.unknowns).to_p(rows)
         return [dict(zip([u.name for u in noisy.unknowns], row.tolist(), strict=True)) for row in p]
 
     factor, rng = 1e3, np.random.default_rng(7)
@@ -160,7 +161,7 @@ def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) 
     )
     assert result.settled
     values = [{**result.values, **log.errors} for log in result.logs]
-    z = parameters.scaling(noisy.unknowns).to_z(np.array([[v[u.name] for u in noisy.unknowns] for v in values]))
+    z = unknown.scaling(noisy.unknowns).to_z(np.array([[v[u.name] for u in noisy.unknowns] for v in values]))
     np.testing.assert_allclose(z[:, shared], [fit.x[: len(shared)]] * 2, atol=0.05)
     np.testing.assert_allclose(z[:, own], fit.x[len(shared) :].reshape(2, -1), atol=0.08)
 

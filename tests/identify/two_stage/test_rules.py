@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import TwoStage, parameters
+from fifthwheel.identify import TwoStage
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.two_stage.estimator import _estimates, _Estimator, _settling_time, _State
 from fifthwheel.identify.two_stage.stage import StageResult
+from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.vehicle import Vehicle
 

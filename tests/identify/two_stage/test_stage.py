@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from fifthwheel.identify import TwoStage, parameters
+from fifthwheel.identify import TwoStage
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, shift_delays, stage_model
+from fifthwheel.identify.unknowns import parameters, unknown
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
@@ -23,7 +24,7 @@ def test_has_changed() -> None:
 def test_shift_delays(truck: Vehicle) -> None:
     """The model has only the part of a delay that the rows do not have."""
     unknowns = parameters.sensor_error_unknowns(truck, RATES, TwoStage())
-    names, scaling = [u.name for u in unknowns], parameters.scaling(unknowns)
+    names, scaling = [u.name for u in unknowns], unknown.scaling(unknowns)
     shifted = shift_delays(scaling, names, {"steer.tractor.front.delay": 0.04, OFFSET: 0.01})
     assert {n for n, a, b in zip(names, scaling.centre, shifted.centre, strict=True) if a != b} == {
         "steer.tractor.front.delay"

@@ -15,7 +15,7 @@ from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify import OneStage
-from fifthwheel.identify.parameters import estimated_parameters
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.edited_file import edited
 

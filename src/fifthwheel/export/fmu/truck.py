@@ -14,7 +14,8 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.export.c_text import table
 from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
 from fifthwheel.identify import OneStage
-from fifthwheel.identify.parameters import BOUND_FACTOR, HEIGHT_BOUNDS, estimated_parameters, expand_names
+from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
+from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR, HEIGHT_BOUNDS
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.observe.inputs import magnitude

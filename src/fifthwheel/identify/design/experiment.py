@@ -11,13 +11,13 @@ import fifthwheel
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
-from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, is_stable, possible_channels
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
 from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates
 from fifthwheel.identify.settings import OneStage, Progress
+from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.names import SignalName

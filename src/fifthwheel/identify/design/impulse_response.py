@@ -23,7 +23,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, with_every_sample
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
 from fifthwheel.names import ACCELEROMETER

@@ -17,12 +17,13 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import LogData, lateral_accelerations
+from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
@@ -139,7 +140,6 @@ class InformationPredictor:
             )
         channels = possible_channels(vehicle, logged)
         unknowns = parameters.one_stage_unknowns(vehicle, channels, settings)
-        free = tuple(dynamics.all_parameters(vehicle, channels, extended=True))
         start, start_vehicle = _stable_start(vehicle, unknowns, speeds)
         return cls(
             vehicle=vehicle,
@@ -147,7 +147,7 @@ class InformationPredictor:
             estimated=tuple(estimated),
             channels=channels,
             unknowns=tuple(unknowns),
-            model=dynamics.model(vehicle, channels, roll=True, bank=settings.nuisances, free=free, extended=True),
+            model=fit_model(vehicle, channels, settings),
             start=start,
             start_vehicle=start_vehicle,
         )

@@ -17,14 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
 from fifthwheel.identify.one_stage.evidence import lateral_accelerations
+from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
@@ -33,6 +32,7 @@ from fifthwheel.identify.one_stage.solution import Solution, linearise
 from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen, with_note
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
+from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.record import Record
@@ -85,7 +85,7 @@ def _with_chosen_tyres(
     except VehicleError as error:  # the loads of the axles are unknown
         return build_identification(with_note(first, f"tyres: linear, although {reason}. {error}"), linearisation)
     chosen = choose(first, second, reason)
-    return build_identification(chosen, linearise(chosen))
+    return build_identification(chosen, linearise(chosen) if chosen.problem is second.problem else linearisation)
 
 
 def solve_one_stage(
@@ -105,10 +105,9 @@ def solve_one_stage(
     """
     if settings.tyre_law == "saturating" and start is None:
         linear = replace(settings, tyres="linear")
-        start = solve_one_stage(records, vehicle, linear, validate=validate, progress=progress)
+        start = solve_one_stage(records, vehicle, linear, progress=progress)
     dataset = prepare_dataset(records, vehicle, settings, validate)
     outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
-    free = tuple(dynamics.all_parameters(dataset.vehicle, outputs, extended=True, tyres=settings.tyre_law))
     estimated = parameters.estimated_parameters(dataset.vehicle, settings)
     if not estimated and not settings.nuisances:
         raise VehicleError(
@@ -119,16 +118,7 @@ def solve_one_stage(
         dataset=dataset,
         settings=settings,
         outputs=outputs,
-        model=dynamics.model(
-            dataset.vehicle,
-            outputs,
-            roll=True,
-            bank=settings.nuisances,
-            free=free,
-            extended=True,
-            tyres=settings.tyre_law,
-            braking=settings.tyre_law == "saturating",
-        ),
+        model=fit_model(dataset.vehicle, outputs, settings),
         estimated=tuple(estimated),
         start=_start_of_saturating(start) if start else {},
     )
@@ -154,7 +144,7 @@ class _Estimator:
     settings: OneStage
     outputs: tuple[str, ...]
     model: ChainModel
-    """With every parameter free."""
+    """See `fit_model`."""
     estimated: tuple[str, ...]
     """Names of the estimated parameters."""
     start: Mapping[str, float]

@@ -19,7 +19,7 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 
 

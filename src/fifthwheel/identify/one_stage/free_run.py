@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import channel_fits
+from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.gauss_newton import minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.result import Fit
@@ -22,10 +22,10 @@ from fifthwheel.vehicle import Vehicle
 LAWS: tuple[TyreLaw, ...] = ("linear", "saturating")
 
 
-def free_run_fits(
+def saturating_fits(
     problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, *, identified_on: bool
 ) -> list[Fit]:
-    """Fit of every channel of a log.
+    """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
 
     Args:
         problem: of the identification.
@@ -35,21 +35,10 @@ def free_run_fits(
         identified_on: whether the vehicle was identified on this log.
     """
     unknowns = [u if u.per_log else replace(u, centre=values[u.name], considered=True) for u in problem.unknowns]
-    white, start = replace(log, noise_models={}), dict[str, float]()
+    outputs, white, start = problem.model.outputs, replace(log, noise_models={}), dict[str, float]()
     for law in LAWS:
-        outputs, settings = problem.model.outputs, replace(problem.settings, tyres=law)
-        free = tuple(dynamics.all_parameters(vehicle, outputs, extended=True, tyres=law))
-        model = dynamics.model(
-            vehicle,
-            outputs,
-            roll=True,
-            bank=problem.model.bank,
-            free=free,
-            extended=True,
-            tyres=law,
-            braking=law == "saturating",
-        )
-        alone = Problem(model, vehicle, [white], unknowns, settings)
+        settings = replace(problem.settings, tyres=law)
+        alone = Problem(fit_model(vehicle, outputs, settings), vehicle, [white], unknowns, settings)
         lower, upper = alone.bounds
         minimum = minimise(
             alone.expand,

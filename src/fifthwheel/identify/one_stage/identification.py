@@ -9,18 +9,19 @@ import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.identify import estimates, parameters
+from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import FitsOf, evaluate_fits, free_run_fits
-from fifthwheel.identify.one_stage import free_run
 from fifthwheel.identify.one_stage.evidence import find_doubts
+from fifthwheel.identify.one_stage.free_run import saturating_fits
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
-from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
@@ -82,7 +83,7 @@ def _fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
 
     def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
         if law == "saturating":
-            return free_run.free_run_fits(problem, vehicle, values, log, identified_on=identified_on)
+            return saturating_fits(problem, vehicle, values, log, identified_on=identified_on)
         return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
 
     return fits_of

@@ -1,6 +1,6 @@
 """The one-stage problem: the cost of all unknowns over all logs, and its exact derivatives.
 
-Unknowns. z holds every unknown in units of its prior, z ~ N(0, I) (`parameters.Unknown`):
+Unknowns. z holds every unknown in units of its prior, z ~ N(0, I) (`unknown.Unknown`):
 
     parameters, sensor errors that all logs share    "name"         once
     sensor errors of one log                         "name@i"       for each log i
@@ -44,9 +44,10 @@ from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
-from fifthwheel.identify.parameters import Unknown, given_parameters, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.parameters import model_parameters
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
@@ -335,10 +336,7 @@ class Problem:
     @cached_property
     def _given(self) -> dict[str, float]:
         """All parameters of the model at the values of the vehicle."""
-        values = dynamics.all_parameters(
-            self.vehicle, self.model.outputs, extended=self.model.extended, tyres=self.model.tyres
-        )
-        return values | given_parameters(self.vehicle, self.settings)
+        return model_parameters(self.vehicle, self.model.outputs, self.settings)
 
     @cached_property
     def _places(self) -> dict[str, int]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.identify import parameters
 from fifthwheel.identify.dataset import Dataset
 from fifthwheel.identify.doubts import ScoreTest, score_tests
 from fifthwheel.identify.history import ParameterHistory
@@ -17,6 +16,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.stiffness_variation import StiffnessVariation
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.identify.verdict import Verdict
 
 HISTORY_LENGTH = 200
@@ -85,7 +85,7 @@ def linearise(solution: Solution) -> Linearisation:
         elapsed = time[-1]
         variation.end_window()
         score_covariance += long_run_covariance(scores, lags // size)
-    scale = parameters.scaling([u for u in problem.unknowns if u.name in solution.estimated])
+    scale = scaling([u for u in problem.unknowns if u.name in solution.estimated])
     p = scale.to_p(np.array(values))
     history = ParameterHistory(
         names=solution.estimated,

@@ -20,7 +20,7 @@ from fifthwheel.identify.doubts import (
 from fifthwheel.identify.online.innovations import InnovationStatistics
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 
 
 def find_doubts(

@@ -22,8 +22,9 @@ from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.parameters import Unknown, lacks_roll_rate, unit_of_unknown
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import Status

@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError, SignalError
-from fifthwheel.identify.parameters import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.input_files import read_json
 
 KIND, VERSION = "fifthwheel learner", 3

@@ -9,16 +9,16 @@ from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model
-from fifthwheel.identify.parameters import (
-    Unknown,
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
     given_parameters,
     group_paths,
     lacks_roll_rate,
+    model_parameters,
     one_stage_unknowns,
-    scaling,
 )
-from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -72,8 +72,7 @@ class OnlineProblem:
 
     def given(self, outputs: Sequence[str]) -> dict[str, float]:
         """Every parameter of a model with these outputs, at the values of the vehicle, SI."""
-        values = dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law)
-        return values | given_parameters(self.vehicle, self.settings)
+        return model_parameters(self.vehicle, outputs, self.settings)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: models of one structure are shared."""

@@ -17,10 +17,10 @@ from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
-from fifthwheel.identify.parameters import TIME_BASE
 from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import ACCELEROMETER, SignalName, is_sensor_error
 from fifthwheel.observe import Observer, ObserverSettings

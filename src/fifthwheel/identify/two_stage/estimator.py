@@ -19,15 +19,16 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import dual
-from fifthwheel.identify import estimates, parameters
+from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
 from fifthwheel.identify.history import ParameterHistory, is_settled, settled_since
-from fifthwheel.identify.parameters import Unknown
 from fifthwheel.identify.result import Estimate, Fit, Identification
 from fifthwheel.identify.settings import Progress, TwoStage
 from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
 from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, stage_model
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath, SignalName
 from fifthwheel.native import compile_in_background
@@ -56,7 +57,7 @@ def identify_two_stage(
     """Identify a vehicle in two stages; arguments and errors as in `identify`."""
     estimator = _estimator(prepare_dataset(records, vehicle, settings, validate), settings)
     for model, unknowns in ((estimator.yaw_model, estimator.yaw_unknowns), (estimator.model, estimator.unknowns)):
-        compile_in_background(dual.dual_step(model, parameters.scaling(unknowns).logarithmic))
+        compile_in_background(dual.dual_step(model, scaling(unknowns).logarithmic))
     return _identification(estimator, *estimator.solve(progress))
 
 

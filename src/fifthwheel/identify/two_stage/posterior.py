@@ -27,10 +27,10 @@ from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity
-from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import TwoStage
 from fifthwheel.identify.two_stage.stage import filter_noise, shift_delays
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

@@ -25,9 +25,9 @@ from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.initial_state import initial_state_with_sensitivity
-from fifthwheel.identify.parameters import Unknown, scaling
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import Progress, TwoStage
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import is_sensor_error
 from fifthwheel.vehicle import Vehicle
 

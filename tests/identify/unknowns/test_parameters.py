@@ -4,10 +4,9 @@ import pytest
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage, TwoStage
-from fifthwheel.identify.parameters import (
+from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
     SOFTENING,
-    Unknown,
     estimated_parameters,
     expand_names,
     lacks_roll_rate,
@@ -21,6 +20,7 @@ from fifthwheel.identify.parameters import (
     time_base_delays,
     two_stage_unknowns,
 )
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 
 HEIGHT = "semitrailer.payload.height"

@@ -1,79 +1,34 @@
-"""The unknowns of an identification: estimated, uncertain and considered parameters and sensor errors, each with prior
-and bounds."""
+"""The unknowns of an identification: estimated, uncertain and considered parameters and sensor errors."""
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-
-import numpy as np
+from dataclasses import replace
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.unknowns.unknown import (
+    BOUND_FACTOR,
+    Unknown,
+    considered_unknown,
+    error_unknown,
+    height_unknown,
+    logarithmic_unknown,
+)
 from fifthwheel.names import ACCELEROMETER, PLACE_KINDS, ParameterPath, SensorErrorName, SignalName, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
-HEIGHT_BOUNDS = (0.01, 3.5)
-"""Of a payload height, m."""
-BOUND_FACTOR = 8.0
-"""A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
-BOUND_SIGMAS = 8.0
-"""A sensor error stays within this number of prior standard deviations."""
 TIME_SCALE_SIGMA = 0.002
 """Of the rate of a time base: clocks are better, but timestamps are sometimes made from a nominal sampling rate."""
 TIME_BASE = "time_base"
 """First word of the name of a time base's delay."""
 ROAD_FRICTION = 0.8
-"""Of a dry road."""
+"""Of a dry road, in Fiala's law."""
 SOFTENING = 3.0
 """Typical softening of an axle group whose load is not determined, 1/rad."""
 ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
 """Parameters of a unit that are identifiable only from its own roll rate."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Unknown:
-    """One unknown: p = centre exp(scale z) or p = centre + scale z with the prior z ~ N(0, 1), within bounds."""
-
-    name: str
-    centre: float  # prior mean (median if logarithmic), SI
-    scale: float  # prior standard deviation: of ln p if logarithmic, else of p
-    lower: float  # bounds of p
-    upper: float
-    logarithmic: bool = False
-    nuisance: bool = False  # a sensor error
-    per_log: bool = False  # each log has its own
-    uncertain: bool = False  # an uncertain parameter of the vehicle file, estimated too
-    considered: bool = False  # not estimated, but part of every sigma
-    suspect: bool = False  # considered only in score tests: it is not part of any sigma
-    moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
-    start: float = 1.0  # standard deviation of z at the start of the dual filter
-    walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
-
-    @property
-    def prior_sigma(self) -> float:
-        """Prior standard deviation of p, SI."""
-        return self.scale * (self.centre if self.logarithmic else 1.0)
-
-    @property
-    def slopes(self) -> Mapping[str, float]:
-        """The model parameters that it changes, each with its derivative with respect to p; by default its own."""
-        return self.moves or {self.name: 1.0}
-
-    def slope(self, value: float) -> float:
-        """dp/dz at a value of p."""
-        return value * self.scale if self.logarithmic else self.scale
-
-
-def scaling(unknowns: Sequence[Unknown]) -> Scaling:
-    """The transformation between z and p for several unknowns."""
-    return Scaling(
-        logarithmic=tuple(u.logarithmic for u in unknowns),
-        **{field: np.array([getattr(u, field) for u in unknowns]) for field in ("centre", "scale", "lower", "upper")},
-    )
 
 
 def group_paths(vehicle: Vehicle) -> list[str]:
@@ -114,7 +69,7 @@ def two_stage_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStag
 
 def _two_stage_unknown(name: str, value: float, settings: TwoStage) -> Unknown:
     if ParameterPath.of(name).is_payload_height:
-        return _height(
+        return height_unknown(
             name,
             value,
             settings,
@@ -143,6 +98,16 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     if settings.tyre_law == "saturating":
         values |= saturation_parameters(vehicle) | {FRICTION: settings.friction}
     return values
+
+
+def model_parameters(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> dict[str, float]:
+    """Every parameter of an extended model with these outputs, before the identification, by name, SI.
+
+    Raises:
+        VehicleError: as `given_parameters`.
+    """
+    values = dynamics.all_parameters(vehicle, outputs, extended=True, tyres=settings.tyre_law)
+    return values | given_parameters(vehicle, settings)
 
 
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
@@ -236,10 +201,10 @@ def one_stage_unknowns(
         unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
     unknowns += sensor_error_unknowns(vehicle, outputs, settings)
     if settings.nuisances:
-        unknowns += [_sensor_error(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in _gyros(outputs)]
+        unknowns += [error_unknown(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in _gyros(outputs)]
     if settings.nuisances and extended:
-        unknowns += [_sensor_error(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
-        plays = [_sensor_error(f"{name}.play", settings.steer_play_prior) for name in vehicle.steer_signals()]
+        unknowns += [error_unknown(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
+        plays = [error_unknown(f"{name}.play", settings.steer_play_prior) for name in vehicle.steer_signals()]
         unknowns += [replace(play, lower=0.0) for play in plays]
     unknowns += _accelerometer_errors(vehicle, outputs, settings, extended=extended) if settings.nuisances else []
     return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
@@ -264,14 +229,14 @@ def time_base_delays(
         if base != main:
             moves.setdefault(f"{TIME_BASE}.{base or 'main'}", {})[f"{name}.delay"] = 1.0
     return [
-        replace(_sensor_error(f"{base}.delay", settings.time_base_delay_prior), moves=channels)
+        replace(error_unknown(f"{base}.delay", settings.time_base_delay_prior), moves=channels)
         for base, channels in moves.items()
     ]
 
 
 def suspects() -> list[Unknown]:
     """Unknowns of an extended model that are exact as a rule, and whose change the residuals show."""
-    return [replace(_considered("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}), suspect=True)]
+    return [replace(considered_unknown("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}), suspect=True)]
 
 
 def _gyros(outputs: Sequence[str]) -> list[str]:
@@ -305,7 +270,7 @@ def _accelerometer_errors(
         for kind in kinds:
             mean, sigma = accelerometer_prior(vehicle, name, kind, settings)
             if sigma:
-                unknowns.append(_sensor_error(f"{name}.{kind}", sigma, centre=mean, per_log=kind == "offset"))
+                unknowns.append(error_unknown(f"{name}.{kind}", sigma, centre=mean, per_log=kind == "offset"))
     return unknowns
 
 
@@ -328,7 +293,7 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
     for name, slopes in {**of_file, **given}.items():
         moves = {path: slope for path, slope in slopes.items() if path not in done and path not in exact}
         if moves:
-            unknowns.append(_considered(name, 1.0, moves))
+            unknowns.append(considered_unknown(name, 1.0, moves))
     return unknowns
 
 
@@ -342,10 +307,10 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     unknowns = []
     factor = settings.consider.get("softening", 0.0) if settings.tyre_law == "linear" else 0.0
     for path, slope in (softening(vehicle) if factor else {}).items():
-        unknowns.append(_considered(f"{path}.softening", slope * factor))
+        unknowns.append(considered_unknown(f"{path}.softening", slope * factor))
     latency = settings.consider.get("gyro_delay", 0.0)
     if latency and settings.nuisances:
-        unknowns += [replace(_considered(f"{name}.delay", latency), nuisance=True) for name in _gyros(outputs)]
+        unknowns += [replace(considered_unknown(f"{name}.delay", latency), nuisance=True) for name in _gyros(outputs)]
     return unknowns
 
 
@@ -366,30 +331,17 @@ def softening(vehicle: Vehicle) -> dict[str, float]:
     }
 
 
-def _considered(name: str, sigma: float, moves: Mapping[str, float] = MappingProxyType({})) -> Unknown:
-    """A considered unknown that is 0 in the model."""
-    return Unknown(
-        name=name,
-        centre=0.0,
-        scale=sigma,
-        lower=-BOUND_SIGMAS * sigma,
-        upper=BOUND_SIGMAS * sigma,
-        considered=True,
-        moves=moves,
-    )
-
-
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     values = given_parameters(vehicle, settings)
     unknowns = []
     for name in estimated:
         if ParameterPath.of(name).is_payload_height:
-            unknowns.append(_height(name, values[name], settings))
+            unknowns.append(height_unknown(name, values[name], settings))
         else:
             roll_inertia = ends_with(name, "sprung.roll_inertia")
             default = settings.roll_inertia_prior if roll_inertia else settings.prior
             default = settings.friction_prior if name == FRICTION else default
-            unknowns.append(_logarithmic(name, values[name], settings.priors.get(name, default)))
+            unknowns.append(logarithmic_unknown(name, values[name], settings.priors.get(name, default)))
     return unknowns
 
 
@@ -416,7 +368,9 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             if considered and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
                 sigma = vehicle.stated[name] / value
             if sigma:
-                unknowns.append(_logarithmic(name, value, sigma, uncertain=not considered, considered=considered))
+                unknowns.append(
+                    logarithmic_unknown(name, value, sigma, uncertain=not considered, considered=considered)
+                )
     return unknowns
 
 
@@ -430,9 +384,9 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
     unknowns = []
     for name in vehicle.steer_signals():
         unknowns += [
-            _sensor_error(f"{name}.offset", settings.steer_offset_prior, per_log=True),
-            _sensor_error(f"{name}.gain", settings.steer_gain_prior, centre=1.0),
-            _sensor_error(f"{name}.delay", settings.steer_delay_prior),
+            error_unknown(f"{name}.offset", settings.steer_offset_prior, per_log=True),
+            error_unknown(f"{name}.gain", settings.steer_gain_prior, centre=1.0),
+            error_unknown(f"{name}.delay", settings.steer_delay_prior),
         ]
     priors = {
         "yaw_rate": settings.rate_offset_prior,
@@ -440,50 +394,5 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
         "articulation": settings.articulation_offset_prior,
     }
     for name in (name for name in outputs if SignalName.of(name).quantity in priors):
-        unknowns.append(_sensor_error(f"{name}.offset", priors[SignalName.of(name).quantity], per_log=True))
+        unknowns.append(error_unknown(f"{name}.offset", priors[SignalName.of(name).quantity], per_log=True))
     return unknowns
-
-
-def _height(name: str, value: float, settings: CommonSettings, *, start: float = 1.0, walk: float = 0.0) -> Unknown:
-    initial = settings.initial_payload_height
-    lower, upper = HEIGHT_BOUNDS
-    return Unknown(
-        name=name,
-        centre=value if initial is None else initial,
-        scale=settings.height_prior,
-        lower=lower,
-        upper=upper,
-        start=start,
-        walk=walk,
-    )
-
-
-def _logarithmic(
-    name: str, value: float, sigma: float, *, uncertain: bool = False, considered: bool = False
-) -> Unknown:
-    if value <= 0:
-        raise VehicleError(
-            f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
-        )
-    return Unknown(
-        name=name,
-        centre=value,
-        scale=sigma,
-        lower=value / BOUND_FACTOR,
-        upper=value * BOUND_FACTOR,
-        logarithmic=True,
-        uncertain=uncertain,
-        considered=considered,
-    )
-
-
-def _sensor_error(name: str, prior: float, *, centre: float = 0.0, per_log: bool = False) -> Unknown:
-    return Unknown(
-        name=name,
-        centre=centre,
-        scale=prior,
-        lower=centre - BOUND_SIGMAS * prior,
-        upper=centre + BOUND_SIGMAS * prior,
-        nuisance=True,
-        per_log=per_log,
-    )

@@ -1,0 +1,127 @@
+"""One unknown of an identification, with its prior and bounds, and how each kind of it is made."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from fifthwheel.errors import VehicleError
+from fifthwheel.filters.dual import Scaling
+from fifthwheel.identify.settings import CommonSettings
+
+HEIGHT_BOUNDS = (0.01, 3.5)
+"""Of a payload height, m."""
+BOUND_FACTOR = 8.0
+"""A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
+BOUND_SIGMAS = 8.0
+"""A sensor error stays within this number of prior standard deviations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """One unknown: p = centre exp(scale z) or p = centre + scale z with the prior z ~ N(0, 1), within bounds."""
+
+    name: str
+    centre: float  # prior mean (median if logarithmic), SI
+    scale: float  # prior standard deviation: of ln p if logarithmic, else of p
+    lower: float  # bounds of p
+    upper: float
+    logarithmic: bool = False
+    nuisance: bool = False  # a sensor error
+    per_log: bool = False  # each log has its own
+    uncertain: bool = False  # an uncertain parameter of the vehicle file, estimated too
+    considered: bool = False  # not estimated, but part of every sigma
+    suspect: bool = False  # considered only in score tests: it is not part of any sigma
+    moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
+    start: float = 1.0  # standard deviation of z at the start of the dual filter
+    walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
+
+    @property
+    def prior_sigma(self) -> float:
+        """Prior standard deviation of p, SI."""
+        return self.scale * (self.centre if self.logarithmic else 1.0)
+
+    @property
+    def slopes(self) -> Mapping[str, float]:
+        """The model parameters that it changes, each with its derivative with respect to p; by default its own."""
+        return self.moves or {self.name: 1.0}
+
+    def slope(self, value: float) -> float:
+        """dp/dz at a value of p."""
+        return value * self.scale if self.logarithmic else self.scale
+
+
+def scaling(unknowns: Sequence[Unknown]) -> Scaling:
+    """The transformation between z and p for several unknowns."""
+    return Scaling(
+        logarithmic=tuple(u.logarithmic for u in unknowns),
+        **{field: np.array([getattr(u, field) for u in unknowns]) for field in ("centre", "scale", "lower", "upper")},
+    )
+
+
+def considered_unknown(name: str, sigma: float, moves: Mapping[str, float] = MappingProxyType({})) -> Unknown:
+    """A considered unknown that is 0 in the model."""
+    return Unknown(
+        name=name,
+        centre=0.0,
+        scale=sigma,
+        lower=-BOUND_SIGMAS * sigma,
+        upper=BOUND_SIGMAS * sigma,
+        considered=True,
+        moves=moves,
+    )
+
+
+def height_unknown(
+    name: str, value: float, settings: CommonSettings, *, start: float = 1.0, walk: float = 0.0
+) -> Unknown:
+    """A payload height, m; a value of the settings replaces that of the vehicle."""
+    initial = settings.initial_payload_height
+    lower, upper = HEIGHT_BOUNDS
+    return Unknown(
+        name=name,
+        centre=value if initial is None else initial,
+        scale=settings.height_prior,
+        lower=lower,
+        upper=upper,
+        start=start,
+        walk=walk,
+    )
+
+
+def logarithmic_unknown(
+    name: str, value: float, sigma: float, *, uncertain: bool = False, considered: bool = False
+) -> Unknown:
+    """A parameter above 0, with sigma as a fraction of its value.
+
+    Raises:
+        VehicleError: the value is not above 0.
+    """
+    if value <= 0:
+        raise VehicleError(
+            f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
+        )
+    return Unknown(
+        name=name,
+        centre=value,
+        scale=sigma,
+        lower=value / BOUND_FACTOR,
+        upper=value * BOUND_FACTOR,
+        logarithmic=True,
+        uncertain=uncertain,
+        considered=considered,
+    )
+
+
+def error_unknown(name: str, prior: float, *, centre: float = 0.0, per_log: bool = False) -> Unknown:
+    """An error of a sensor, with its prior standard deviation, SI."""
+    return Unknown(
+        name=name,
+        centre=centre,
+        scale=prior,
+        lower=centre - BOUND_SIGMAS * prior,
+        upper=centre + BOUND_SIGMAS * prior,
+        nuisance=True,
+        per_log=per_log,
+    )
