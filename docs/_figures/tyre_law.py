@@ -22,7 +22,7 @@ def draw() -> str:
     static = truck.axle_loads()[GROUP]
     stiffness = TYRES * float(tyre.cornering_stiffness(static / TYRES))
     given = truck.parameters() | saturation_parameters(truck) | {f"{GROUP}.cornering_stiffness": stiffness}
-    slips, still = np.radians(np.linspace(0, 10, 41)), (ca.SX(0), ca.SX(0), ca.SX(0))
+    slips, still = np.radians(np.linspace(0, 10, 41)), (ca.SX(0), ca.SX(0))
     shapes = [
         svg.path([(LEFT, 40), (LEFT, BOTTOM), (LEFT + 10.5 * ACROSS, BOTTOM)], "thin"),
         svg.label(LEFT + 3.8 * ACROSS, BOTTOM + 38, "slip angle, deg"),

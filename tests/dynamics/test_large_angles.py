@@ -19,7 +19,7 @@ from fifthwheel.dynamics.saturation import (
     group_stiffness,
     saturation_parameters,
 )
-from fifthwheel.dynamics.unit_equations import group_roll
+from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.manoeuvres import braked, straight
 from fifthwheel.plant import Plant
 from fifthwheel.plant.magic_formula import MagicFormula
@@ -46,7 +46,7 @@ def rates(
     state = ca.SX.sym("x", len(x))
     angles = {name: ca.SX(steer) for name in vehicle.steer_signals()}
     result = large_angles(values, vehicle, state, ca.SX(SPEED), angles, roll=roll, speed_rate=ca.SX(speed_rate))
-    return np.array(ca.Function("rates", [state], [result.exact(result.rates)])(x)).ravel()
+    return np.array(ca.Function("rates", [state], [result.stages.expanded(result.rates)])(x)).ravel()
 
 
 @pytest.mark.parametrize("roll", [False, True])
@@ -86,7 +86,7 @@ def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
 
 @pytest.mark.parametrize("roll", [False, True])
 def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
-    """A model with the derivative of the speed as an input is exactly that without it, where it is 0."""
+    """A model with the derivative of the speed as an input is that without it, where it is 0, except for rounding."""
     outputs = ["yaw_rate.tractor", "lateral_acceleration.semitrailer"]
     plain, braking = (
         dynamics.model(TRUCK, outputs, roll=roll, tyres="saturating", braking=braking) for braking in (False, True)
@@ -100,7 +100,7 @@ def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
         step = [] if name == "observation" else [0.01]
         arguments = [x, *step, inputs.ravel(), [], c], [x, *step, with_rate.ravel(), [], c]
         expected, actual = (np.array(getattr(m, name)(*a)) for m, a in zip((plain, braking), arguments, strict=True))
-        np.testing.assert_array_equal(actual, expected)
+        np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
             slips = [d - np.arctan((velocity[1] + arm * r) / velocity[0]) for d, arm in zip(deltas, arms, strict=True)]
             height = p[f"{unit.name}.roll_axis_height"]
             change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
-            level = ca.SX(np.mean(slips)), ca.SX(0), ca.SX(0), height, ca.SX(change), ca.SX(speed_rate)
+            level = ca.SX(np.mean(slips)), ca.SX(0), height, ca.SX(change), ca.SX(speed_rate)
             C = float(ca.evalf(group_stiffness(law, path, *level)))
             brake = parts[path] * sum(loads.values()) / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
@@ -186,7 +186,7 @@ def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved
     x = np.array([{"yaw_rate": 0.2, "articulation": -0.05}.get(name.split(".")[0], 0.0) for name in names])
     values, angles = TRUCK.parameters() | saturation_parameters(TRUCK), dict.fromkeys(TRUCK.steer_signals(), ca.SX(0))
     result = large_angles(values, TRUCK, state, ca.SX(SPEED), angles, roll=False, speed_rate=symbol)
-    moved = ca.Function("moved", [state, symbol], [result.moved])
+    moved = ca.Function("moved", [state, symbol], [result.stages.expanded(result.shift)])
     drag = float(moved(x, 0.0))
     assert drag > 500.0
     assert 1 - float(moved(x, speed_rate)) / drag == pytest.approx(relieved, abs=0.02)
@@ -196,8 +196,8 @@ def force(slip: float, roll: float = 0.0, **changes: float) -> float:
     """Side force of the trailer's axle group, N, with the nominal load on each tyre."""
     number = TRUCK.axle_loads()["semitrailer"] / NOMINAL_LOAD
     p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.tyres": number} | changes
-    height = p["semitrailer.roll_axis_height"]
-    return slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), ca.SX(roll), ca.SX(0), height)))
+    suspension, height = suspension_moment(p, "semitrailer", ca.SX(roll), ca.SX(0)), p["semitrailer.roll_axis_height"]
+    return slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), suspension, height)))
 
 
 def test_the_force_tends_to_friction_times_load() -> None:
@@ -227,13 +227,12 @@ def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
     static = load / tyres
     own = {"semitrailer.cornering_stiffness": tyres * float(tyre.cornering_stiffness(static))}
     own |= {FRICTION: 0.74, SHAPE: 1.15, "semitrailer.tyres": tyres}
-    stiffness = float(group_roll(TRUCK.parameters(), "semitrailer").stiffness)
     slips, errors = np.radians(np.linspace(0.2, 12, 20)), []
     for transfer in np.linspace(0, 0.9, 4):
         for slip in slips:
             p = TRUCK.parameters() | saturation_parameters(TRUCK) | own
-            roll = ca.SX(transfer * load / stiffness)
-            law = slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), roll, ca.SX(0), ca.SX(0))))
+            suspension = ca.SX(transfer * load)
+            law = slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), suspension, ca.SX(0))))
             sides = [float(tyre.side_force(np.tan(slip), n * static)) for n in (1 + transfer, 1 - transfer)]
             errors.append((law - tyres / 2 * abs(sum(sides))) / (0.74 * load))
     assert np.sqrt(np.mean(np.square(errors))) < 0.007
@@ -243,7 +242,7 @@ def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
 def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
     """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.4 % of the peak."""
     tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
-    still, rate = (ca.SX(0), ca.SX(0), ca.SX(0), ca.SX(0)), ca.SX(-used * STANDARD_GRAVITY)
+    still, rate = (ca.SX(0), ca.SX(0), ca.SX(0)), ca.SX(-used * STANDARD_GRAVITY)
     errors = []
     for n in (0.5, 0.8, 1.0, 1.3, 1.6):
         own = {
@@ -275,7 +274,7 @@ def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used:
 @pytest.mark.parametrize(("path", "locking"), [("tractor.front", -20.0), ("semitrailer", -9.0)])
 def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
     """Also at a change of the speed that no truck has."""
-    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), *[ca.SX(0)] * 4)
+    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), *[ca.SX(0)] * 3)
     rolling, locked, beyond = (
         float(ca.evalf(group_stiffness(p, path, *still, ca.SX(rate)))) for rate in (0.0, locking, -200.0)
     )

@@ -29,37 +29,31 @@ only that part moves load which is larger than the braking forces of the units b
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
 from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, braking_load, group_stiffness, static_load
+from fifthwheel.dynamics.staged import Stages
+from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Unit, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
 class LargeAngles:
-    """Rates of the state and motion of the units, as expressions of state, speed, steer angles and the shift.
+    """Rates of the state and motion of the units: expressions of state, speed, steer angles and the stages."""
 
-    The shift is the load that X moves, N. It depends on the accelerations; its derivatives are large expressions of
-    little effect, so a Jacobian is taken at a constant shift.
-    """
-
+    stages: Stages
     rates: ca.SX  # x' (n,)
     motion: Motion
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
     side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
     load_change: Mapping[str, ca.SX]  # of axle groups, by their path, from the static load, N
-    shift: ca.SX  # symbol
-    moved: ca.SX  # value of the shift
-    steady: ca.SX  # its value without accelerations along the coupling force, for outputs
-
-    def exact(self, expression: ca.SX) -> ca.SX:
-        """An expression at the value of the shift."""
-        return ca.substitute(expression, self.shift, self.moved)
+    shift: ca.SX  # load that X moves, N
 
 
 def large_angles(
@@ -84,7 +78,7 @@ def large_angles(
         roll, bank: as in `chain.state_names`.
         speed_rate: u', m/s^2.
     """
-    names, n = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units)
+    names, n, stages = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units), Stages()
     index = {name: i for i, name in enumerate(names)}
     motion = _motion(p, vehicle, x, speed, roll=roll, bank=bank)
     velocities = chain.velocity_indices(vehicle, roll=roll)
@@ -94,10 +88,9 @@ def large_angles(
         rate[k] = motion.r[i + 1] - motion.r[i]
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
     convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
-    side_force: dict[str, ca.SX] = {}
-    shift, pull, pull_rate = ca.SX.sym("shift"), ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
+    tyres: dict[str, _Tyres] = {}
+    pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
     brakes_behind = ca.SX(0)
-    load_change = _load_changes(vehicle, shift)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
@@ -107,16 +100,17 @@ def large_angles(
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, slips, forces = _tyre_forces(p, vehicle, i, motion, steer, load_change, speed_rate)
-        side_force |= forces
-        for path, (alpha, lagged) in slips.items():
-            if lagged is not None:
-                rate[index[f"slip_angle.{path}"]] = motion.u[i] * (alpha - lagged) / p[f"{path}.relaxation_length"]
+        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, speed_rate)
+        tyres |= of_unit
+        for path, group in of_unit.items():
+            if path in motion.lagged_slip:
+                lag = group.mean_slip - group.slip
+                rate[index[f"slip_angle.{path}"]] = motion.u[i] * lag / p[f"{path}.relaxation_length"]
         if roll:
             body = unit_equations.roll_body(p, unit)
             applied[2] -= body.moment * motion.roll[i] * along[0]
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
-        brakes = sum((braking_force(p, unit.group_path(group), speed_rate) for group in unit.axle_groups), ca.SX(0))
+        brakes = sum((braking_force(p, path, speed_rate) for path in of_unit), ca.SX(0))
         force += ca.jacobian(beside[i], x)[:, velocities].T @ (ca.vertcat(brakes, 0) - p[f"{unit.name}.mass"] * along)
         known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
         known[1] += GRAVITY * motion.bank
@@ -126,18 +120,20 @@ def large_angles(
             forward = ca.horzcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
             pull += forward @ (inertia @ known - applied)[:2]
             pull_rate += forward @ (inertia @ J)[:2, :]
-            on_coupling = p[f"{unit.name}.mass"] - sum(p[static_load(path)] for path in forces) / GRAVITY
+            on_coupling = p[f"{unit.name}.mass"] - sum(p[static_load(path)] for path in of_unit) / GRAVITY
             pull -= on_coupling * speed_rate  # the braking loads contain it
             brakes_behind += brakes
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
-    right = ca.substitute(ca.horzcat(force, ca.jacobian(force, shift)), shift, 0)
-    free, slope = ca.horzsplit(chain.solve_positive_definite(M, right))
-    arm = _pull_arm(p, vehicle)
-    moved, steady = (
-        ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0)
-        for load in (arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope), arm * pull)
+    per_shift = _loads_per_shift(vehicle)
+    by_shift = sum(
+        (sign * ca.jacobian(force, tyres[path].stiffness) @ tyres[path].by_load for path, sign in per_shift.items()),
+        ca.SX(len(velocities), 1),
     )
+    free, slope = stages.solved(M, force), stages.solved(M, by_shift)
+    arm = _pull_arm(p, vehicle)
+    load = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)
+    shift = stages.variable(ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0))
     solved = free + slope * shift
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
@@ -148,17 +144,15 @@ def large_angles(
     acceleration = tuple(
         (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
     )
+    load_change = {path: per_shift.get(path, 0.0) * shift for path in tyres}
     return LargeAngles(
+        stages=stages,
         rates=ca.densify(rate),
         motion=motion,
         acceleration=acceleration,
-        side_force=side_force,
-        load_change={
-            path: load_change.get(path, NO_CHANGE) - p[braking_load(path)] * speed_rate for path in side_force
-        },
+        side_force={path: (t.stiffness + load_change[path] * t.by_load) * t.slip for path, t in tyres.items()},
+        load_change={path: change - p[braking_load(path)] * speed_rate for path, change in load_change.items()},
         shift=shift,
-        moved=moved,
-        steady=steady,
     )
 
 
@@ -175,11 +169,12 @@ def _pull_arm(p: Mapping[str, ca.SX], vehicle: Vehicle) -> ca.SX:
     return height / (front - rear)
 
 
-def _load_changes(vehicle: Vehicle, shift: ca.SX) -> dict[str, ca.SX]:
-    """Changes of load, N, of the first unit's axle groups by their path, by a shift from the first to the last one."""
+def _loads_per_shift(vehicle: Vehicle) -> dict[str, float]:
+    """Changes of load, by the path of the group, where a shift of 1 moves from the first group of the chain to the last
+    one of its first unit."""
     unit = vehicle.units[0]
     front, rear = unit.axle_groups[0], unit.axle_groups[-1]
-    return {unit.group_path(front): -shift, unit.group_path(rear): shift} if vehicle.couplings else {}
+    return {unit.group_path(front): -1.0, unit.group_path(rear): 1.0} if vehicle.couplings else {}
 
 
 def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
@@ -213,38 +208,46 @@ def _beside_roll_axes(p: Mapping[str, ca.SX], vehicle: Vehicle, motion: Motion) 
     return parts
 
 
+class _Tyres(NamedTuple):
+    """Tyres of an axle group."""
+
+    slip: ca.SX  # rad, lagged if the group has a relaxation length
+    mean_slip: ca.SX  # rad, of its axles
+    stiffness: ca.SX  # variable: secant F / alpha without the shift, N/rad
+    by_load: ca.SX  # variable: its derivative with respect to the load of the group, 1/rad
+
+
 def _tyre_forces(
     p: Mapping[str, ca.SX],
-    vehicle: Vehicle,
-    i: int,
+    unit: Unit,
+    stages: Stages,
     motion: Motion,
+    i: int,
     steer: Mapping[str, ca.SX],
-    load_change: Mapping[str, ca.SX],
     speed_rate: ca.SX,
-) -> tuple[ca.SX, dict[str, tuple[ca.SX, ca.SX | None]], dict[str, ca.SX]]:
-    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i; by the path of each group, its
-    slip angle with its lagged slip angle if it has one; and its side force (N)."""
-    unit, total = vehicle.units[i], ca.SX(3, 1)
-    slips: dict[str, tuple[ca.SX, ca.SX | None]] = {}
-    forces: dict[str, ca.SX] = {}
+) -> tuple[ca.SX, dict[str, _Tyres]]:
+    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i without the shift; the tyres of
+    each group by its path."""
+    total, tyres = ca.SX(3, 1), dict[str, _Tyres]()
     for group in unit.axle_groups:
         path, count = unit.group_path(group), len(group.axles)
         arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.axles]
         angles = [steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else ca.SX(0) for axle in group.axles]
-        each = [
+        slips = [
             angle - ca.atan((motion.v[i] + arm * motion.r[i]) / motion.u[i])
             for arm, angle in zip(arms, angles, strict=True)
         ]
+        each = ca.vertsplit(stages.variable(ca.vertcat(*slips)))
         mean = sum(each, ca.SX(0)) / count
-        lagged = motion.lagged_slip.get(path)
-        slips[path] = mean, lagged
-        slip, height = mean if lagged is None else lagged, p[f"{unit.name}.roll_axis_height"]
-        roll = motion.roll[i], motion.roll_rate[i], height
-        stiffness = group_stiffness(p, path, slip, *roll, load_change.get(path, NO_CHANGE), speed_rate) / count
+        slip = motion.lagged_slip.get(path, mean)
+        suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
+        load = ca.SX.sym("load")
+        law = group_stiffness(p, path, slip, suspension, p[f"{unit.name}.roll_axis_height"], load, speed_rate)
+        stiffness, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (law, ca.jacobian(law, load)))
+        tyres[path] = _Tyres(slip, mean, stiffness, by_load)
         braking = braking_force(p, path, speed_rate) / count
-        forces[path] = count * stiffness * slip
         for arm, angle, own in zip(arms, angles, each, strict=True):
-            side = stiffness * (own + slip - mean)
+            side = stiffness / count * (slip + (own - mean))
             lateral = side * ca.cos(angle) + braking * ca.sin(angle)
             total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral)
-    return total, slips, forces
+    return total, tyres

@@ -18,6 +18,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, saturation, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.saturation import NO_CHANGE, TyreLaw
+from fifthwheel.dynamics.staged import Stages
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -56,29 +57,58 @@ class ChainModel:
         """Numbers of elements of x, d, p, c and y."""
         return len(self.states), 2 * len(self.inputs), len(self.free), len(self.known), len(self.outputs)
 
-    @property
+    @lazy
     def transition(self) -> ca.Function:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
-        return self._functions.transition
-
-    @property
-    def observation(self) -> ca.Function:
-        """(x, d, p, c) -> y"""
-        return self._functions.observation
-
-    @property
-    def state_jacobian(self) -> ca.Function:
-        """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
-        return self._functions.state_jacobian
-
-    @property
-    def rates(self) -> ca.Function:
-        """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
-        return self._functions.rates
+        s = self._symbolic
+        change = s.B @ (s.steering.end - s.steering.start)
+        return self._step("transition", taylor(s.A, s.x, s.rates[0], change, s.duration, s.order))
 
     @lazy
-    def _functions(self) -> "_Functions":
+    def state_jacobian(self) -> ca.Function:
+        """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
+        s = self._symbolic
+        return self._step("state_jacobian", transition_matrix(s.A, s.duration, s.order))
+
+    @lazy
+    def steer_offset_jacobian(self) -> ca.Function:
+        """(x, dt, d, p, c) -> derivatives (n, m) of x+ with respect to the offsets of the m steer angles."""
+        s = self._symbolic
+        rate, nothing = -s.B @ ca.diag(s.steering.gain), ca.SX(s.A.shape[0], s.B.shape[1])
+        return self._step("steer_offset_jacobian", taylor(s.A, nothing, rate, nothing, s.duration, s.order))
+
+    @lazy
+    def rates(self) -> ca.Function:
+        """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
+        s = self._symbolic
+        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in s.rates])
+
+    @lazy
+    def observation(self) -> ca.Function:
+        """(x, d, p, c) -> y"""
+        s = self._symbolic
+        return ca.Function("observation", [s.x, s.d, s.p, s.c], [ca.densify(s.stages.expanded(s.y))])
+
+    @lazy
+    def observation_jacobian(self) -> ca.Function:
+        """(x, d, p, c) -> dy/dx"""
+        s = self._symbolic
+        return ca.Function("observation_jacobian", [s.x, s.d, s.p, s.c], [s.stages.jacobian(s.y, s.x)])
+
+    @lazy
+    def observation_sensitivity(self) -> ca.Function:
+        """(x, d, p, c) -> dy/dp"""
+        s = self._symbolic
+        return ca.Function("observation_sensitivity", [s.x, s.d, s.p, s.c], [s.stages.jacobian(s.y, s.p)])
+
+    @lazy
+    def _symbolic(self) -> "_Symbolic":
         return _build(self)
+
+    def _step(self, name: str, result: ca.SX) -> ca.Function:
+        """A function of the transition's arguments."""
+        s = self._symbolic
+        return ca.Function(name, [s.x, s.dt, s.d, s.p, s.c], [result])
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name, SI."""
@@ -87,15 +117,6 @@ class ChainModel:
     def free_values(self, values: Mapping[str, float]) -> Array:
         """p from values by name, SI."""
         return np.array([values[name] for name in self.free], dtype=np.float64)
-
-
-class _Functions(NamedTuple):
-    """The functions of a model."""
-
-    transition: ca.Function
-    observation: ca.Function
-    state_jacobian: ca.Function
-    rates: ca.Function
 
 
 def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
@@ -242,6 +263,8 @@ class _Steering(NamedTuple):
     end: ca.SX  # at its end (m,)
     now: dict[str, ca.SX]  # at its end without the correction of a delay, by signal
     rate: ca.SX  # derivatives of the measured angles (m,), rad/s; 0 in a plain model
+    measured: ca.SX  # at its end (m,)
+    gain: ca.SX  # of the sensors (m,)
 
 
 class _Motion(NamedTuple):
@@ -251,11 +274,34 @@ class _Motion(NamedTuple):
     B: ca.SX  # (n, m)
     rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
     sensed: sensors.SensorInputs
+    stages: Stages  # of what sensors see
+    held: tuple[ca.SX, ...] = ()
+    """Variables of the stages that are constant where sensors see derivatives with respect to time: their rates depend
+    on those of the accelerations."""
 
 
-def _build(model: ChainModel) -> _Functions:
-    """Build the symbolic functions."""
-    free, known, outputs = model.free, model.known, model.outputs
+class _Symbolic(NamedTuple):
+    """A model as expressions of its symbols x, x+, dt, d, p and c."""
+
+    x: ca.SX
+    later: ca.SX
+    dt: ca.SX
+    d: ca.SX
+    p: ca.SX
+    c: ca.SX
+    steering: _Steering
+    A: ca.SX  # (n, n)
+    B: ca.SX  # (n, m)
+    rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
+    duration: ca.SX  # true one, s
+    order: int  # of the Taylor series
+    y: ca.SX  # with variables of the stages
+    stages: Stages
+
+
+def _build(model: ChainModel) -> _Symbolic:
+    """Build the expressions of a model."""
+    free, known = model.free, model.known
     n, k = len(model.states), len(model.inputs)
     p, c = ca.SX.sym("p", len(free)), ca.SX.sym("c", len(known))
     x, later, dt, d = ca.SX.sym("x", n), ca.SX.sym("later", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
@@ -263,19 +309,23 @@ def _build(model: ChainModel) -> _Functions:
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
     steering = _steering(model, value, d, dt)
     motion = (_saturating if model.tyres == "saturating" else _linear)(model, value, steering, x, later, d)
-    duration = dt * value[TIME_SCALE] if model.extended else dt
-    order = ORDER[model.roll, bool(chain.relaxation_groups(model.vehicle))]
-    transition = taylor(motion.A, x, motion.rates[0], motion.B @ (steering.end - steering.start), duration, order)
-    measured = d[k + 1 : k + len(steering.now) + 1]
-    changing = ca.vertcat(x, measured), ca.vertcat(motion.sensed.changing[1], steering.rate)
-    sensed = motion.sensed._replace(changing=changing)
-    y = ca.vertcat(*[sensors.sensor_output(sensed, name) for name in outputs]) if outputs else ca.SX(0, 1)
-    step = [x, dt, d, p, c]
-    return _Functions(
-        transition=ca.Function("transition", step, [transition]),
-        observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
-        state_jacobian=ca.Function("state_jacobian", step, [transition_matrix(motion.A, duration, order)]),
-        rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.densify(end) for end in motion.rates]),
+    moving = ca.vertcat(x, steering.measured), ca.vertcat(motion.sensed.rates, steering.rate)
+    sensed = motion.sensed._replace(rate_of=motion.stages.rate(*moving, motion.held))
+    return _Symbolic(
+        x=x,
+        later=later,
+        dt=dt,
+        d=d,
+        p=p,
+        c=c,
+        steering=steering,
+        A=motion.A,
+        B=motion.B,
+        rates=motion.rates,
+        duration=dt * value[TIME_SCALE] if model.extended else dt,
+        order=ORDER[model.roll, bool(chain.relaxation_groups(model.vehicle))],
+        y=ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(sensed, name) for name in model.outputs]),
+        stages=motion.stages,
     )
 
 
@@ -302,7 +352,7 @@ def _steering(model: ChainModel, value: Mapping[str, ca.SX], d: ca.SX, dt: ca.SX
         shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
         correction = error["gain"] * shift
     now = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
-    return _Steering(before + correction, after + correction, now, rate)
+    return _Steering(before + correction, after + correction, now, rate, measured_after, error["gain"])
 
 
 def _softening_factors(
@@ -325,8 +375,9 @@ def _linear(
     softened = {**value, **{name: value[name] * factor for name, factor in factors.items()}}
     A, B = equations.state_space((d[0] + now) / 2)
     angles = ca.vertcat(*steering.now.values())
-    sensed = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank)
-    return _Motion(A, B, (A @ x + B @ steering.start, A @ later + B @ steering.end), sensed)
+    sensed, stages = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank), Stages()
+    rates = A @ x + B @ steering.start, A @ later + B @ steering.end
+    return _Motion(A, B, rates, sensed, stages)
 
 
 def _saturating(
@@ -345,25 +396,27 @@ def _saturating(
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
     mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steers))
     begin, end = motion(x, mean, angles, change), motion(later, mean, steering.end, change)
+    slopes = begin.stages.jacobian(begin.rates, ca.vertcat(x, angles))
     A, B, first = (
-        ca.substitute(begin.exact(matrix), angles, steering.start)
-        for matrix in (ca.jacobian(begin.rates, x), ca.jacobian(begin.rates, angles), begin.rates)
+        ca.substitute(matrix, angles, steering.start)
+        for matrix in (*ca.horzsplit(slopes, [0, x.shape[0], slopes.shape[1]]), begin.stages.expanded(begin.rates))
     )
     now = motion(x, d[k], ca.vertcat(*steering.now.values()), latest)
     sensed = sensors.SensorInputs(
         p=softened,
         vehicle=model.vehicle,
         motion=now.motion,
-        acceleration=tuple(map(now.exact, now.acceleration)),
+        acceleration=now.acceleration,
         speed=d[k],
         steer=steering.now,
         side_force=now.side_force,
         load_change=now.load_change,
-        shift=(now.shift, now.steady),
         roll=model.roll,
-        changing=(x, now.rates),
+        rates=now.rates,
+        rate_of=now.stages.rate(x, now.rates),
     )
-    return _Motion(A, B, (first, end.exact(end.rates)), sensed)
+    rates = first, end.stages.expanded(end.rates)
+    return _Motion(A, B, rates, sensed, now.stages, (now.shift,))
 
 
 SMOOTHING = 0.001

@@ -39,7 +39,6 @@ from typing import Literal
 
 import casadi as ca
 
-from fifthwheel.dynamics.unit_equations import group_roll
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 
@@ -152,8 +151,7 @@ def group_stiffness(
     p: Mapping[str, ca.SX],
     path: str,
     slip: ca.SX,
-    roll: ca.SX,
-    roll_rate: ca.SX,
+    suspension: ca.SX,
     roll_axis_height: ca.SX,
     load_change: ca.SX = NO_CHANGE,
     speed_rate: ca.SX = NO_CHANGE,
@@ -164,7 +162,7 @@ def group_stiffness(
         p: parameters by name.
         path: of the axle group.
         slip: slip angle, rad.
-        roll, roll_rate: of the unit, rad and rad/s.
+        suspension: moment of suspension and tyres, K* phi + C* phi', N m; see `unit_equations.suspension_moment`.
         roll_axis_height: of the unit, m.
         load_change: load of the group less that at this speed rate on a straight road, N.
         speed_rate: u', m/s^2.
@@ -173,8 +171,6 @@ def group_stiffness(
     mu = p[SHAPE] * p[relative_friction(path)] * p[FRICTION]
     q = N / p[tyres(path)] / NOMINAL_LOAD
     stiffness_sensitivity, friction_sensitivity = p[STIFFNESS_SENSITIVITY] * q**2, p[FRICTION_SENSITIVITY]
-    body = group_roll(p, path)
-    suspension = body.stiffness * roll + body.damping * roll_rate
     even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
     moment = suspension + roll_axis_height * even * C * slip
     forward = ca.fmax(ca.fmin((load_change - p[braking_load(path)] * speed_rate) / N, 1), -1)

@@ -17,6 +17,7 @@ import casadi as ca
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.chain import BANK, Equations, Motion
 from fifthwheel.dynamics.saturation import DEFAULTS, HALF_TRACK
+from fifthwheel.dynamics.staged import Stages
 from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
@@ -45,9 +46,9 @@ class SensorInputs(NamedTuple):
     steer: Mapping[str, ca.SX]  # steer angle of each steered axle by its signal, rad
     side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
     load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
-    shift: tuple[ca.SX, ca.SX]  # symbol in these forces and changes, and its value, N
     roll: bool  # whether the model has roll
-    changing: tuple[ca.SX, ca.SX]  # symbols that change with time, and their derivatives
+    rates: ca.SX  # x' (n,)
+    rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
 
 
 def sensor_inputs(
@@ -88,9 +89,9 @@ def sensor_inputs(
         steer=angles,
         side_force={path: p[f"{path}.cornering_stiffness"] * alpha for path, alpha in slip.items()},
         load_change={},
-        shift=(ca.SX(0, 1), ca.SX(0, 1)),
         roll=roll,
-        changing=(x, rate),
+        rates=rate,
+        rate_of=Stages().rate(x, rate),
     )
 
 
@@ -239,16 +240,12 @@ def extension_parameters(name: str) -> dict[str, float]:
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
-    return ca.substitute(_output(inputs, name), *inputs.shift)
-
-
-def _output(inputs: SensorInputs, name: str) -> ca.SX:
     if name == BANK:
         return inputs.motion.bank
     if SignalName.of(name).quantity in LOAD_TRANSFERS:
         ratio = _load_transfer(inputs, *axle_group(inputs.vehicle, name))
         predicted = SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER
-        return ratio + HORIZON * ca.jtimes(ratio, *inputs.changing) if predicted else ratio  # at a constant shift
+        return ratio + HORIZON * inputs.rate_of(ratio) if predicted else ratio
     i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
     value, p = quantity.expression(inputs, i, name), inputs.p
     if f"{name}.delay" in p:
@@ -274,7 +271,7 @@ def _load_transfer(inputs: SensorInputs, i: int, group: AxleGroup) -> ca.SX:
 def _derivative(inputs: SensorInputs, i: int, quantity: str, value: ca.SX) -> ca.SX:
     """Derivative of the value of a quantity of unit i with respect to time, at constant speed."""
     if quantity == ACCELEROMETER:
-        return ca.jtimes(value, *inputs.changing)
+        return inputs.rate_of(value)
     if quantity == "articulation":
         return inputs.motion.r[i] - inputs.motion.r[i - 1]
     return inputs.acceleration[i][1 if quantity == "yaw_rate" else 2]

@@ -51,6 +51,18 @@ AXLE_COG_HEIGHT = 0.5
 """Of an axle with its wheels above the ground, m: the loaded radius of a tyre 315/80 R 22.5."""
 
 
+def suspension_moment(p: Mapping[str, ca.SX], path: str, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
+    """K* phi + C* phi', the moment of suspension and tyres of an axle group, N m.
+
+    Args:
+        p: parameters by path.
+        path: of the group.
+        roll, roll_rate: of the unit, rad and rad/s.
+    """
+    body = group_roll(p, path)
+    return body.stiffness * roll + body.damping * roll_rate
+
+
 def load_transfer_moment(
     p: Mapping[str, ca.SX], path: str, roll: ca.SX, roll_rate: ca.SX, side_force: ca.SX, height: ca.SX
 ) -> ca.SX:
@@ -59,14 +71,11 @@ def load_transfer_moment(
     T = K* phi + C* phi' + h F: the moment of suspension and tyres, and that of the side force.
 
     Args:
-        p: parameters by path.
-        path: of the group.
-        roll, roll_rate: of the unit, rad and rad/s.
+        p, path, roll, roll_rate: as in `suspension_moment`.
         side_force: F of all tyres of the group, N.
         height: h of the masses that the side force accelerates, m.
     """
-    body = group_roll(p, path)
-    return body.stiffness * roll + body.damping * roll_rate + height * side_force
+    return suspension_moment(p, path, roll, roll_rate) + height * side_force
 
 
 def side_force_height(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, load: ca.SX) -> ca.SX:

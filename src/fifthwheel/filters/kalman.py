@@ -68,6 +68,9 @@ def predict(
 
 def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Predicted measurements (m,) at x, and their Jacobian H (m, n)."""
+    jacobian: ca.Function | None = getattr(model, "observation_jacobian", None)
+    if jacobian is not None:
+        return model.observation(x, d, p, c), jacobian(x, d, p, c)
     symbol = ca.SX.sym("x", x.shape[0])
     predicted = model.observation(symbol, d, p, c)
     y, H = ca.substitute([predicted, ca.jacobian(predicted, symbol)], [symbol], [x])

@@ -43,24 +43,54 @@ class ObservedChain:
         """Numbers of elements of x, d, p, c and y."""
         return len(self.states), 2 * len(self.inputs), 0, len(self.known), len(self.outputs)
 
-    @property
+    @lazy
     def transition(self) -> ca.Function:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
-        return self._functions.transition
-
-    @property
-    def observation(self) -> ca.Function:
-        """(x, d, p, c) -> y"""
-        return self._functions.observation
-
-    @property
-    def state_jacobian(self) -> ca.Function:
-        """(x, dt, d, p, c) -> dx+/dx (n, n)."""
-        return self._functions.state_jacobian
+        s = self._symbols
+        later = self.chain.transition(*s.step)[: s.n]
+        return ca.Function("transition", [s.x, s.dt, s.d, s.p, s.c], [ca.vertcat(later, s.x[s.n :])])
 
     @lazy
-    def _functions(self) -> "_Functions":
-        return _build(self)
+    def state_jacobian(self) -> ca.Function:
+        """(x, dt, d, p, c) -> dx+/dx (n, n)."""
+        s, m = self._symbols, len(self.offsets)
+        F, steered = self.chain.state_jacobian(*s.step)[: s.n, : s.n], self.chain.steer_offset_jacobian(*s.step)
+        by_offset = ca.horzcat(steered[: s.n, :], ca.SX(s.n, m - steered.shape[1]))
+        F = ca.blockcat([[F, by_offset], [ca.SX(m, s.n), ca.SX.eye(m)]])
+        return ca.Function("state_jacobian", [s.x, s.dt, s.d, s.p, s.c], [F])
+
+    @lazy
+    def bank_jacobian(self) -> ca.Function:
+        """(x, dt, d, p, c) -> dx+/db (n, 1) of a bank b that is a parameter."""
+        s = self._symbols
+        by_bank = ca.vertcat(self.chain.state_jacobian(*s.step)[: s.n, s.n :], ca.SX(len(self.offsets), 1))
+        return ca.Function("bank_jacobian", [s.x, s.dt, s.d, s.p, s.c], [by_bank])
+
+    @lazy
+    def observation(self) -> ca.Function:
+        """(x, d, p, c) -> y"""
+        s = self._symbols
+        return ca.Function("observation", [s.x, s.d, s.p, s.c], [ca.densify(self.chain.observation(*s.instant))])
+
+    @lazy
+    def observation_jacobian(self) -> ca.Function:
+        """(x, d, p, c) -> dy/dx."""
+        s = self._symbols
+        by_offset = ca.SX(len(self.outputs), len(self.offsets))
+        by_offset[:, s.free] = self.chain.observation_sensitivity(*s.instant)
+        H = ca.horzcat(self.chain.observation_jacobian(*s.instant)[:, : s.n], by_offset)
+        return ca.Function("observation_jacobian", [s.x, s.d, s.p, s.c], [H])
+
+    @lazy
+    def observation_bank_jacobian(self) -> ca.Function:
+        """(x, d, p, c) -> dy/db of a bank b that is a parameter."""
+        s = self._symbols
+        by_bank = self.chain.observation_jacobian(*s.instant)[:, s.n :]
+        return ca.Function("observation_bank_jacobian", [s.x, s.d, s.p, s.c], [by_bank])
+
+    @lazy
+    def _symbols(self) -> "_Symbols":
+        return _Symbols.of(self)
 
     @property
     def roll(self) -> bool:
@@ -126,37 +156,34 @@ def _observed_chain(chain: ChainModel, offsets: tuple[str, ...], estimate_bank: 
     return ObservedChain(chain=chain, offsets=offsets, estimates_bank=estimate_bank)
 
 
-class _Functions(NamedTuple):
-    """The functions of a model."""
+class _Symbols(NamedTuple):
+    """Arguments of the functions of a model, and those of its chain in terms of them."""
 
-    transition: ca.Function
-    observation: ca.Function
-    state_jacobian: ca.Function
+    x: ca.SX
+    dt: ca.SX
+    d: ca.SX
+    p: ca.SX
+    c: ca.SX
+    n: int  # states of the chain among x
+    free: list[int]  # indices of the offsets that are parameters of the chain
+    step: list[ca.SX]  # state, dt, d, p and c of the chain
+    instant: list[ca.SX]  # the same without dt
 
-
-def _build(model: ObservedChain) -> _Functions:
-    """Build the symbolic functions."""
-    chain, considered = model.chain, not model.estimates_bank
-    n, m = len(chain.states) - considered, len(model.offsets)
-    x, dt, d, p, c = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("x", n + m),
-            ("dt", 1),
-            ("d", 2 * len(chain.inputs)),
-            ("p", 0),
-            ("c", len(chain.known) + considered),
+    @classmethod
+    def of(cls, model: ObservedChain) -> "_Symbols":
+        """The symbols of a model."""
+        chain, considered = model.chain, not model.estimates_bank
+        n, n_c = len(chain.states) - considered, len(chain.known)
+        x, dt, d, p, c = (
+            ca.SX.sym(name, size)
+            for name, size in (
+                ("x", n + len(model.offsets)),
+                ("dt", 1),
+                ("d", 2 * len(chain.inputs)),
+                ("p", 0),
+                ("c", n_c + considered),
+            )
         )
-    )
-    state, offsets, known = ca.vertcat(x[:n], c[len(chain.known) :]), x[n:], c[: len(chain.known)]
-    free = offsets[[model.offsets.index(name) for name in chain.free]]
-    later = chain.transition(state, dt, d, free, known)[:n]
-    F = chain.state_jacobian(state, dt, d, free, known)[:n, :n]
-    F = ca.blockcat([[F, ca.jacobian(later, offsets)], [ca.SX(m, n), ca.SX.eye(m)]])
-    y = chain.observation(state, d, free, known)
-    arguments = [x, dt, d, p, c]
-    return _Functions(
-        transition=ca.Function("transition", arguments, [ca.vertcat(later, offsets)]),
-        observation=ca.Function("observation", [x, d, p, c], [ca.densify(y)]),
-        state_jacobian=ca.Function("state_jacobian", arguments, [F]),
-    )
+        free = [model.offsets.index(name) for name in chain.free]
+        state, instant = ca.vertcat(x[:n], c[n_c:]), [d, x[n:][free], c[:n_c]]
+        return cls(x, dt, d, p, c, n, free, [state, dt, *instant], [state, *instant])

@@ -96,13 +96,12 @@ def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.S
     n, m, no_p = x.shape[0], y.shape[0], ca.SX(0, 1)
     before, P, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
     state = ca.SX.sym("state", n)
-    outputs = model.observation(state, d, no_p, c)
-    H, direct = ca.jacobian(outputs, state), ca.SX(m, s.shape[0] // n)
+    outputs, H = kalman.observe(model, state, d, no_p, c)
+    direct = ca.SX(m, s.shape[0] // n)
     s = ca.reshape(s, n, direct.shape[1])
     if not model.estimates_bank:
-        bank = c[model.known.index(BANK)]
-        s = F @ s + ca.jacobian(before, bank) * sigma
-        direct = ca.jacobian(outputs, bank) * sigma
+        s = F @ s + model.bank_jacobian(x, dt, d, no_p, c) * sigma
+        direct = model.observation_bank_jacobian(state, d, no_p, c) * sigma
     x, channels, linearised = before, [], []
     for i in range(m):
         predicted, row, effect = ca.substitute([outputs[i], H[i, :], direct[i, :]], [state], [x])

@@ -1,0 +1,113 @@
+"""Derivatives by the chain rule through intermediate variables.
+
+Where an expression of many variables is one of few intermediate variables, its Jacobian is the product of two small
+Jacobians. That of the whole expression would contain the derivatives of the intermediate ones once for each variable
+(A. Griewank and A. Walther, Evaluating Derivatives, 2008, chapter 9). A variable w that solves M w = f has
+
+    dw = M^-1 (df - dM w),
+
+so that the factorisation of M is not differentiated.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from fifthwheel.dynamics.chain import solve_positive_definite
+
+
+class _Variable(NamedTuple):
+    """One intermediate variable."""
+
+    symbol: ca.SX  # (m,)
+    value: ca.SX  # (m,), of earlier ones
+    differential: ca.SX  # (m,): its derivatives at a constant symbol, divided by the matrix, are those of the variable
+    matrix: ca.SX | None = None  # (m, m)
+
+    def solve(self, derivative: ca.SX) -> ca.SX:
+        """Derivative of the variable from that of the differential (m, k)."""
+        return derivative if self.matrix is None else solve_positive_definite(self.matrix, derivative)
+
+
+class Stages:
+    """Intermediate variables, each a column of symbols with a value that depends on earlier ones.
+
+    >>> x, stages = ca.SX.sym("x"), Stages()
+    >>> square = stages.variable(x**2)
+    >>> stages.jacobian(square + ca.sin(square), x)
+    SX(((1+cos(sq(x)))*(2.*x)))
+    """
+
+    def __init__(self) -> None:
+        self._variables: list[_Variable] = []
+
+    def variable(self, value: ca.SX) -> ca.SX:
+        """A variable with a value (m,)."""
+        symbol = self._symbol(value.shape[0])
+        self._variables.append(_Variable(symbol, ca.densify(value), value))
+        return symbol
+
+    def solved(self, M: ca.SX, right: ca.SX) -> ca.SX:
+        """A variable w with M w = right, for a symmetric positive definite M (m, m)."""
+        symbol = self._symbol(right.shape[0])
+        value = ca.densify(solve_positive_definite(M, right))
+        self._variables.append(_Variable(symbol, value, right - M @ symbol, M))
+        return symbol
+
+    def _symbol(self, size: int) -> ca.SX:
+        return ca.SX.sym(f"stage_{len(self._variables)}", size)
+
+    def expanded(self, expression: ca.SX) -> ca.SX:
+        """An expression without intermediate variables."""
+        for variable in reversed(self._variables):
+            expression = ca.substitute(expression, variable.symbol, variable.value)
+        return expression
+
+    def jacobian(self, expression: ca.SX, by: ca.SX) -> ca.SX:
+        """Derivatives (m, n) of an expression (m,) by symbols (n,), expanded."""
+        symbols, derivatives = [by], [ca.SX.eye(by.shape[0])]
+
+        def derivative(of: ca.SX) -> ca.SX:
+            edges = np.cumsum([0, *(symbol.shape[0] for symbol in symbols)]).tolist()
+            parts = ca.horzsplit(ca.jacobian(of, ca.vertcat(*symbols)), edges)
+            return sum((part @ J for part, J in zip(parts, derivatives, strict=True)), ca.SX(of.shape[0], by.shape[0]))
+
+        for variable in self._used(expression):
+            derivatives.append(variable.solve(derivative(variable.differential)))
+            symbols.append(variable.symbol)
+        return self.expanded(derivative(expression))
+
+    def rate(self, by: ca.SX, rates: ca.SX, held: Sequence[ca.SX] = ()) -> Callable[[ca.SX], ca.SX]:
+        """A function from an expression (m,) to its derivative with respect to time (m,).
+
+        The derivatives of the variables become variables.
+
+        Args:
+            by: symbols (n,) that change.
+            rates: their derivatives with respect to time (n,).
+            held: variables that are constant.
+        """
+        changing, speeds = [by], [rates]
+
+        def of_time(expression: ca.SX) -> ca.SX:
+            return ca.jtimes(expression, ca.vertcat(*changing), ca.vertcat(*speeds))
+
+        def rate_of(expression: ca.SX) -> ca.SX:
+            for variable in self._used(expression, held):
+                if not any(variable.symbol is symbol for symbol in changing):
+                    speeds.append(self.variable(variable.solve(of_time(variable.differential))))
+                    changing.append(variable.symbol)
+            return of_time(expression)
+
+        return rate_of
+
+    def _used(self, expression: ca.SX, held: Sequence[ca.SX] = ()) -> list[_Variable]:
+        """The variables that an expression depends on, also through others that are not held, in order."""
+        used: list[_Variable] = []
+        for variable in reversed(self._variables):
+            dependent = ca.vertcat(expression, *[u.differential for u in used])
+            if not any(variable.symbol is symbol for symbol in held) and ca.depends_on(dependent, variable.symbol):
+                used.insert(0, variable)
+        return used
