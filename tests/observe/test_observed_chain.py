@@ -15,7 +15,7 @@ def test_sizes_are_known_without_the_functions(truck, estimate_bank):
     offsets = (*offsets, "lateral_acceleration.tractor.offset")  # no output of this chain depends on it
     model = _observed_chain.__wrapped__(chain, offsets, estimate_bank)
     n, n_d, n_p, n_c, m = model.sizes
-    assert "_functions" not in vars(model)
+    assert "_symbols" not in vars(model)
     assert [model.transition.numel_in(i) for i in range(5)] == [n, 1, n_d, n_p, n_c]
     assert (model.transition.numel_out(0), model.observation.numel_out(0)) == (n, m)
     assert model.state_jacobian.size_out(0) == (n, n)
