@@ -281,12 +281,12 @@ def test_each_channel_is_linearised_at_the_corrected_state() -> None:
     c, noise = observer.constant[: len(model.known)], observer.constant[len(model.known) + n * (n + 1) // 2 :][:m]
     state = ca.SX.sym("x", n)
     outputs = model.observation(state, d, [], c)
-    h = ca.Function("h", [state], [outputs, ca.jacobian(outputs, state)])
+    h = ca.Function("h", [state], [outputs, model.observation_jacobian(state, d, [], c)])
     x, P = np.zeros(n), np.diag(variance)
     at_start = np.array(h(x)[1])[-1]
     for i in range(m):
         predicted, H = (np.array(value)[i] for value in h(x))
         K = P @ H / (H @ P @ H + noise[i])
         x, P = x + K * (y[i] - predicted), P - np.outer(K, H @ P)
-    assert np.abs(H / at_start - 1).max() > 0.2
+    assert np.abs(H / at_start - 1).max() > 0.15
     np.testing.assert_allclose(after[:n], x, atol=1e-9)

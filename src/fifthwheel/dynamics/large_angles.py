@@ -53,7 +53,7 @@ class LargeAngles:
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
     side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
     load_change: Mapping[str, ca.SX]  # of axle groups, by their path, from the static load, N
-    shift: ca.SX  # load that X moves, N
+    shift: ca.SX  # load that X moves, N; its derivatives are neglected, large expressions of little effect
 
 
 def large_angles(
@@ -130,11 +130,11 @@ def large_angles(
         (sign * ca.jacobian(force, tyres[path].stiffness) @ tyres[path].by_load for path, sign in per_shift.items()),
         ca.SX(len(velocities), 1),
     )
-    free, slope = stages.solved(M, force), stages.solved(M, by_shift)
+    free, slope = ca.horzsplit(chain.solve_positive_definite(M, ca.horzcat(force, by_shift)))
     arm = _pull_arm(p, vehicle)
     load = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)
-    shift = stages.variable(ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0))
-    solved = free + slope * shift
+    shift = stages.held(ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0))
+    solved = stages.solved(M, force + by_shift * shift, free + slope * shift)
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
     for k, name in enumerate(names):

@@ -275,9 +275,6 @@ class _Motion(NamedTuple):
     rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
     sensed: sensors.SensorInputs
     stages: Stages  # of what sensors see
-    held: tuple[ca.SX, ...] = ()
-    """Variables of the stages that are constant where sensors see derivatives with respect to time: their rates depend
-    on those of the accelerations."""
 
 
 class _Symbolic(NamedTuple):
@@ -310,7 +307,7 @@ def _build(model: ChainModel) -> _Symbolic:
     steering = _steering(model, value, d, dt)
     motion = (_saturating if model.tyres == "saturating" else _linear)(model, value, steering, x, later, d)
     moving = ca.vertcat(x, steering.measured), ca.vertcat(motion.sensed.rates, steering.rate)
-    sensed = motion.sensed._replace(rate_of=motion.stages.rate(*moving, motion.held))
+    sensed = motion.sensed._replace(rate_of=motion.stages.rate(*moving))
     return _Symbolic(
         x=x,
         later=later,
@@ -416,7 +413,7 @@ def _saturating(
         rate_of=now.stages.rate(x, now.rates),
     )
     rates = first, end.stages.expanded(end.rates)
-    return _Motion(A, B, rates, sensed, now.stages, (now.shift,))
+    return _Motion(A, B, rates, sensed, now.stages)
 
 
 SMOOTHING = 0.001

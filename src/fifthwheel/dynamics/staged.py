@@ -9,7 +9,7 @@ Jacobians. That of the whole expression would contain the derivatives of the int
 so that the factorisation of M is not differentiated.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
@@ -49,11 +49,16 @@ class Stages:
         self._variables.append(_Variable(symbol, ca.densify(value), value))
         return symbol
 
-    def solved(self, M: ca.SX, right: ca.SX) -> ca.SX:
-        """A variable w with M w = right, for a symmetric positive definite M (m, m)."""
-        symbol = self._symbol(right.shape[0])
-        value = ca.densify(solve_positive_definite(M, right))
-        self._variables.append(_Variable(symbol, value, right - M @ symbol, M))
+    def held(self, value: ca.SX) -> ca.SX:
+        """A variable whose derivatives are neglected."""
+        symbol = self._symbol(value.shape[0])
+        self._variables.append(_Variable(symbol, ca.densify(value), ca.SX(*value.shape)))
+        return symbol
+
+    def solved(self, M: ca.SX, right: ca.SX, value: ca.SX) -> ca.SX:
+        """A variable w with M w = right, for a symmetric positive definite M (m, m); `value` is the solution."""
+        symbol = self._symbol(value.shape[0])
+        self._variables.append(_Variable(symbol, ca.densify(value), right - M @ symbol, M))
         return symbol
 
     def _symbol(self, size: int) -> ca.SX:
@@ -79,7 +84,7 @@ class Stages:
             symbols.append(variable.symbol)
         return self.expanded(derivative(expression))
 
-    def rate(self, by: ca.SX, rates: ca.SX, held: Sequence[ca.SX] = ()) -> Callable[[ca.SX], ca.SX]:
+    def rate(self, by: ca.SX, rates: ca.SX) -> Callable[[ca.SX], ca.SX]:
         """A function from an expression (m,) to its derivative with respect to time (m,).
 
         The derivatives of the variables become variables.
@@ -87,7 +92,6 @@ class Stages:
         Args:
             by: symbols (n,) that change.
             rates: their derivatives with respect to time (n,).
-            held: variables that are constant.
         """
         changing, speeds = [by], [rates]
 
@@ -95,7 +99,7 @@ class Stages:
             return ca.jtimes(expression, ca.vertcat(*changing), ca.vertcat(*speeds))
 
         def rate_of(expression: ca.SX) -> ca.SX:
-            for variable in self._used(expression, held):
+            for variable in self._used(expression):
                 if not any(variable.symbol is symbol for symbol in changing):
                     speeds.append(self.variable(variable.solve(of_time(variable.differential))))
                     changing.append(variable.symbol)
@@ -103,11 +107,10 @@ class Stages:
 
         return rate_of
 
-    def _used(self, expression: ca.SX, held: Sequence[ca.SX] = ()) -> list[_Variable]:
-        """The variables that an expression depends on, also through others that are not held, in order."""
+    def _used(self, expression: ca.SX) -> list[_Variable]:
+        """The variables that an expression depends on, also through others, in order."""
         used: list[_Variable] = []
         for variable in reversed(self._variables):
-            dependent = ca.vertcat(expression, *[u.differential for u in used])
-            if not any(variable.symbol is symbol for symbol in held) and ca.depends_on(dependent, variable.symbol):
+            if ca.depends_on(ca.vertcat(expression, *[u.differential for u in used]), variable.symbol):
                 used.insert(0, variable)
         return used
