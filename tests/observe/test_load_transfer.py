@@ -66,7 +66,8 @@ def test_load_transfer_of_the_nonlinear_truck(vehicle: Vehicle, acceleration: fl
     if lifted.any():
         assert record.time[end] - record.time[100 + int(warned.argmax())] > 0.2
         (line,) = [line for line in conclude_states([states], [record]).results if "lift" in line]
-        assert line == f"run: a wheel is about to lift at {states.time[states.lift_warning.argmax()]:.1f} s."
+        first = states.time[states.lift_warning.argmax()]
+        assert line == f"run: a wheel of semitrailer is about to lift at {first:.1f} s."
 
 
 def test_load_transfer_in_a_turn() -> None:

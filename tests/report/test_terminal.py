@@ -83,7 +83,7 @@ def test_a_wheel_lift_is_announced(result):
     (states, *_) = result.states
     lifting = {**states.values, "predicted_load_transfer.semitrailer": np.where(states.time < 2, 0.0, -0.95)}
     text = printed(show_states, [replace(states, values=lifting)], result.records)
-    assert f"A wheel is about to lift at {states.time[states.time >= 2][0]:.1f} s." in text
+    assert f"A wheel of semitrailer is about to lift at {states.time[states.time >= 2][0]:.1f} s." in text
     assert "lift" not in printed(show_states, [states], result.records)
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics.sensors import PREDICTED_LOAD_TRANSFER
+from fifthwheel.names import SignalName
 from fifthwheel.observe import States
 from fifthwheel.record import Record
 
@@ -19,6 +21,16 @@ class InnovationSize(NamedTuple):
     rejected: float  # fraction of the measured samples outside the gate
 
 
+class LiftWarning(NamedTuple):
+    """A warning that a wheel is about to lift."""
+
+    time: float  # s
+    group: str  # path of the axle group with the largest predicted load transfer ratio
+
+    def __str__(self) -> str:
+        return f"a wheel of {self.group} is about to lift at {self.time:.1f} s"
+
+
 @dataclass(frozen=True, kw_only=True)
 class StateSummary:
     """The states of one record in a few numbers, SI."""
@@ -28,7 +40,7 @@ class StateSummary:
     band: Mapping[str, float | None]  # median of two sigma by state; None for a state that is never known
     reference_rms: Mapping[str, float | None]  # rms difference from the reference by state; None without a reference
     innovations: Mapping[str, InnovationSize]  # by measured channel
-    lift_warning: float | None  # time of the first warning that a wheel is about to lift, s; None without one
+    lift_warning: LiftWarning | None  # the first one; None without one
 
     @property
     def valid(self) -> float:
@@ -48,8 +60,17 @@ def summarise_states(states: States, records: Sequence[Record] = ()) -> StateSum
         band={name: _median_band(sigma) for name, sigma in states.sigma.items()},
         reference_rms={name: _reference_rms(states, record, name) for name in states.values},
         innovations={name: innovation_size(states, name) for name in states.innovation},
-        lift_warning=float(states.time[states.lift_warning.argmax()]) if states.lift_warning.any() else None,
+        lift_warning=_first_lift_warning(states),
     )
+
+
+def _first_lift_warning(states: States) -> LiftWarning | None:
+    if not states.lift_warning.any():
+        return None
+    first = int(states.lift_warning.argmax())
+    predicted = [name for name in states.values if SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER]
+    largest = max(predicted, key=lambda name: abs(states.values[name][first]))
+    return LiftWarning(float(states.time[first]), SignalName.of(largest).place)
 
 
 def record_of(states: States, records: Sequence[Record]) -> Record | None:

@@ -14,7 +14,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.terminal.page import COLOURS, TerminalPage
 from fifthwheel.report.text.conclusion import Conclusion, conclude_identification, conclude_states
-from fifthwheel.report.text.words import STATUSES, spoken_verdict
+from fifthwheel.report.text.words import STATUSES, sentence, spoken_verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -61,7 +61,7 @@ def show_states(
         statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
         page.line(f"Samples: {'; '.join(statuses)}")
         if summary.lift_warning is not None:
-            page.line(f"A wheel is about to lift at {summary.lift_warning:.1f} s.")
+            page.line(sentence(str(summary.lift_warning)))
         page.table(
             ("Measured", "Innovation rms, sigma>", "Rejected>"),
             [

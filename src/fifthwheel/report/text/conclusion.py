@@ -214,7 +214,7 @@ def _states_result(summary: StateSummary, doubtful: bool) -> list[str]:
     samples = f"{_of_samples(summary.valid)}{f' ({rest})' if rest else ''}"
     lines = [f"{summary.name}: inputs and measurements are present and consistent in {samples}{doubt}."]
     if summary.lift_warning is not None:
-        lines.append(f"{summary.name}: a wheel is about to lift at {summary.lift_warning:.1f} s.")
+        lines.append(f"{summary.name}: {summary.lift_warning}.")
     differences = [f"{n} {approximate(rms, si_unit(n))}" for n, rms in summary.reference_rms.items() if rms is not None]
     if differences:
         lines.append(f"{summary.name}: rms difference from the reference: {', '.join(differences)}.")
