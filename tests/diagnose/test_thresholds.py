@@ -242,3 +242,17 @@ def test_outliers():
         assert ("outliers" in whiteness.describe_whiteness(correlation, fraction, free_run=True)) == mentioned
     assert np.isnan(whiteness.outlier_fraction(values[:29]))
     assert whiteness.outlier_fraction(values[1:31]) == 0.0
+
+
+def test_a_wheel_lifts_at_a_load_transfer_ratio_of_095(result):
+    """On either side, of the group that lifts first; samples without states do not count."""
+    states = result.states[0]
+    for ratio, expected in ((0.95 * BELOW, []), (-0.95 * ABOVE, [CautionKind.WHEEL_LIFT])):
+        later = np.where(states.time < 3, np.nan, ratio)
+        lifting = {
+            "load_transfer.tractor.drive": np.where(states.time < 4, 0.0, ratio),
+            "load_transfer.semitrailer": later,
+        }
+        cautions = list(state_cautions(replace(states, values={**states.values, **lifting}), "vehicle file"))
+        assert kinds(cautions) == expected
+        assert all("a wheel of semitrailer lifts at 3.0 s" in c.message for c in cautions)

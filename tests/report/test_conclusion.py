@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fifthwheel import vehicle
@@ -135,6 +136,15 @@ def test_conclusion_of_states(result):
     assert any("sigma of the states may be too small" in line for line in conclusion.cautions)
     assert conclusion.headline.endswith("do not rely on these states.")
     assert not any("reliable" in line for line in conclusion.results)
+
+
+def test_states_after_a_wheel_has_lifted(result):
+    states = result.states[0]
+    lifting = {**states.values, "load_transfer.semitrailer": np.where(states.time < 2, 0.0, 1.1)}
+    conclusion = conclude_states([replace(states, values=lifting)], result.records)
+    assert not conclusion.good
+    assert conclusion.headline == "A wheel lifts: do not rely on the states from there on."
+    assert "reliable" in conclude_states([states], result.records).headline
 
 
 def test_what_the_bands_include():

@@ -13,6 +13,7 @@ from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.dynamics.sensors import LOAD_TRANSFER
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, OneStage, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
@@ -48,6 +49,7 @@ class CautionKind(StrEnum):
     POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
     REJECTED_SAMPLES = "rejected samples"  # many samples of a channel are outside the gate
     NONLINEAR_RANGE = "nonlinear range"  # a run beyond the range of the linear model
+    WHEEL_LIFT = "wheel lift"  # the wheels of a side of an axle group leave the road
     LARGE_INNOVATIONS = "large innovations"  # of a state filter, larger than it expects
 
 
@@ -282,7 +284,7 @@ def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
 
 
 def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
-    """Innovations that do not fit the filter's expectation.
+    """Innovations that do not fit the filter's expectation, and wheels that lift.
 
     Args:
         blamed: what may be wrong besides the noise: "vehicle file" or "identified vehicle".
@@ -305,6 +307,23 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
         yield Caution(CautionKind.LARGE_INNOVATIONS, message, cure, value, signals=tuple(large), log=states.name)
     rejected = {name: size.rejected for name, size in sizes.items()}
     yield from _rejected_samples(states.name, rejected, thresholds.REJECTED_INNOVATIONS, "state filter")
+    yield from _wheel_lifts(states)
+
+
+def _wheel_lifts(states: States) -> Iterator[Caution]:
+    """The axle group of which a wheel lifts first."""
+    ratios = {n: np.abs(v) for n, v in states.values.items() if SignalName.of(n).quantity == LOAD_TRANSFER}
+    lifted = {name: ratio >= thresholds.LIFTED for name, ratio in ratios.items()}
+    starts = {name: float(states.time[rows.argmax()]) for name, rows in lifted.items() if rows.any()}
+    if starts:
+        first = min(starts, key=starts.__getitem__)
+        largest = float(np.nanmax(ratios[first]))
+        message = (
+            f"{states.name}: a wheel of {SignalName.of(first).place} lifts at {starts[first]:.1f} s, where the load "
+            f"transfer ratio exceeds {thresholds.LIFTED}; it reaches {largest:.2f}. In the model no wheel lifts."
+        )
+        cure = "Do not rely on what follows: end the log there, with stop in [time] of signals.toml."
+        yield Caution(CautionKind.WHEEL_LIFT, message, cure, largest, log=states.name)
 
 
 def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float, stage: str) -> Iterator[Caution]:

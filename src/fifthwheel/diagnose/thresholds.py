@@ -62,6 +62,8 @@ REJECTED_INNOVATIONS = 0.02
 """A larger fraction of rejected samples in a state filter calls for a caution."""
 LARGE_INNOVATION, SMALL_INNOVATION = 1.5, 0.6
 """Rms of normalised innovations above which the bands of a filter are too narrow, and below which they are too wide."""
+LIFTED = 0.95
+"""Load transfer ratio of an axle group from which one of its wheels has lifted."""
 
 # Whiteness
 

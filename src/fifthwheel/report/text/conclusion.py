@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel.diagnose.advice import next_steps
-from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
+from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.run_summary import summarise_runs
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states, valid_fraction
@@ -185,11 +185,12 @@ def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conc
     """The conclusion of a state estimation with a given vehicle file."""
     summaries = [summarise_states(s, records) for s in states]
     cautions = [caution for s in states for caution in state_cautions(s, "vehicle file")]
-    doubtful = list(dict.fromkeys(c.log for c in cautions if c.log))
+    lifting = [c.log for c in cautions if c.log and c.kind is CautionKind.WHEEL_LIFT]
+    doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.kind is not CautionKind.WHEEL_LIFT))
     valid = valid_fraction(states)
     return Conclusion(
         good=valid > RELIABLE and not cautions,
-        headline=_states_headline(valid, len(states), doubtful),
+        headline=_states_headline(valid, len(states), doubtful, lifting),
         results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
         cautions=tuple(map(str, cautions)),
         next_steps=tuple(
@@ -201,11 +202,15 @@ def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conc
     )
 
 
-def _states_headline(valid: float, logs: int, doubtful: Sequence[str]) -> str:
-    if not doubtful:
-        return f"The states are reliable in {_of_samples(valid)} of {counted(logs, 'log')}."
-    where = "" if logs == 1 else f" in {', '.join(doubtful)}"
-    return f"The vehicle file does not fit the measurements{where}: do not rely on these states."
+def _states_headline(valid: float, logs: int, doubtful: Sequence[str], lifting: Sequence[str]) -> str:
+    def where(names: Sequence[str]) -> str:
+        return "" if logs == 1 else f" in {', '.join(names)}"
+
+    if doubtful:
+        return f"The vehicle file does not fit the measurements{where(doubtful)}: do not rely on these states."
+    if lifting:
+        return f"A wheel lifts{where(lifting)}: do not rely on the states from there on."
+    return f"The states are reliable in {_of_samples(valid)} of {counted(logs, 'log')}."
 
 
 def _states_result(summary: StateSummary, doubtful: bool) -> list[str]:
