@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.manoeuvres import course
+from fifthwheel.manoeuvres.open_loops import single_sine, single_track_steer
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.time_bases import check_record, measure_time_offsets
@@ -129,3 +130,17 @@ def test_a_significant_offset_exceeds_three_sigma_and_the_smallest_one(offset, s
         name=YAW2, signals=(YAW2,), offset=offset, sigma=sigma, explained_at_0=0.5, explained=0.9, smallest=0.2
     )
     assert channel.significant is significant
+
+
+@pytest.mark.parametrize("friction", [0.35, 1.0])
+def test_no_false_alarm_in_a_turn_to_the_limit_of_adhesion(friction: float) -> None:
+    """With a slowly rising steer angle, whose lag hardly shows."""
+    pytest.importorskip("mujoco")
+    from fifthwheel.plant import Plant, Properties
+
+    sine = single_sine(TRUCK, duration=10.0)
+    largest = single_track_steer(TRUCK, float(sine.speed[0]), 3.0 if friction < 1 else 6.0)
+    turn = replace(sine, steer=largest * np.clip((sine.time - 1) / 8, 0, 1))
+    record = Plant(TRUCK, Properties(friction=friction)).drive(turn).record(seed=3)
+    for vehicle in (TRUCK, None):
+        assert check_record(record, vehicle) == ()

@@ -158,8 +158,9 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
         yield Finding(signal=name, fault=Fault.SPIKE, severity="warning", message=message)
 
 
-SETTLING_TIME = 2.0
-"""Time until the units behind follow a constant steer angle, s."""
+SETTLING_TIME = 4.0
+"""Time until the units behind follow a constant steer angle, s: near the limit of adhesion, a semitrailer swings for
+3 s."""
 
 
 def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:

@@ -21,6 +21,9 @@ MIN_STEER_OFFSET = 0.25
 """s; smaller offsets of a steer angle are not reported, an identification estimates them."""
 MIN_GENERIC_OFFSET = 0.3
 """s; smaller offsets are not reported without a vehicle file."""
+MIN_GAIN = 0.01
+"""Fraction of the variance: offsets whose correction explains less of it are not reported. In a turn with a slowly
+rising steer angle, the softening of the tyres looks like a large offset, but explains less than that."""
 _SAME_OFFSET = 0.1
 """s; channels whose offsets differ by less are reported together."""
 _MODEL_SIGMA = 0.015
@@ -48,8 +51,9 @@ class TimeOffset:
 
     @property
     def significant(self) -> bool:
-        """Whether it exceeds three sigma and the smallest offset that is reported."""
-        return abs(self.offset) > max(3 * self.sigma, self.smallest)
+        """Whether it exceeds three sigma and the smallest offset that is reported, and explains the channel better."""
+        better = self.explained - self.explained_at_0 > MIN_GAIN
+        return better and abs(self.offset) > max(3 * self.sigma, self.smallest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
