@@ -8,6 +8,7 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.large_angles import large_angles
 from fifthwheel.dynamics.saturation import (
+    COMBINED_SLIP,
     DEFAULTS,
     FRICTION,
     FRICTION_SENSITIVITY,
@@ -280,6 +281,20 @@ def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> Non
     )
     assert 0.05 * rolling < locked < 0.2 * rolling
     assert 0 <= beyond < 0.3 * rolling
+
+
+def test_the_effect_of_the_braking_force_is_smooth() -> None:
+    """Its slope does not jump where wheels lock; a factor of 0 of `COMBINED_SLIP` removes it."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.braking_load": 0.0}
+    rate, slip, none = ca.SX.sym("u'"), ca.SX(0.05), ca.SX(0)
+    law = group_stiffness(p, "semitrailer", slip, none, ca.SX(1.0), none, rate)
+    slope = ca.Function("slope", [rate], [ca.jacobian(law, rate)])
+    rates = np.linspace(-12, -0.01, 2000)
+    slopes = np.array(slope(rates[None])).ravel()
+    assert np.abs(np.diff(slopes)).max() < 0.02 * np.abs(slopes).max()
+    without = group_stiffness(p | {COMBINED_SLIP: 0.0}, "semitrailer", slip, none, ca.SX(1.0), none, rate)
+    values = np.array(ca.Function("law", [rate], [without])(rates[None])).ravel()
+    np.testing.assert_allclose(values, float(ca.Function("law", [rate], [law])(0.0)), rtol=1e-14)
 
 
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.dynamics.saturation import COMBINED_SLIP, FRICTION
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
@@ -247,3 +247,24 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
     for name in SIDESLIP:
         error = np.degrees(states.values[name] - run.truth[name])
         assert np.sqrt(np.mean(error**2)) < 0.15
+
+
+@pytest.mark.slow
+def test_logs_with_and_without_braking() -> None:
+    """On a dry road, up to 3 m/s² sideways and along: the identification converges, although wheels lock, and sigma
+    of the friction contains how uncertain the effect of braking is."""
+    records = []
+    for seed, (acceleration, braking) in enumerate([(2.0, 0.0), (2.0, 2.0), (3.0, 0.0), (3.0, 3.0)]):
+        course = single_sine(TRUCK, acceleration=acceleration, duration=8.0)
+        run = Plant(TRUCK).drive(braked(course, braking) if braking else course)
+        records.append(replace(run.record(article_sensors(TRUCK), seed=seed), name=f"{acceleration:g} {braking:g}"))
+    certain = {name: sigma for name, sigma in OneStage().consider.items() if name != COMBINED_SLIP}
+    result, without = (
+        identify(records, TRUCK, OneStage(tyres="saturating", consider=consider))
+        for consider in (OneStage().consider, certain)
+    )
+    assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
+    friction, narrow = (next(e for e in r.parameters if e.name == FRICTION) for r in (result, without))
+    assert friction.value == pytest.approx(narrow.value)
+    assert friction.sigma > 1.1 * narrow.sigma
+    assert abs(friction.value - 0.74) < 1.5 * friction.sigma

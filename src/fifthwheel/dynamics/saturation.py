@@ -26,12 +26,13 @@ m_b of that default, which a truck has on a slope: n = 1 - m_b u' / N + lambda a
 slips s_x and s_y over those at which a linear tyre has the force mu N, and a force along the slip (s_x, s_y) of the
 magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x is that without braking times
 
-    e = sqrt(1 - (F_x / (mu N))^2)
+    e = sqrt(1 - b (F_x / (mu N))^2),        b = 1,
 
 of each side, which reduces stiffness and friction. At F_x / N = 0.2, 0.3 and 0.4 and slip angles up to 12 deg, the rms
 distance to the combined slip of the tyre 315/80 R 22.5 in PAC2002 is 1.8, 3.8 and 6.4 % of the peak force; if only the
-friction is reduced, as by the friction ellipse, it is 2.3, 5.0 and 8.7 %, without reduction 3.0, 6.7 and 12 %. When the
-speed rises, only the first unit drives.
+friction is reduced, as by the friction ellipse, it is 2.3, 5.0 and 8.7 %, without reduction 3.0, 6.7 and 12 %. The b
+that is closest to this tyre is 0.2 to 0.8 at slip angles up to 4 deg and 1.2 to 1.4 at up to 12 deg, so b is uncertain.
+When the speed rises, only the first unit drives.
 """
 
 from collections.abc import Iterable, Mapping
@@ -50,6 +51,7 @@ HALF_TRACK = "body.half_track"
 SHAPE = "tyre.shape"
 STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
 FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
+COMBINED_SLIP = "tyre.combined_slip"
 NO_CHANGE = ca.SX(0)
 """Of a load, N, or of the speed, m/s^2."""
 NOMINAL_LOAD = 35e3
@@ -60,11 +62,14 @@ DEFAULTS: Mapping[str, float] = {
     HALF_TRACK: 1.0,
     STIFFNESS_SENSITIVITY: 0.2,
     FRICTION_SENSITIVITY: 0.09,
+    COMBINED_SLIP: 1.0,
 }
 """Friction of truck tyres on a dry road; half the distance of the tyres of both sides, m; sensitivities of four truck
 and bus tyres: 0.1 to 0.3 and 0.08 to 0.11."""
 LOCKED = 0.1
 """Least factor e of the side force: that of a wheel that slides without turning, mu N / C."""
+LOCKING = 0.1
+"""Width of the smooth transition to it, of e^2: at a kink, the derivatives of a step would jump."""
 SMALL_LOAD = 0.01
 """Load of a lifted side, over the static one, below which its wheels are locked in any case."""
 SLOPE = 0.1
@@ -182,6 +187,16 @@ def group_stiffness(
         k = 1 - stiffness_sensitivity * change
         limit = N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1))  # mu N, for the static load
         used = braking / (limit * ca.fmax(1 + change, SMALL_LOAD))
-        e = ca.sqrt(ca.fmax(1 - used**2, LOCKED**2))
+        e = _braked_factor(p[COMBINED_SLIP] * used**2)
         secant += C / 2 * (1 + change) * k / ca.sqrt(1 + (C * k / limit * slip) ** 2) * e
     return secant
+
+
+def _braked_factor(used: ca.SX) -> ca.SX:
+    """sqrt(1 - used), with a smooth transition to `LOCKED`; exactly 1 without braking."""
+
+    def ramp(x: ca.SX | float) -> ca.SX:
+        return (x + ca.sqrt(x * x + LOCKING**2)) / 2
+
+    free = 1 - LOCKED**2
+    return ca.sqrt(LOCKED**2 + free * ramp(free - used) / ramp(free))

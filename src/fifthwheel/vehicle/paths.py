@@ -31,6 +31,7 @@ TYRE_UNITS = {
     "shape": "1",
     "stiffness_load_sensitivity": "1",
     "friction_load_sensitivity": "1",
+    "combined_slip": "1",
     "half_track": "m",
     "static_load": "N",
     "tyres": "1",
