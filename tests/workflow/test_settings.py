@@ -26,6 +26,14 @@ def test_a_choice_replaces_the_default_for_the_same_name():
     assert "roll_stiffness" not in exact.consider
 
 
+@pytest.mark.parametrize("name", ["road.friction", "drive.cornering_stiffness"])
+def test_an_estimated_parameter_is_fixed_and_not_considered_with_0(name):
+    with pytest.raises(VehicleError, match=rf"{name}: is estimated; .* \(--fix {name}\)"):
+        one_stage_settings(TRUCK, consider={name: 0.0}, base=OneStage(tyres="saturating"))
+    fixed = one_stage_settings(TRUCK, fix=[name], consider={name: 0.0}, base=OneStage(tyres="saturating"))
+    assert fixed.fixed == (name,)
+
+
 def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
     settings = one_stage_settings(
         TRUCK, free=["tractor.yaw_inertia"], fix=["semitrailer.payload.height"], base=OneStage(check=False)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
-from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, TwoStage, article
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
-from fifthwheel.identify.unknowns.parameters import estimated_parameters
+from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
@@ -63,7 +63,7 @@ def one_stage_settings(
 
     Raises:
         SignalError: a sensor prior of another name, or one that is not above 0.
-        VehicleError: a parameter that does not exist.
+        VehicleError: a parameter that does not exist, or an estimated one that is considered with a sigma of 0.
     """
     base = base or OneStage()
     for name, sigma in sensors.items():
@@ -74,7 +74,12 @@ def one_stage_settings(
     sensor_priors: dict[str, Any] = {f"{name}_prior": sigma for name, sigma in sensors.items()}
     uniform = base.uniform_payload and not any_load
     chosen = replace(base, fixed=(*base.fixed, *fix), uniform_payload=uniform, **sensor_priors)
-    usual = estimated_parameters(vehicle.lumped() if any_load else vehicle, chosen)
+    identified = vehicle.lumped() if any_load else vehicle
+    usual = estimated_parameters(identified, chosen)
+    for name in (name for name, sigma in consider.items() if not sigma and name not in base.consider):
+        paths = expand_names(identified, [name], chosen)
+        if paths and all(path in usual for path in paths):
+            raise VehicleError(f"{name}: is estimated; if it is exactly known, fix it (--fix {name})")
     priors = {name: sigma for name, sigma in {**base.priors, **prior}.items() if name not in consider}
     considered = {name: sigma for name, sigma in base.consider.items() if name not in prior} | dict(consider)
     return replace(
