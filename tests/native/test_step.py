@@ -96,7 +96,12 @@ def test_lost_machine_code_is_compiled_again(cache_folder: Path) -> None:
     assert code.read_bytes() == content
 
 
-@pytest.mark.parametrize("name", vehicle.catalogue.names())
+LONG = ("a_double", "b_double", "truck_dolly_semitrailer", "truck_full_trailer")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in vehicle.catalogue.names()]
+)
 def test_steps_depend_on_the_topology_only(name: str) -> None:
     """The identity of a model does not contain the numbers of its vehicle; so the step must not either."""
     truck = vehicle.get(name)
