@@ -13,7 +13,7 @@ LOADS = (0.5, 1.0, 1.5)
 """Load over the static one."""
 ROADS = ((1.0, "dry road"), (0.35, "snow"))
 """Factor of the friction of the tyre."""
-WIDTH, HEIGHT, LEFT, BOTTOM, ACROSS, UP = 640, 400, 70, 350, 46.0, 260.0
+WIDTH, HEIGHT, LEFT, BOTTOM, ACROSS, UP = 660, 400, 70, 350, 46.0, 260.0
 
 
 def draw() -> str:
@@ -41,7 +41,7 @@ def draw() -> str:
             load = n * static / TYRES
             tyres = [TYRES * float(tyre.side_force(np.tan(a), load, friction=factor)) / static for a in slips]
             shapes += [_curve(slips, law, "line"), _curve(slips, tyres, "measured")]
-            names.append((law[-1], f"{road}, {n:g} N"))
+            names.append((law[-1], f"{road}, {n:g} × load"))
     last = HEIGHT
     for force, name in sorted(names):
         x, y = _point(10.05, force)
