@@ -36,7 +36,8 @@ import casadi as ca
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
 from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, braking_load, group_stiffness, static_load
-from fifthwheel.dynamics.staged import Stages
+from fifthwheel.dynamics.symbolic.solution import solve_positive_definite
+from fifthwheel.dynamics.symbolic.staged import Stages
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -130,7 +131,7 @@ def large_angles(
         (sign * ca.jacobian(force, tyres[path].stiffness) @ tyres[path].by_load for path, sign in per_shift.items()),
         ca.SX(len(velocities), 1),
     )
-    free, slope = ca.horzsplit(chain.solve_positive_definite(M, ca.horzcat(force, by_shift)))
+    free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
     arm = _pull_arm(p, vehicle)
     load = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)
     shift = stages.held(ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0))

@@ -5,7 +5,6 @@ previous sample to this one. The step is the Taylor series of the exact solution
 within `steps.StepLimit`.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,10 +14,11 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import chain, saturation, sensors
+from fifthwheel.dynamics import chain, saturation, sensors, unit_equations
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.saturation import NO_CHANGE, TyreLaw
-from fifthwheel.dynamics.staged import Stages
+from fifthwheel.dynamics.symbolic.series import taylor, transition_matrix
+from fifthwheel.dynamics.symbolic.staged import Stages
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -61,54 +61,50 @@ class ChainModel:
     def transition(self) -> ca.Function:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
         s = self._symbolic
-        change = s.B @ (s.steering.end - s.steering.start)
-        return self._step("transition", taylor(s.A, s.x, s.rates[0], change, s.duration, s.order))
+        change = s.motion.B @ (s.steering.end - s.steering.start)
+        return s.step("transition", taylor(s.motion.A, s.x, s.motion.rates[0], change, s.duration, s.order))
 
     @lazy
     def state_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
         s = self._symbolic
-        return self._step("state_jacobian", transition_matrix(s.A, s.duration, s.order))
+        return s.step("state_jacobian", transition_matrix(s.motion.A, s.duration, s.order))
 
     @lazy
     def steer_offset_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> derivatives (n, m) of x+ with respect to the offsets of the m steer angles."""
         s = self._symbolic
-        rate, nothing = -s.B @ ca.diag(s.steering.gain), ca.SX(s.A.shape[0], s.B.shape[1])
-        return self._step("steer_offset_jacobian", taylor(s.A, nothing, rate, nothing, s.duration, s.order))
+        rate = -s.motion.B @ ca.diag(s.steering.gain)
+        nothing = ca.SX(*rate.shape)
+        return s.step("steer_offset_jacobian", taylor(s.motion.A, nothing, rate, nothing, s.duration, s.order))
 
     @lazy
     def rates(self) -> ca.Function:
         """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
         s = self._symbolic
-        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in s.rates])
+        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in s.motion.rates])
 
     @lazy
     def observation(self) -> ca.Function:
         """(x, d, p, c) -> y"""
         s = self._symbolic
-        return ca.Function("observation", [s.x, s.d, s.p, s.c], [ca.densify(s.stages.expanded(s.y))])
+        return s.instant("observation", ca.densify(s.motion.stages.expanded(s.y)))
 
     @lazy
     def observation_jacobian(self) -> ca.Function:
         """(x, d, p, c) -> dy/dx"""
         s = self._symbolic
-        return ca.Function("observation_jacobian", [s.x, s.d, s.p, s.c], [s.stages.jacobian(s.y, s.x)])
+        return s.instant("observation_jacobian", s.motion.stages.jacobian(s.y, s.x))
 
     @lazy
     def observation_sensitivity(self) -> ca.Function:
         """(x, d, p, c) -> dy/dp"""
         s = self._symbolic
-        return ca.Function("observation_sensitivity", [s.x, s.d, s.p, s.c], [s.stages.jacobian(s.y, s.p)])
+        return s.instant("observation_sensitivity", s.motion.stages.jacobian(s.y, s.p))
 
     @lazy
     def _symbolic(self) -> "_Symbolic":
         return _build(self)
-
-    def _step(self, name: str, result: ca.SX) -> ca.Function:
-        """A function of the transition's arguments."""
-        s = self._symbolic
-        return ca.Function(name, [s.x, s.dt, s.d, s.p, s.c], [result])
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name, SI."""
@@ -287,13 +283,18 @@ class _Symbolic(NamedTuple):
     p: ca.SX
     c: ca.SX
     steering: _Steering
-    A: ca.SX  # (n, n)
-    B: ca.SX  # (n, m)
-    rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
+    motion: _Motion
     duration: ca.SX  # true one, s
     order: int  # of the Taylor series
     y: ca.SX  # with variables of the stages
-    stages: Stages
+
+    def step(self, name: str, result: ca.SX) -> ca.Function:
+        """(x, dt, d, p, c) -> result"""
+        return ca.Function(name, [self.x, self.dt, self.d, self.p, self.c], [result])
+
+    def instant(self, name: str, result: ca.SX) -> ca.Function:
+        """(x, d, p, c) -> result"""
+        return ca.Function(name, [self.x, self.d, self.p, self.c], [result])
 
 
 def _build(model: ChainModel) -> _Symbolic:
@@ -306,8 +307,6 @@ def _build(model: ChainModel) -> _Symbolic:
     value |= dict(zip(known, ca.vertsplit(c), strict=True))
     steering = _steering(model, value, d, dt)
     motion = (_saturating if model.tyres == "saturating" else _linear)(model, value, steering, x, later, d)
-    moving = ca.vertcat(x, steering.measured), ca.vertcat(motion.sensed.rates, steering.rate)
-    sensed = motion.sensed._replace(rate_of=motion.stages.rate(*moving))
     return _Symbolic(
         x=x,
         later=later,
@@ -316,13 +315,10 @@ def _build(model: ChainModel) -> _Symbolic:
         p=p,
         c=c,
         steering=steering,
-        A=motion.A,
-        B=motion.B,
-        rates=motion.rates,
+        motion=motion,
         duration=dt * value[TIME_SCALE] if model.extended else dt,
         order=ORDER[model.roll, bool(chain.relaxation_groups(model.vehicle))],
-        y=ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(sensed, name) for name in model.outputs]),
-        stages=motion.stages,
+        y=ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(motion.sensed, name) for name in model.outputs]),
     )
 
 
@@ -359,7 +355,10 @@ def _softening_factors(
     if not model.extended:
         return dict(chain.LINEAR_TYRES)
     slip = chain.slip_angles(value, model.vehicle, x, speed, steering.now, roll=model.roll)
-    return {f"{path}.cornering_stiffness": _softening(value[f"{path}.softening"], a) for path, a in slip.items()}
+    return {
+        f"{path}.cornering_stiffness": unit_equations.softening_factor(value[f"{path}.softening"], a)
+        for path, a in slip.items()
+    }
 
 
 def _linear(
@@ -371,10 +370,10 @@ def _linear(
     equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
     softened = {**value, **{name: value[name] * factor for name, factor in factors.items()}}
     A, B = equations.state_space((d[0] + now) / 2)
-    angles = ca.vertcat(*steering.now.values())
-    sensed, stages = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank), Stages()
+    angles, turning = ca.vertcat(*steering.now.values()), (steering.measured, steering.rate)
+    sensed = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank, turning=turning)
     rates = A @ x + B @ steering.start, A @ later + B @ steering.end
-    return _Motion(A, B, rates, sensed, stages)
+    return _Motion(A, B, rates, sensed, Stages())
 
 
 def _saturating(
@@ -409,54 +408,7 @@ def _saturating(
         side_force=now.side_force,
         load_change=now.load_change,
         roll=model.roll,
-        rates=now.rates,
-        rate_of=now.stages.rate(x, now.rates),
+        rate_of=now.stages.rate(ca.vertcat(x, steering.measured), ca.vertcat(now.rates, steering.rate)),
     )
     rates = first, end.stages.expanded(end.rates)
     return _Motion(A, B, rates, sensed, now.stages)
-
-
-SMOOTHING = 0.001
-"""Slip angle below which softening is smooth, rad."""
-
-
-def _softening(rate: ca.SX, slip: ca.SX) -> ca.SX:
-    """1 / (1 + rate |slip|), the factor of the cornering stiffness of an axle group."""
-    return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
-
-
-def taylor(A: ca.SX, x: ca.SX, rate: ca.SX, change: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """Taylor series of x(dt) of x' = rate + A (x - x(0)) + change t / dt.
-
-    Args:
-        A: (n, n).
-        x: state at the beginning of the step (n,).
-        rate: x' at the beginning of the step (n,).
-        change: of x' by the inputs from the beginning to the end of the step (n,), at constant x.
-        dt: s.
-        order: of the series.
-    """
-    term = dt * rate
-    total = x + term
-    for k in range(2, order + 1):
-        term = (dt / k) * (A @ term + (change if k == 2 else 0))  # one division, not one for each state
-        total = total + term
-    return ca.densify(total)
-
-
-def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """Taylor series of exp(A dt) (n, n), the derivative of `taylor` with respect to x.
-
-    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + M^3 (I/6! + ...)), which needs few
-    products of matrices.
-    """
-    n = A.shape[0]
-    M = A * dt
-    powers = [ca.SX.eye(n), M, M @ M]
-    cube = powers[2] @ M
-    total = ca.SX(n, n)
-    for first in reversed(range(0, order + 1, 3)):
-        last = min(first + 2, order)
-        terms = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
-        total = terms + (cube @ total if last < order else 0)
-    return ca.densify(total)

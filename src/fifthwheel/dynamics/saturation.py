@@ -192,11 +192,11 @@ def group_stiffness(
     return secant
 
 
-def _braked_factor(used: ca.SX) -> ca.SX:
-    """sqrt(1 - used), with a smooth transition to `LOCKED`; exactly 1 without braking."""
+def _braked_factor(loss: ca.SX) -> ca.SX:
+    """sqrt(1 - loss), with a smooth transition to `LOCKED`; exactly 1 without braking."""
 
     def ramp(x: ca.SX | float) -> ca.SX:
         return (x + ca.sqrt(x * x + LOCKING**2)) / 2
 
     free = 1 - LOCKED**2
-    return ca.sqrt(LOCKED**2 + free * ramp(free - used) / ramp(free))
+    return ca.sqrt(LOCKED**2 + free * ramp(free - loss) / ramp(free))

@@ -17,7 +17,7 @@ import casadi as ca
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.chain import BANK, Equations, Motion
 from fifthwheel.dynamics.saturation import DEFAULTS, HALF_TRACK
-from fifthwheel.dynamics.staged import Stages
+from fifthwheel.dynamics.symbolic.staged import Stages
 from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
@@ -47,8 +47,11 @@ class SensorInputs(NamedTuple):
     side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
     load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
     roll: bool  # whether the model has roll
-    rates: ca.SX  # x' (n,)
     rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
+
+
+CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
+"""No steer angles that change with time."""
 
 
 def sensor_inputs(
@@ -61,6 +64,7 @@ def sensor_inputs(
     *,
     roll: bool,
     bank: bool = False,
+    turning: tuple[ca.SX, ca.SX] = CONSTANT_STEERING,
 ) -> SensorInputs:
     """The quantities at one instant from state, speed and steer angles.
 
@@ -72,6 +76,7 @@ def sensor_inputs(
         speed: m/s.
         steer: true angle of each steered axle (k,), rad.
         roll, bank: as in `chain.state_names`.
+        turning: symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
     """
     A, B = equations.state_space(speed)
     rate, names = A @ x + B @ steer, vehicle.steer_signals()
@@ -90,8 +95,7 @@ def sensor_inputs(
         side_force={path: p[f"{path}.cornering_stiffness"] * alpha for path, alpha in slip.items()},
         load_change={},
         roll=roll,
-        rates=rate,
-        rate_of=Stages().rate(x, rate),
+        rate_of=Stages().rate(ca.vertcat(x, turning[0]), ca.vertcat(rate, turning[1])),
     )
 
 

@@ -197,6 +197,15 @@ def tyre_forces(
     return ca.vertcat(force, moment)
 
 
+SMOOTHING = 0.001
+"""Slip angle below which softening is smooth, rad."""
+
+
+def softening_factor(rate: ca.SX, slip: ca.SX) -> ca.SX:
+    """1 / (1 + rate |slip|), the factor of the cornering stiffness of an axle group; rate in 1/rad, slip in rad."""
+    return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
+
+
 def roll_moment(body: RollBody, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
     """Moment of gravity, suspensions and dampers about the roll axis, N m; (A3) and (A6)."""
     return (body.moment * GRAVITY - body.stiffness) * roll - body.damping * roll_rate

@@ -19,8 +19,8 @@ class Model(Hashable, Protocol):
     Some attributes are optional. `sizes` are those of the function `sizes`. `identity`, plain values, identifies the
     model for the cache of machine code (`native.step`). `state_jacobian`, with the arguments of the transition, gives
     dx+/dx, and `observation_jacobian`, with those of the observation, dy/dx, with fewer operations than automatic
-    differentiation. `rates`, (x, x+, dt, d, p, c) -> x' at the beginning
-    and at the end of a step, gives dx+/dp by the trapezoidal rule with few operations.
+    differentiation. `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step, gives dx+/dp by the
+    trapezoidal rule with few operations.
     """
 
     @property

@@ -48,7 +48,7 @@ class ObservedChain:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
         s = self._symbols
         later = self.chain.transition(*s.step)[: s.n]
-        return ca.Function("transition", [s.x, s.dt, s.d, s.p, s.c], [ca.vertcat(later, s.x[s.n :])])
+        return s.later("transition", ca.vertcat(later, s.x[s.n :]))
 
     @lazy
     def state_jacobian(self) -> ca.Function:
@@ -57,20 +57,20 @@ class ObservedChain:
         F, steered = self.chain.state_jacobian(*s.step)[: s.n, : s.n], self.chain.steer_offset_jacobian(*s.step)
         by_offset = ca.horzcat(steered[: s.n, :], ca.SX(s.n, m - steered.shape[1]))
         F = ca.blockcat([[F, by_offset], [ca.SX(m, s.n), ca.SX.eye(m)]])
-        return ca.Function("state_jacobian", [s.x, s.dt, s.d, s.p, s.c], [F])
+        return s.later("state_jacobian", F)
 
     @lazy
     def bank_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/db (n, 1) of a bank b that is a parameter."""
         s = self._symbols
         by_bank = ca.vertcat(self.chain.state_jacobian(*s.step)[: s.n, s.n :], ca.SX(len(self.offsets), 1))
-        return ca.Function("bank_jacobian", [s.x, s.dt, s.d, s.p, s.c], [by_bank])
+        return s.later("bank_jacobian", by_bank)
 
     @lazy
     def observation(self) -> ca.Function:
         """(x, d, p, c) -> y"""
         s = self._symbols
-        return ca.Function("observation", [s.x, s.d, s.p, s.c], [ca.densify(self.chain.observation(*s.instant))])
+        return s.now("observation", ca.densify(self.chain.observation(*s.instant)))
 
     @lazy
     def observation_jacobian(self) -> ca.Function:
@@ -79,14 +79,14 @@ class ObservedChain:
         by_offset = ca.SX(len(self.outputs), len(self.offsets))
         by_offset[:, s.free] = self.chain.observation_sensitivity(*s.instant)
         H = ca.horzcat(self.chain.observation_jacobian(*s.instant)[:, : s.n], by_offset)
-        return ca.Function("observation_jacobian", [s.x, s.d, s.p, s.c], [H])
+        return s.now("observation_jacobian", H)
 
     @lazy
     def observation_bank_jacobian(self) -> ca.Function:
         """(x, d, p, c) -> dy/db of a bank b that is a parameter."""
         s = self._symbols
         by_bank = self.chain.observation_jacobian(*s.instant)[:, s.n :]
-        return ca.Function("observation_bank_jacobian", [s.x, s.d, s.p, s.c], [by_bank])
+        return s.now("observation_bank_jacobian", by_bank)
 
     @lazy
     def _symbols(self) -> "_Symbols":
@@ -187,3 +187,11 @@ class _Symbols(NamedTuple):
         free = [model.offsets.index(name) for name in chain.free]
         state, instant = ca.vertcat(x[:n], c[n_c:]), [d, x[n:][free], c[:n_c]]
         return cls(x, dt, d, p, c, n, free, [state, dt, *instant], [state, *instant])
+
+    def later(self, name: str, result: ca.SX) -> ca.Function:
+        """(x, dt, d, p, c) -> result"""
+        return ca.Function(name, [self.x, self.dt, self.d, self.p, self.c], [result])
+
+    def now(self, name: str, result: ca.SX) -> ca.Function:
+        """(x, d, p, c) -> result"""
+        return ca.Function(name, [self.x, self.d, self.p, self.c], [result])

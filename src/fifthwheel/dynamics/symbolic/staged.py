@@ -15,7 +15,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from fifthwheel.dynamics.chain import solve_positive_definite
+from fifthwheel.dynamics.symbolic.solution import solve_positive_definite
 
 
 class _Variable(NamedTuple):

@@ -1,0 +1,1 @@
+"""Expressions: linear solutions, derivatives through intermediate variables, and series in time."""
