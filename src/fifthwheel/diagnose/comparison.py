@@ -144,7 +144,7 @@ def _sigma_of_difference(
     if any(e.sigma is None and e.verdict is not Verdict.FIXED for _, e in (a, b)):
         return None
     parts = [_parts(run, name, e) for run, e in (a, b)]
-    common = _common_sources(a[0], b[0]) & parts[0].keys() & parts[1].keys()
+    common = sorted(_common_sources(a[0], b[0]) & parts[0].keys() & parts[1].keys())
     independent = [
         (e.sigma or 0.0) ** 2 - sum(part[source] ** 2 for source in common)
         for (_, e), part in zip((a, b), parts, strict=True)

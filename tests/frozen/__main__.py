@@ -1,0 +1,38 @@
+"""Compare the results of all cases with the stored ones, bit for bit: `python -m tests.frozen [--write] [CASE ...]`.
+
+`--write` replaces the stored results. Without it the exit code is 1 if a result differs.
+"""
+
+import argparse
+import sys
+import time
+
+from tests.frozen.cases import CASES
+from tests.frozen.stored import available, differences, store
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=", ".join(CASES))
+    parser.add_argument("--write", action="store_true", help="replace the stored results")
+    parser.add_argument("--fast", action="store_true", help="only the cases of the fast tests")
+    arguments = parser.parse_args()
+    different = 0
+    for name in arguments.cases or [name for name, case in CASES.items() if case.fast or not arguments.fast]:
+        if not available(name):
+            print(f"{name}: skipped, its logs are not present")
+            continue
+        begin = time.process_time()
+        if arguments.write:
+            store(name)
+            found = []
+        else:
+            found = differences(name)
+        different += bool(found)
+        print(f"{name}: {len(found)} differences, {time.process_time() - begin:.1f} s", flush=True)
+        for line in found[:10]:
+            print(f"  {line}")
+    return 1 if different else 0
+
+
+sys.exit(main())

@@ -1,0 +1,113 @@
+"""Stored results: written, read and compared."""
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tests.frozen.cases import CASES, DATA
+
+FOLDER = Path(__file__).parent / "expected"
+SHOWN = 6
+"""Number of elements that are stored of an array, besides its digest."""
+LONG = 24
+"""Number of elements from which a list of numbers is stored as an array."""
+TOLERANCE = 1e-4
+"""Relative, on another processor or with other libraries, whose last digits differ."""
+
+
+def machine() -> dict[str, str]:
+    """What determines the last digits: the processor and the libraries that compute."""
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    packages = {name: version(name) for name in ("numpy", "scipy", "casadi", "llvmlite", "mujoco")}
+    return {"processor": binding.get_host_cpu_name(), "python": platform.python_version(), **packages}
+
+
+def available(name: str) -> bool:
+    """Whether the logs of a case are present."""
+    data = CASES[name].data
+    return data is None or (DATA / data).is_dir()
+
+
+def store(name: str) -> None:
+    """Compute and store the results of a case."""
+    FOLDER.mkdir(exist_ok=True)
+    content = {"machine": machine(), "results": results_of(name)}
+    text = json.dumps(content, indent=0, ensure_ascii=False)
+    (FOLDER / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def results_of(name: str) -> dict[str, Any]:
+    """Results of a case as stored; with one thread of BLAS, because the order of its sums depends on their number."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        results: dict[str, Any] = json.loads(json.dumps(dict(flat(CASES[name].run()))))
+    return results
+
+
+def differences(name: str) -> list[str]:
+    """The results of a case that differ from the stored ones, a line each."""
+    stored = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    expected, exact = stored["results"], stored["machine"] == machine()
+    results = results_of(name)
+    found = [f"{key}: missing" for key in expected if key not in results]
+    found += [f"{key}: new" for key in results if key not in expected]
+    for key, value in results.items():
+        if key in expected and not same(value, expected[key], exact=exact):
+            found.append(f"{key}: {value!r}, expected {expected[key]!r}")
+    return found
+
+
+def same(value: Any, expected: Any, *, exact: bool) -> bool:
+    """Whether two stored values are equal, or on another machine close; there digests and texts are not compared."""
+    if exact or type(value) is not type(expected):
+        return json.dumps(value) == json.dumps(expected)
+    if isinstance(value, list) and len(value) == len(expected):
+        return all(same(a, b, exact=exact) for a, b in zip(value, expected, strict=True))
+    if isinstance(value, float):
+        both_missing = math.isnan(value) and math.isnan(expected)
+        return both_missing or math.isclose(value, expected, rel_tol=TOLERANCE, abs_tol=1e-9)
+    return isinstance(value, str) or bool(value == expected)
+
+
+def flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Nested results as pairs of a path and a number, a text, or what is stored of an array."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from flat(item, f"{path}/{key}")
+    elif isinstance(value, np.ndarray | Sequence) and not isinstance(value, str) and (a := as_array(value)) is not None:
+        yield path, condensed(a)
+    elif isinstance(value, np.ndarray | Sequence) and not isinstance(value, str):
+        for i, item in enumerate(value):
+            yield from flat(item, f"{path}/{i}")
+    elif isinstance(value, str) and len(value) > 2000:
+        yield path, hashlib.sha256(value.encode()).hexdigest()
+    elif isinstance(value, Enum):
+        yield path, str(value.value)
+    else:
+        yield path, value.item() if isinstance(value, np.generic) else value
+
+
+def as_array(values: Any) -> Any:
+    """An array of many numbers; None for other data."""
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return np.asarray(values) if array.size >= LONG else None
+
+
+def condensed(array: Any) -> list[Any]:
+    """Digest, size and some elements of an array."""
+    values = np.ascontiguousarray(array).ravel()
+    some = values[np.linspace(0, len(values) - 1, SHOWN).astype(int)].tolist() if len(values) else []
+    return [hashlib.sha256(values.tobytes()).hexdigest()[:32], len(values), *some]
