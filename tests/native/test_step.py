@@ -1,6 +1,7 @@
 """Steps that are built only if the cache does not have their machine code."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -13,9 +14,10 @@ import pytest
 import fifthwheel
 from fifthwheel import dynamics, vehicle
 from fifthwheel.filters import kalman, tangent
-from fifthwheel.native import DirectionScan, Scan, compiled
+from fifthwheel.native import DirectionScan, Scan, compiled, source
 from fifthwheel.native import step as module
 from fifthwheel.native.llvm_ir import module as assembly
+from fifthwheel.native.source import closure
 from tests.native.conftest import times
 
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer")
@@ -23,7 +25,9 @@ SOURCE = Path(fifthwheel.__file__).parent
 
 
 class Factor:
-    """An argument with an identity."""
+    """An argument with an identity, as if a module of the package defined it."""
+
+    __module__ = "fifthwheel.filters.model"
 
     def __init__(self, value: float, identity: object = None) -> None:
         self.value, self.identity = value, identity
@@ -32,12 +36,12 @@ class Factor:
 def result(factor: Factor | float, built: list[object]) -> float:
     """As a new process computes six times the factor; `built` gets the arguments of each step that is built."""
 
-    @compiled(Scan)
-    def scan(factor: Factor | float) -> ca.Function:
+    def build(factor: Factor | float) -> ca.Function:
         built.append(factor)
         return times(factor.value if isinstance(factor, Factor) else factor)
 
-    return scan(factor)(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item()
+    build.__module__ = "fifthwheel.filters.kalman"
+    return compiled(Scan)(build)(factor)(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item()
 
 
 def test_a_step_is_built_once() -> None:
@@ -63,24 +67,59 @@ def test_without_an_identity_a_step_is_built_in_every_process() -> None:
     assert len(built) == 3
 
 
-def test_other_source_of_the_package_builds_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_source_builds_again(monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[object] = []
     result(2, built)
-    monkeypatch.setattr(module, "_source", lambda: b"another")
+    monkeypatch.setattr(module, "source_digest", lambda _: b"another")
     assert (result(2, built), len(built)) == (12, 2)
-    monkeypatch.setattr(module, "_source", lambda: None)  # unknown
+    monkeypatch.setattr(module, "source_digest", lambda _: None)  # unknown
     assert (result(2, built), result(2, built), len(built)) == (12, 12, 4)
 
 
 def test_source_that_may_not_be_the_imported_one_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
-    newest = max(max(p.stat().st_mtime, p.stat().st_ctime) for p in SOURCE.rglob("*.py"))
+    modules = frozenset({"fifthwheel.filters.kalman", "fifthwheel.dynamics.model"})
+    newest = max(max(p.stat().st_mtime, p.stat().st_ctime) for p in closure(modules))
+    digest = source.source_digest.__wrapped__
     for imported_at, known in ((newest + 1, True), (newest, False)):
         monkeypatch.setattr(fifthwheel, "imported_at", imported_at)
-        assert (module._source.__wrapped__() is not None) == known
+        assert (digest(modules) is not None) == known
+        assert digest(modules | {"numpy"}) is None
+
+
+def test_the_source_of_a_step_is_what_its_builder_imports() -> None:
+    files = {str(path.relative_to(SOURCE)) for path in closure(frozenset({"fifthwheel.observe.observer_step"}))}
+    assert {"dynamics/chain.py", "dynamics/saturation.py", "filters/kalman.py", "native/llvm_ir.py"} <= files
+    assert not any(name.startswith(("report", "cli", "identify", "logs", "app")) for name in files)
+
+
+def test_a_comment_elsewhere_compiles_nothing(tmp_path: Path) -> None:
+    """In a copy of the package: a change of a module that the builder imports builds the step, another does not."""
+    copy = tmp_path / "fifthwheel"
+    shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    program = """
+from fifthwheel.dynamics.speed_rate import speed_rate_step
+from fifthwheel.native import step
+build, built = step.Step.function.fget, []
+step.Step.function = property(lambda self: (built.append(1), build(self))[1])
+speed_rate_step().n_carry
+print(len(built))
+"""
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+
+    def builds() -> int:
+        run = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+        )
+        return int(run.stdout)
+
+    assert [builds(), builds()] == [1, 0]
+    for changed, expected in (("report/text/words.py", 0), ("native/llvm_ir.py", 1)):
+        (copy / changed).write_text((copy / changed).read_text() + "# a comment\n")
+        assert builds() == expected
 
 
 def test_the_package_is_imported_before_its_source_is_read() -> None:
-    code = "import time; t = time.time(); import fifthwheel.native as n; print(n.step.fifthwheel.imported_at - t)"
+    code = "import time; t = time.time(); import fifthwheel.native as n; print(n.source.fifthwheel.imported_at - t)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 0 <= float(run.stdout) < 10
     assert fifthwheel.imported_at < time.time()

@@ -1,24 +1,23 @@
 """Symbolic steps that are built only if the cache does not have their machine code.
 
 To build a step and to translate it takes longer than to process a short log. What a step is follows from the function
-that builds it, its arguments, the source of this package, and the versions of CasADi, NumPy and Python. The cache
-keeps, by the digest of all these, the sizes of the step and the key of its machine code.
+that builds it, its arguments, the source that both come from (`source`), and the versions of CasADi, NumPy and Python.
+The cache keeps, by the digest of all these, the sizes of the step and the key of its machine code.
 """
 
 import functools
 import json
 import platform
 import threading
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ParamSpec, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
-import fifthwheel
 from fifthwheel._lazy import lazy
 from fifthwheel.native import cache
+from fifthwheel.native.source import source_digest
 
 P = ParamSpec("P")
 S = TypeVar("S")
@@ -87,8 +86,8 @@ class Step:
     @lazy
     def _identity(self) -> bytes | None:
         """Digest of all that determines the step; None if that is not known."""
-        arguments, source = _plain(self._arguments), _source()
-        if arguments is None or source is None:
+        arguments, modules = _plain(self._arguments), {self._build.__module__, *_modules(self._arguments)}
+        if arguments is None or (source := source_digest(frozenset(modules))) is None:
             return None
         build = f"{self._build.__module__}.{self._build.__qualname__}"
         versions = ca.CasadiMeta.version(), np.__version__, platform.python_version()
@@ -126,14 +125,10 @@ def _plain(argument: Any) -> Any:
     return None if identity is None else (type(argument).__qualname__, _plain(identity))
 
 
-@functools.cache
-def _source() -> bytes | None:
-    """Digest of the source of this package; None if it may not be the source that this process has imported."""
-    folder = Path(__file__).parents[1]
-    digest, newest = cache.DIGEST(), 0.0
-    paths = sorted(folder.rglob("*.py"))
-    for path in paths:
-        status, content = path.stat(), path.read_bytes()
-        newest = max(newest, status.st_mtime, status.st_ctime)
-        digest.update(f"{path.relative_to(folder)} {len(content)}\n".encode() + content)
-    return digest.digest() if paths and newest < fifthwheel.imported_at else None
+def _modules(argument: Any) -> Iterator[str]:
+    """The modules that define an argument, or what is in it."""
+    if isinstance(argument, tuple):
+        for part in argument:
+            yield from _modules(part)
+    elif not isinstance(argument, PLAIN):
+        yield type(argument).__module__
