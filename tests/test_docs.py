@@ -30,7 +30,7 @@ from fifthwheel.observe import ObserverSettings, Status
 from fifthwheel.record import signal_names as names
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.vehicle.classes import CLASSES
-from fifthwheel.vehicle.paths import SI_UNITS
+from fifthwheel.vehicle.component import SI_UNITS
 from fifthwheel.vehicle.toml_format import FILE_KEYS
 from tests.test_architecture import ROOMS, SOURCE
 

@@ -123,7 +123,7 @@ def test_every_quantity_has_its_unit() -> None:
 
 
 def test_every_parameter_has_its_unit() -> None:
-    from fifthwheel.vehicle.paths import SI_UNITS
+    from fifthwheel.vehicle.component import SI_UNITS
 
     lines = table("Parameters of the vehicle")
     units = {(row[1].strip("`").rpartition(".")[2], row[2]) for row in lines}

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, catalogue, unit_of
+from fifthwheel.vehicle.component import Component, NonNegative, number
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
 PATHS = tuple(ARTICLE.parameters())
@@ -43,6 +44,17 @@ def b_double() -> Vehicle:
         Coupling(name="rear_wheel", leading_position=-7, trailing_position=0, height=1.2, roll_stiffness=3e6),
     )
     return Vehicle(name="b_double", units=(unit("tractor"), middle, last), couplings=wheels)
+
+
+def test_a_number_without_a_unit_cannot_exist() -> None:
+    """Every number of a component is a parameter: a class with one that is not cannot be defined."""
+    for annotation in (float, NonNegative, NonNegative | None):
+        with pytest.raises(TypeError, match=r"Bad\.camber: a number"):
+            type("Bad", (Component,), {"__annotations__": {"camber": annotation}, "camber": None})
+    with pytest.raises(TypeError, match=r"Bad\.tyres: a number"):
+        type("Bad", (Component,), {"__annotations__": {"tyres": int}, "tyres": number("1", "Their number.")})
+    with pytest.raises(TypeError, match=r"Bad\.mass: expected kg, as elsewhere, got t"):
+        type("Bad", (Component,), {"__annotations__": {"mass": float}, "mass": number("t", "Of the load.")})
 
 
 def test_paths() -> None:

@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.paths import SI_UNITS
+from fifthwheel.vehicle.component import SI_UNITS
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, describe
 from tests.vehicle.test_slip import LADEN, SOLO, TRUCK

@@ -26,7 +26,7 @@ from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath, SignalName
 from fifthwheel.native import c_code
 from fifthwheel.record.signal_names import si_unit
-from fifthwheel.vehicle.paths import unit_of
+from fifthwheel.vehicle.parameters import unit_of
 
 NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 """In place of the index of a channel: none is needed; it is not measured."""

@@ -2,12 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 from reprlib import repr as shorten
-from typing import Annotated, Any, TypeVar
+from types import UnionType
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.vehicle.paths import SI_UNITS
+
+SI_UNITS: dict[str, str] = {}
+"""SI unit of each number of a vehicle by its key, the last word of its path; the components fill it."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -31,14 +34,39 @@ Texts = Annotated[Mapping[str, str], AfterValidator(HashableDict)]
 """Texts by name."""
 
 
+def number(unit: str, description: str, **limits: Any) -> Any:
+    """A field that is a parameter: a number with a path.
+
+    Args:
+        unit: SI; the same wherever a component has this key.
+        description: of the field, without the unit.
+        limits: default and limits, as those of `pydantic.Field`.
+    """
+    return Field(description=description, json_schema_extra={"unit": unit}, **limits)
+
+
 class Component(BaseModel):
-    """A component of a vehicle.
+    """A component of a vehicle. Each of its numbers is a parameter of the vehicle; see `number`.
 
     Raises:
         VehicleError: a value is not valid; each line of the message names the path from the outermost named component.
+        TypeError: a class has a number without a unit.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+    si_units: ClassVar[Mapping[str, str]]
+    """SI unit of each number by its key."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        extras = {key: field.json_schema_extra for key, field in cls.model_fields.items()}
+        cls.si_units = {key: str(extra["unit"]) for key, extra in extras.items() if isinstance(extra, dict)}
+        for key, field in cls.model_fields.items():
+            if _is_number(field.annotation) != (key in cls.si_units):
+                raise TypeError(f"{cls.__name__}.{key}: a number, and only a number, has a unit; use `number`")
+        for key, unit in cls.si_units.items():
+            if SI_UNITS.setdefault(key, unit) != unit:
+                raise TypeError(f"{cls.__name__}.{key}: expected {SI_UNITS[key]}, as elsewhere, got {unit}")
 
     def __init__(self, **data: Any) -> None:
         try:
@@ -51,6 +79,14 @@ class Component(BaseModel):
         """Beginning of the paths of this component: its name and a dot."""
         name = data.get("name")
         return f"{name}." if isinstance(name, str) else ""
+
+
+def _is_number(annotation: Any) -> bool:
+    if get_origin(annotation) is Annotated:
+        return _is_number(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return any(map(_is_number, get_args(annotation)))
+    return annotation is float
 
 
 def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:

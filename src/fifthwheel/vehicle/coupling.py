@@ -5,7 +5,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle.component import Component, Name, NonNegative, Number
+from fifthwheel.vehicle.component import Component, Name, NonNegative, Number, number
 
 CouplingKind = Literal["fifth_wheel", "drawbar_eye", "turntable"]
 
@@ -23,11 +23,11 @@ class Coupling(Component):
 
     name: Name = "fifth_wheel"
     kind: CouplingKind = Field(default="fifth_wheel", description="Which rotations are free.")
-    leading_position: Number = Field(description="x on the unit in front, from that unit's origin, m.")
-    trailing_position: Number = Field(description="x on the unit behind, from that unit's origin, m.")
-    height: NonNegative = Field(description="Above the ground, m.")
-    roll_stiffness: NonNegative = Field(description="Between the two sprung bodies, N m/rad; 0 for a drawbar eye.")
-    roll_damping: NonNegative = Field(default=0.0, description="Between the two sprung bodies, N m s/rad.")
+    leading_position: Number = number("m", "x on the unit in front, from that unit's origin.")
+    trailing_position: Number = number("m", "x on the unit behind, from that unit's origin.")
+    height: NonNegative = number("m", "Above the ground.")
+    roll_stiffness: NonNegative = number("N m/rad", "Between the two sprung bodies; 0 for a drawbar eye.")
+    roll_damping: NonNegative = number("N m s/rad", "Between the two sprung bodies.", default=0.0)
 
     @model_validator(mode="before")
     @classmethod

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fifthwheel.vehicle import toml_format
-from fifthwheel.vehicle.paths import unit_of
+from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.vehicle import Vehicle
 
 

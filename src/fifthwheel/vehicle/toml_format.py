@@ -30,7 +30,7 @@ from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
 from fifthwheel.vehicle.coupling import Coupling
-from fifthwheel.vehicle.paths import SI_UNITS, unit_of
+from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Payload, SprungMass, Unit
 
 Table = dict[str, Any]
@@ -142,8 +142,8 @@ def _fields(table: Table, path: str, kind: type[Component], stated: dict[str, fl
             raise VehicleError(f"{prefix}{key}: no such key; {suggestion(key, fields)}")
     values: Table = {}
     for key, value in table.items():
-        if key in SI_UNITS:
-            value, sigma = read_quantity(value, SI_UNITS[key], f"{prefix}{key}")
+        if key in kind.si_units:
+            value, sigma = read_quantity(value, kind.si_units[key], f"{prefix}{key}")
             if sigma is not None:
                 stated[f"{prefix}{key}"] = sigma
         values[fields[key]] = value

@@ -10,7 +10,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle.component import Component, Name, NonNegative, Number, Positive
+from fifthwheel.vehicle.component import Component, Name, NonNegative, Number, Positive, number
 
 MAX_AXLE_GROUPS = 8
 """Axle groups of a unit: the time to compile the model grows with their number."""
@@ -22,7 +22,7 @@ class Axle(Component):
     """One axle."""
 
     name: Name = Field(description="Unique in the unit; a single axle may take the name of its group.")
-    position: Number = Field(description="x of the axle on its unit, m.")
+    position: Number = number("m", "x of the axle on its unit.")
     steerable: bool = Field(default=False, description="Whether steer.<unit>.<axle> is an input of the vehicle.")
 
 
@@ -35,16 +35,12 @@ class AxleGroup(Component):
 
     name: Name = Field(default="axles", description="Unique in the unit; not in the paths if it is the only group.")
     axles: tuple[Axle, ...] = Field(min_length=1, max_length=MAX_AXLES, description="From front to rear.")
-    cornering_stiffness: Positive = Field(
-        ge=1e3, le=1e8, description="Side force per slip angle of all axles together, N/rad."
-    )
-    roll_stiffness: Positive = Field(description="Suspension, total of the group, N m/rad.")
-    tyre_roll_stiffness: Positive = Field(description="Tyres, total of the group, N m/rad.")
-    roll_damping: NonNegative = Field(description="Suspension, total of the group, N m s/rad.")
-    relaxation_length: NonNegative = Field(
-        default=0.0,
-        le=5.0,
-        description="Distance over which the side force builds up, m; with 0 it acts at once, as in the article.",
+    cornering_stiffness: Positive = number("N/rad", "Side force per slip angle of all axles together.", ge=1e3, le=1e8)
+    roll_stiffness: Positive = number("N m/rad", "Suspension, total of the group.")
+    tyre_roll_stiffness: Positive = number("N m/rad", "Tyres, total of the group.")
+    roll_damping: NonNegative = number("N m s/rad", "Suspension, total of the group.")
+    relaxation_length: NonNegative = number(
+        "m", "Distance over which the side force builds up; 0: it acts at once, as in the article.", default=0.0, le=5.0
     )
     tyres: int | None = Field(
         default=None,
@@ -84,13 +80,14 @@ class AxleGroup(Component):
 class SprungMass(Component):
     """The body on the suspension, without the payload."""
 
-    mass: Positive = Field(description="kg.")
-    cog_height: Positive = Field(description="CoG above the ground, m.")
-    roll_inertia: Positive = Field(description="About the longitudinal axis through its own CoG, kg m^2.")
-    roll_yaw_product: Number = Field(
+    mass: Positive = number("kg", "Without axles, wheels and payload.")
+    cog_height: Positive = number("m", "CoG above the ground.")
+    roll_inertia: Positive = number("kg m^2", "About the longitudinal axis through its own CoG.")
+    roll_yaw_product: Number = number(
+        "kg m^2",
+        "I_sxz of the article, laden: integral of x z dm over the sprung body, with x from the CoG of the unit and z"
+        " from the roll axis.",
         default=0.0,
-        description="I_sxz of the article, laden, kg m^2: integral of x z dm over the sprung body, with x from the"
-        " CoG of the unit and z from the roll axis.",
     )
 
 
@@ -100,18 +97,18 @@ class Payload(Component):
     Cheng and Cebon (2011), section 3.3.
     """
 
-    mass: Positive = Field(description="kg.")
-    height: Positive = Field(description="Of the load, from the floor to its top, h_p, m.")
-    width: Positive = Field(description="Of the load, D_p, m; not used by a point payload.")
-    floor_height: Positive = Field(description="Of the floor above the ground, h_f, m.")
+    mass: Positive = number("kg", "Of the load.")
+    height: Positive = number("m", "Of the load, from the floor to its top, h_p.")
+    width: Positive = number("m", "Of the load, D_p; not used by a point payload.")
+    floor_height: Positive = number("m", "Of the floor above the ground, h_f.")
     shape: Literal["uniform", "point"] = Field(default="uniform", description="Distribution of the mass.")
 
 
 class Accelerometer(Component):
     """Where the lateral accelerometer of a unit is fixed to the sprung body."""
 
-    position: Number = Field(description="x on the unit, m.")
-    height: NonNegative = Field(description="Above the ground, m.")
+    position: Number = number("m", "x on the unit.")
+    height: NonNegative = number("m", "Above the ground.")
 
 
 class Unit(Component):
@@ -121,10 +118,10 @@ class Unit(Component):
     vehicle_class: str | None = Field(
         default=None, description="One of `classes.CLASSES`: gives the numbers that a file does not have."
     )
-    mass: Positive = Field(le=5e5, description="Sprung, unsprung and payload, kg.")
-    cog: Number = Field(description="x of the CoG of the unit, m.")
-    yaw_inertia: Positive = Field(description="Of the unit about its CoG, kg m^2.")
-    roll_axis_height: NonNegative = Field(description="Of the roll axis above the ground, h_r, m.")
+    mass: Positive = number("kg", "Sprung, unsprung and payload.", le=5e5)
+    cog: Number = number("m", "x of the CoG of the unit.")
+    yaw_inertia: Positive = number("kg m^2", "Of the unit about its CoG.")
+    roll_axis_height: NonNegative = number("m", "Of the roll axis above the ground, h_r.")
     sprung: SprungMass
     payload: Payload | None = None
     accelerometer: Accelerometer | None = Field(

@@ -15,7 +15,7 @@ from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.coupling import Coupling
-from fifthwheel.vehicle.paths import SI_UNITS, unit_of
+from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
 from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit, require_unique
 
@@ -185,7 +185,7 @@ class Vehicle(Component):
         locations: dict[str, FieldLocation] = {}
 
         def add(prefix: str, kind: type[Component], location: FieldLocation) -> None:
-            locations.update({f"{prefix}.{key}": (*location, key) for key in kind.model_fields if key in SI_UNITS})
+            locations.update({f"{prefix}.{key}": (*location, key) for key in kind.si_units})
 
         for i, unit in enumerate(self.units):
             of_unit: FieldLocation = ("units", i)

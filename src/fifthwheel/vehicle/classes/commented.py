@@ -7,7 +7,8 @@ from what the file states.
 from collections.abc import Iterator, Mapping
 
 from fifthwheel.formatting import DISPLAY_UNITS, DisplayUnit, digits, plain_ascii, value_and_sigma
-from fifthwheel.vehicle.paths import SI_UNITS, unit_of
+from fifthwheel.vehicle.component import Component
+from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.unit import AxleGroup, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 
@@ -69,9 +70,9 @@ class _Numbers:
     def __init__(self, vehicle: Vehicle, sources: Mapping[str, str]) -> None:
         self.vehicle, self.values, self.sources = vehicle, vehicle.parameters(), sources
 
-    def lines(self, prefix: str, kind: type) -> Iterator[str]:
+    def lines(self, prefix: str, kind: type[Component]) -> Iterator[str]:
         """One line for each number of a component."""
-        for key in (key for key in kind.model_fields if key in SI_UNITS):  # type: ignore[attr-defined]
+        for key in kind.si_units:
             path = f"{prefix}.{key}"
             if path in self.vehicle.assumed:
                 yield self.with_comment(f'# {key} = "{self.text(path)}"', self.vehicle.assumed[path])

@@ -1,0 +1,56 @@
+"""SI units of all parameters, and what `dynamics.tyres` needs for tyres that saturate beyond a vehicle file."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from fifthwheel.errors import VehicleError, suggestion
+from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle.component import SI_UNITS
+
+FRICTION = "road.friction"
+FRICTION_RANGE = (0.05, 1.5)
+"""Of the peak friction of a road."""
+SHAPE = "tyre.shape"
+HALF_TRACK = "body.half_track"
+STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
+FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
+COMBINED_SLIP = "tyre.combined_slip"
+
+
+class TyreParameter(NamedTuple):
+    """A number of all tyres that saturate."""
+
+    unit: str
+    default: float
+
+
+TYRE_PARAMETERS: Mapping[str, TyreParameter] = {
+    FRICTION: TyreParameter("1", 0.75),  # of truck tyres on a dry road
+    SHAPE: TyreParameter("1", 1.1),
+    HALF_TRACK: TyreParameter("m", 1.0),  # half the distance of the tyres of both sides
+    STIFFNESS_SENSITIVITY: TyreParameter("1", 0.2),  # of four truck and bus tyres: 0.1 to 0.3
+    FRICTION_SENSITIVITY: TyreParameter("1", 0.09),  # of the same tyres: 0.08 to 0.11
+    COMBINED_SLIP: TyreParameter("1", 1.0),
+}
+GROUP_TYRE_UNITS: Mapping[str, str] = {
+    "static_load": "N",
+    "relative_friction": "1",  # to the friction of the road
+    "tyres": "1",  # their number
+    "braking_load": "N/(m/s^2)",  # that the group gains by a deceleration
+    "braked_mass": "kg",  # that its brakes decelerate
+}
+"""Of the numbers of each axle group, which follow from the vehicle, by the last word of their names."""
+_TYRE_UNITS = {**{name.rpartition(".")[2]: p.unit for name, p in TYRE_PARAMETERS.items()}, **GROUP_TYRE_UNITS}
+
+
+def unit_of(path: str) -> str:
+    """SI unit of a parameter: 'N/rad', 'kg m^2', 'm'.
+
+    Raises:
+        VehicleError: the path does not end with the name of a quantity.
+    """
+    quantity = ParameterPath.of(path).quantity
+    units = SI_UNITS | _TYRE_UNITS
+    if quantity not in units:
+        raise VehicleError(f"{path}: expected the path of a parameter; {suggestion(quantity, SI_UNITS)}")
+    return units[quantity]
