@@ -16,7 +16,6 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
@@ -31,6 +30,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import changes
 from trust_runs import RUNS, TRUCK, Changes, Range, driven, exact_values, peak_friction, table, true_ranges
 

@@ -5,8 +5,9 @@ import numpy as np
 import svg
 
 from fifthwheel import vehicle
-from fifthwheel.dynamics.saturation import FRICTION, group_stiffness, saturation_parameters
+from fifthwheel.dynamics.tyres import Contact, saturating, saturation_parameters
 from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.vehicle.parameters import FRICTION
 
 GROUP, TYRES = "semitrailer", 6
 LOADS = (0.5, 1.0, 1.5)
@@ -22,7 +23,7 @@ def draw() -> str:
     static = truck.axle_loads()[GROUP]
     stiffness = TYRES * float(tyre.cornering_stiffness(static / TYRES))
     given = truck.parameters() | saturation_parameters(truck) | {f"{GROUP}.cornering_stiffness": stiffness}
-    slips, still = np.radians(np.linspace(0, 10, 41)), (ca.SX(0), ca.SX(0))
+    slips = np.radians(np.linspace(0, 10, 41))
     shapes = [
         svg.path([(LEFT, 40), (LEFT, BOTTOM), (LEFT + 10.5 * ACROSS, BOTTOM)], "thin"),
         svg.label(LEFT + 3.8 * ACROSS, BOTTOM + 38, "slip angle, deg"),
@@ -37,7 +38,8 @@ def draw() -> str:
         for n in LOADS:
             p = given | {FRICTION: 0.74 * factor}
             change = ca.SX((n - 1) * static)
-            law = [a * float(ca.evalf(group_stiffness(p, GROUP, ca.SX(a), *still, change))) / static for a in slips]
+            contacts = [Contact(ca.SX(a), load_change=change) for a in slips]
+            law = [a * float(ca.evalf(saturating(p, GROUP, c))) / static for a, c in zip(slips, contacts, strict=True)]
             load = n * static / TYRES
             tyres = [TYRES * float(tyre.side_force(np.tan(a), load, friction=factor)) / static for a in slips]
             shapes += [_curve(slips, law, "line"), _curve(slips, tyres, "measured")]

@@ -7,25 +7,16 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.large_angles import large_angles
-from fifthwheel.dynamics.saturation import (
-    COMBINED_SLIP,
-    DEFAULTS,
-    FRICTION,
-    FRICTION_SENSITIVITY,
-    NOMINAL_LOAD,
-    SHAPE,
-    STIFFNESS_SENSITIVITY,
-    braked_masses,
-    braking_load,
-    group_stiffness,
-    saturation_parameters,
-)
-from fifthwheel.dynamics.unit_equations import suspension_moment
+from fifthwheel.dynamics.tyres import Contact, braked_masses, saturating, saturation_parameters
 from fifthwheel.manoeuvres import braked, straight
 from fifthwheel.plant import Plant
-from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.parameters import (
+    FRICTION,
+    FRICTION_SENSITIVITY,
+    STIFFNESS_SENSITIVITY,
+)
 from tests.dynamics.lagrangian import linear
 
 TRUCK = get("cheng_cebon_2011")
@@ -70,7 +61,7 @@ def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
     """Of an independent derivation with brakes and inertia forces; the tyres are linear, the loads do not change."""
     truck, rng = get(name), np.random.default_rng(4)
     brakes = {path: -3.0 * load / STANDARD_GRAVITY for path, load in truck.axle_loads().items()}
-    changes = LINEAR | {braking_load(path): 0.0 for path in brakes}
+    changes = LINEAR | {f"{path}.braking_load": 0.0 for path in brakes}
     names = chain.state_names(truck, roll=True)
     x, angle = rng.normal(size=len(names)) * 0.05, 0.02
     braking = linear(truck, SPEED, speed_rate=-3.0, brakes=brakes).ordered(names)
@@ -135,7 +126,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
             height = p[f"{unit.name}.roll_axis_height"]
             change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
             level = ca.SX(np.mean(slips)), ca.SX(0), height, ca.SX(change), ca.SX(speed_rate)
-            C = float(ca.evalf(group_stiffness(law, path, *level)))
+            C = float(ca.evalf(saturating(law, path, Contact(*level))))
             brake = parts[path] * sum(loads.values()) / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
                 force = C / len(arms) * slip
@@ -193,110 +184,6 @@ def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved
     assert 1 - float(moved(x, speed_rate)) / drag == pytest.approx(relieved, abs=0.02)
 
 
-def force(slip: float, roll: float = 0.0, **changes: float) -> float:
-    """Side force of the trailer's axle group, N, with the nominal load on each tyre."""
-    number = TRUCK.axle_loads()["semitrailer"] / NOMINAL_LOAD
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.tyres": number} | changes
-    suspension, height = suspension_moment(p, "semitrailer", ca.SX(roll), ca.SX(0)), p["semitrailer.roll_axis_height"]
-    return slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), suspension, height)))
-
-
-def test_the_force_tends_to_friction_times_load() -> None:
-    load = TRUCK.axle_loads()["semitrailer"]
-    no_transfer = {"body.half_track": 1e9}
-    assert force(100.0, **no_transfer) == pytest.approx(DEFAULTS[SHAPE] * DEFAULTS[FRICTION] * load, rel=1e-3)
-    assert force(-0.1) == -force(0.1)
-    slope = TRUCK.parameters()["semitrailer.cornering_stiffness"]
-    assert force(1e-5, **no_transfer) == pytest.approx(1e-5 * slope, rel=1e-6)
-    assert force(0.1, **{FRICTION: 0.3}) < force(0.1) < force(0.1, roll=0.0, **no_transfer)
-
-
-def test_a_lifted_wheel_carries_nothing() -> None:
-    """With all load on one side, more roll does not change the force, and the group has the load of that side."""
-    lifted = force(0.1, roll=0.5)
-    assert force(0.1, roll=1.0) == lifted
-    load = TRUCK.axle_loads()["semitrailer"]
-    mu = DEFAULTS[SHAPE] * DEFAULTS[FRICTION] * (1 - DEFAULTS[FRICTION_SENSITIVITY])
-    C = TRUCK.parameters()["semitrailer.cornering_stiffness"] * (1 - DEFAULTS[STIFFNESS_SENSITIVITY])
-    assert lifted == pytest.approx(0.1 * C / np.sqrt(1 + (0.1 * C / (load * mu)) ** 2), rel=1e-12)
-
-
-@pytest.mark.parametrize("tyres", [6, 12])
-def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
-    """Of the tyre of the nonlinear truck, at up to 12 deg and 0.1 to 1.9 times its static load; 0.5 % of the peak."""
-    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
-    static = load / tyres
-    own = {"semitrailer.cornering_stiffness": tyres * float(tyre.cornering_stiffness(static))}
-    own |= {FRICTION: 0.74, SHAPE: 1.15, "semitrailer.tyres": tyres}
-    slips, errors = np.radians(np.linspace(0.2, 12, 20)), []
-    for transfer in np.linspace(0, 0.9, 4):
-        for slip in slips:
-            p = TRUCK.parameters() | saturation_parameters(TRUCK) | own
-            suspension = ca.SX(transfer * load)
-            law = slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), suspension, ca.SX(0))))
-            sides = [float(tyre.side_force(np.tan(slip), n * static)) for n in (1 + transfer, 1 - transfer)]
-            errors.append((law - tyres / 2 * abs(sum(sides))) / (0.74 * load))
-    assert np.sqrt(np.mean(np.square(errors))) < 0.007
-
-
-@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.067)])
-def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
-    """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.4 % of the peak."""
-    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
-    still, rate = (ca.SX(0), ca.SX(0), ca.SX(0)), ca.SX(-used * STANDARD_GRAVITY)
-    errors = []
-    for n in (0.5, 0.8, 1.0, 1.3, 1.6):
-        own = {
-            "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(n * load / 6)),
-            "semitrailer.static_load": n * load,
-            "semitrailer.tyres": 6.0,
-            "semitrailer.braked_mass": n * load / STANDARD_GRAVITY,
-            "semitrailer.braking_load": 0.0,
-            FRICTION: 0.74,
-            SHAPE: 1.15,
-        }
-        p = TRUCK.parameters() | saturation_parameters(TRUCK) | own | {"body.half_track": 1e9}
-        for slip in np.radians([0.25, 0.5, 1, 2, 3, 4, 6, 8, 10, 12]):
-            law = slip * float(ca.evalf(group_stiffness(p, "semitrailer", ca.SX(slip), *still, rate)))
-            expected = side_force_while_braking(tyre, slip, n * load / 6, used)
-            errors.append((law / (n * load) - expected) / 0.73)
-    assert np.sqrt(np.mean(np.square(errors))) < limit
-
-
-def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used: float) -> float:
-    """Side force over load at the least longitudinal slip with a braking force of `used` times the load."""
-    kappa = np.linspace(0.0, -0.5, 10_001)
-    braking = np.array(ca.DM(tyre.longitudinal_force(ca.DM(kappa), load, lateral=np.tan(slip)))).ravel()
-    enough = braking <= -used * load
-    assert enough.any()
-    return float(tyre.side_force(np.tan(slip), load, longitudinal=kappa[np.argmax(enough)])) / load
-
-
-@pytest.mark.parametrize(("path", "locking"), [("tractor.front", -20.0), ("semitrailer", -9.0)])
-def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
-    """Also at a change of the speed that no truck has."""
-    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), *[ca.SX(0)] * 3)
-    rolling, locked, beyond = (
-        float(ca.evalf(group_stiffness(p, path, *still, ca.SX(rate)))) for rate in (0.0, locking, -200.0)
-    )
-    assert 0.05 * rolling < locked < 0.2 * rolling
-    assert 0 <= beyond < 0.3 * rolling
-
-
-def test_the_effect_of_the_braking_force_is_smooth() -> None:
-    """Its slope does not jump where wheels lock; a factor of 0 of `COMBINED_SLIP` removes it."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.braking_load": 0.0}
-    rate, slip, none = ca.SX.sym("u'"), ca.SX(0.05), ca.SX(0)
-    law = group_stiffness(p, "semitrailer", slip, none, ca.SX(1.0), none, rate)
-    slope = ca.Function("slope", [rate], [ca.jacobian(law, rate)])
-    rates = np.linspace(-12, -0.01, 2000)
-    slopes = np.array(slope(rates[None])).ravel()
-    assert np.abs(np.diff(slopes)).max() < 0.02 * np.abs(slopes).max()
-    without = group_stiffness(p | {COMBINED_SLIP: 0.0}, "semitrailer", slip, none, ca.SX(1.0), none, rate)
-    values = np.array(ca.Function("law", [rate], [without])(rates[None])).ravel()
-    np.testing.assert_allclose(values, float(ca.Function("law", [rate], [law])(0.0)), rtol=1e-14)
-
-
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])
 def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> None:
     """Within 2.5 % of the static load; the load of the front axle changes by 28 and 14 %. Drag and driving force of the
@@ -311,4 +198,4 @@ def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> 
             path = unit.group_path(group)
             loads = sum(truth[f"vertical_force.{unit.name}.{axle.name}"] for axle in group.axles)
             change = loads[last].mean() - loads[:90].mean()
-            assert change == pytest.approx(-parameters[braking_load(path)] * rate, abs=0.025 * loads[0]), path
+            assert change == pytest.approx(-parameters[f"{path}.braking_load"] * rate, abs=0.025 * loads[0]), path

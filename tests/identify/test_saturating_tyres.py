@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.saturation import COMBINED_SLIP, FRICTION
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
@@ -19,6 +18,7 @@ from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.parameters import COMBINED_SLIP, FRICTION
 from fifthwheel.workflow import run_states
 from fifthwheel.workflow.settings import IdentifyOptions
 

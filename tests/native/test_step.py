@@ -88,7 +88,7 @@ def test_source_that_may_not_be_the_imported_one_is_unknown(monkeypatch: pytest.
 
 def test_the_source_of_a_step_is_what_its_builder_imports() -> None:
     files = {str(path.relative_to(SOURCE)) for path in closure(frozenset({"fifthwheel.observe.observer_step"}))}
-    assert {"dynamics/chain.py", "dynamics/saturation.py", "filters/kalman.py", "native/llvm_ir.py"} <= files
+    assert {"dynamics/chain.py", "dynamics/tyres.py", "filters/kalman.py", "native/llvm_ir.py"} <= files
     assert not any(name.startswith(("report", "cli", "identify", "logs", "app")) for name in files)
 
 

@@ -20,7 +20,7 @@ with the headings psi_i from that of the first unit. At the height of the coupli
 rear axle group of the first unit, whose side forces change in proportion. Roll angles are small. For small angles,
 linear tyres and u' = 0 the equations are those of `chain`.
 
-While u' < 0 every axle group brakes (`saturation.braking_force`). The first unit supplies what these forces lack for
+While u' < 0 every axle group brakes (`tyres.braking_force`). The first unit supplies what these forces lack for
 u', such as the drag of side forces. On a rolled body the inertia force -m_s u' acts beside the roll axis: its yaw
 moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the longitudinal forces
 of the couplings. The braking loads contain the X of groups that brake in proportion to their static loads. Of the rest
@@ -35,9 +35,9 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, braking_load, group_stiffness, static_load
 from fifthwheel.dynamics.symbolic.solution import solve_positive_definite
 from fifthwheel.dynamics.symbolic.staged import Stages
+from fifthwheel.dynamics.tyres import NO_CHANGE, Contact, Law, axle_forces, braking_force, saturating
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -67,17 +67,19 @@ def large_angles(
     roll: bool,
     bank: bool = False,
     speed_rate: ca.SX = NO_CHANGE,
+    law: Law = saturating,
 ) -> LargeAngles:
     """The equations; arguments as in `chain.motion`.
 
     Args:
-        p: parameters by name, also those of `saturation.saturation_parameters`.
+        p: parameters by name, also those of `tyres.saturation_parameters`.
         vehicle: units, axles and couplings; its numbers are not used.
         x: state (n,).
         speed: m/s.
         steer: true angle of each steered axle by its signal, rad.
         roll, bank: as in `chain.state_names`.
         speed_rate: u', m/s^2.
+        law: of the tyres.
     """
     names, n, stages = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units), Stages()
     index = {name: i for i, name in enumerate(names)}
@@ -101,7 +103,7 @@ def large_angles(
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, speed_rate)
+        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, speed_rate, law)
         tyres |= of_unit
         for path, group in of_unit.items():
             if path in motion.lagged_slip:
@@ -121,14 +123,14 @@ def large_angles(
             forward = ca.horzcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
             pull += forward @ (inertia @ known - applied)[:2]
             pull_rate += forward @ (inertia @ J)[:2, :]
-            on_coupling = p[f"{unit.name}.mass"] - sum(p[static_load(path)] for path in of_unit) / GRAVITY
+            on_coupling = p[f"{unit.name}.mass"] - sum(p[f"{path}.static_load"] for path in of_unit) / GRAVITY
             pull -= on_coupling * speed_rate  # the braking loads contain it
             brakes_behind += brakes
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
     per_shift = _loads_per_shift(vehicle)
     by_shift = sum(
-        (sign * ca.jacobian(force, tyres[path].stiffness) @ tyres[path].by_load for path, sign in per_shift.items()),
+        (sign * ca.jacobian(force, tyres[path].secant) @ tyres[path].by_load for path, sign in per_shift.items()),
         ca.SX(len(velocities), 1),
     )
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
@@ -151,8 +153,8 @@ def large_angles(
         rates=ca.densify(rate),
         motion=motion,
         acceleration=acceleration,
-        side_force={path: (t.stiffness + load_change[path] * t.by_load) * t.slip for path, t in tyres.items()},
-        load_change={path: change - p[braking_load(path)] * speed_rate for path, change in load_change.items()},
+        side_force={path: (t.secant + load_change[path] * t.by_load) * t.slip for path, t in tyres.items()},
+        load_change={path: change - p[f"{path}.braking_load"] * speed_rate for path, change in load_change.items()},
         shift=shift,
     )
 
@@ -214,7 +216,7 @@ class _Tyres(NamedTuple):
 
     slip: ca.SX  # rad, lagged if the group has a relaxation length
     mean_slip: ca.SX  # rad, of its axles
-    stiffness: ca.SX  # variable: secant F / alpha without the shift, N/rad
+    secant: ca.SX  # variable: F / alpha without the shift, N/rad
     by_load: ca.SX  # variable: its derivative with respect to the load of the group, 1/rad
 
 
@@ -226,6 +228,7 @@ def _tyre_forces(
     i: int,
     steer: Mapping[str, ca.SX],
     speed_rate: ca.SX,
+    law: Law,
 ) -> tuple[ca.SX, dict[str, _Tyres]]:
     """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i without the shift; the tyres of
     each group by its path."""
@@ -243,12 +246,12 @@ def _tyre_forces(
         slip = motion.lagged_slip.get(path, mean)
         suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
         load = ca.SX.sym("load")
-        law = group_stiffness(p, path, slip, suspension, p[f"{unit.name}.roll_axis_height"], load, speed_rate)
-        stiffness, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (law, ca.jacobian(law, load)))
-        tyres[path] = _Tyres(slip, mean, stiffness, by_load)
+        forces = law(p, path, Contact(slip, suspension, p[f"{unit.name}.roll_axis_height"], load, speed_rate))
+        secant, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (forces, ca.jacobian(forces, load)))
+        tyres[path] = _Tyres(slip, mean, secant, by_load)
         braking = braking_force(p, path, speed_rate) / count
         for arm, angle, own in zip(arms, angles, each, strict=True):
-            side = stiffness / count * (slip + (own - mean))
+            side = axle_forces(secant / count, slip + (own - mean))
             lateral = side * ca.cos(angle) + braking * ca.sin(angle)
             total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral)
     return total, tyres

@@ -14,11 +14,11 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import chain, saturation, sensors, unit_equations
+from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
-from fifthwheel.dynamics.saturation import NO_CHANGE, TyreLaw
 from fifthwheel.dynamics.symbolic.series import taylor, transition_matrix
 from fifthwheel.dynamics.symbolic.staged import Stages
+from fifthwheel.dynamics.tyres import NO_CHANGE, TyreLaw, saturation_parameters, softening_factor
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
@@ -38,7 +38,7 @@ class ChainModel:
     roll: bool  # yaw and roll, or yaw only
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
-    tyres: TyreLaw  # saturating: with the parameters of `saturation.saturation_parameters`
+    tyres: TyreLaw  # saturating: with the parameters of `tyres.saturation_parameters`
     braking: bool  # whether `SPEED_RATE` is an input
     states: tuple[str, ...]  # (n,) names of x
     inputs: tuple[str, ...]  # (k,) speed, steer signals, extended: `contact_input` and `rate_input` of each, SPEED_RATE
@@ -181,7 +181,7 @@ def all_parameters(
     """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
     values = vehicle.parameters() | steer_parameters(vehicle)
     if tyres == "saturating":
-        values |= saturation.saturation_parameters(vehicle)
+        values |= saturation_parameters(vehicle)
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
     return values | extension_parameters(vehicle, outputs) if extended else values
@@ -216,7 +216,7 @@ def model(
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
-        tyres: law of the side forces: linear in the slip angle, or `saturation`.
+        tyres: law of their side forces; see `dynamics.tyres`.
         braking: whether the derivative of the speed is an input, `SPEED_RATE`, which changes the forces of saturating
             tyres; without it, the speed changes slowly.
 
@@ -355,10 +355,7 @@ def _softening_factors(
     if not model.extended:
         return dict(chain.LINEAR_TYRES)
     slip = chain.slip_angles(value, model.vehicle, x, speed, steering.now, roll=model.roll)
-    return {
-        f"{path}.cornering_stiffness": unit_equations.softening_factor(value[f"{path}.softening"], a)
-        for path, a in slip.items()
-    }
+    return {f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], a) for path, a in slip.items()}
 
 
 def _linear(

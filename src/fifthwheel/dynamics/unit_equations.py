@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from fifthwheel.dynamics.tyres import Contact, axle_forces, linear
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Axle, AxleGroup, Unit, laden
 
@@ -185,25 +186,17 @@ def tyre_forces(
     force, moment = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
         path = unit.group_path(group)
-        stiffness = p[f"{path}.cornering_stiffness"] / len(group.axles)
         mean = mean_slip_angle(p, unit, group, across, heading, r, steer)
-        lag = lagged_slip[path] - (mean.direction - mean.drift * inverse_speed) if path in lagged_slip else 0
+        mean_slip = mean.direction - mean.drift * inverse_speed
+        lag = lagged_slip[path] - mean_slip if path in lagged_slip else 0
+        secant = linear(p, path, Contact(lagged_slip.get(path, mean_slip))) / len(group.axles)
         for axle in group.axles:
             arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
             slip = axle_slip_angle(p, unit, axle, across, heading, r, steer)
-            side_force = stiffness * (slip.direction - slip.drift * inverse_speed + lag)
+            side_force = axle_forces(secant, slip.direction - slip.drift * inverse_speed + lag)
             force += side_force
             moment += arm * side_force
     return ca.vertcat(force, moment)
-
-
-SMOOTHING = 0.001
-"""Slip angle below which softening is smooth, rad."""
-
-
-def softening_factor(rate: ca.SX, slip: ca.SX) -> ca.SX:
-    """1 / (1 + rate |slip|), the factor of the cornering stiffness of an axle group; rate in 1/rad, slip in rad."""
-    return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
 
 
 def roll_moment(body: RollBody, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:

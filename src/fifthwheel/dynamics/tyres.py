@@ -1,0 +1,189 @@
+"""The law of the tyres of an axle group: side force from slip angle, load and longitudinal force.
+
+`linear` and `saturating` are one interface: the secant of the side force F, which the equations of motion multiply by
+the slip angle of each axle (`axle_forces`). The linear law is F = C alpha, with the cornering stiffness C > 0; equation
+(7) of Cheng and Cebon (2011). The saturating law tends to it for a high friction.
+
+Saturation. The side force of a group with the static load N at a slip angle alpha is the sum over both sides, whose
+loads are n = 1 + lambda and 1 - lambda times the static ones, plus the change of the group's load:
+
+    F = (C alpha / 2) sum n k / sqrt(1 + (C alpha k / (N mu))^2),
+    k = 1 - s q^2 (n - 1),        mu = c g mu_0 (1 - s_mu (q n - 1))
+
+with the load sensitivities s of the stiffness and s_mu of the friction at the nominal load of a tyre, and the static
+load q of a tyre of the group as a fraction of it: twin tyres carry half the load each. mu_0 is the peak friction of the
+road, g that of the group's tyres relative to it, and c the shape: the law tends to c times the peak of a Magic Formula.
+In PAC2002 the friction is linear in the load, and the sensitivity of the stiffness K = K_max sin(2 atan(F_z / F_K)) is
+1 - (F_z / K) dK/dF_z = 2 F_z^2 / (F_K^2 + F_z^2), about in proportion to q^2 (H. B. Pacejka, Tyre and Vehicle Dynamics,
+2006, chapter 4). At small slip angles F / (C alpha) tends to 1 - s q^2 lambda^2: without load transfer the law is then
+linear. Of the laws with two parameters, this one is closest to measured truck tyres: over loads of 0.2 to 1.9 times the
+static one and slip angles up to 12 deg, its rms distance is 0.3 to 0.6 % of the peak force of three tyres in PAC2002
+(tanh 0.3 to 1.4 %, Fiala's brush 1.1 to 2.0 %). Over slip angles up to 6 deg the closest c of four truck and bus tyres
+is 0.93, 1.06, 1.14 and 1.17.
+
+The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
+suspension and tyres, and of the side force at the height h_r of the roll axis.
+
+Braking. At a change u' < 0 of the speed, every group brakes with F_x = m_x u', equally on both sides; by default with
+the mass m_x = N / g, in proportion to the static load. The load of a group changes by -m_b u', with the braking load
+m_b of that default, which a truck has on a slope: n = 1 - m_b u' / N + lambda and 1 - m_b u' / N - lambda. With the
+slips s_x and s_y over those at which a linear tyre has the force mu N, and a force along the slip (s_x, s_y) of the
+magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x is that without braking times
+
+    e = sqrt(1 - b (F_x / (mu N))^2),        b = 1,
+
+of each side, which reduces stiffness and friction. At F_x / N = 0.2, 0.3 and 0.4 and slip angles up to 12 deg, the rms
+distance to the combined slip of the tyre 315/80 R 22.5 in PAC2002 is 1.8, 3.8 and 6.4 % of the peak force; if only the
+friction is reduced, as by the friction ellipse, it is 2.3, 5.0 and 8.7 %, without reduction 3.0, 6.7 and 12 %. The b
+that is closest to this tyre is 0.2 to 0.8 at slip angles up to 4 deg and 1.2 to 1.4 at up to 12 deg, so b is uncertain.
+When the speed rises, only the first unit drives.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Literal, NamedTuple
+
+import casadi as ca
+
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import (
+    COMBINED_SLIP,
+    FRICTION,
+    FRICTION_SENSITIVITY,
+    GROUP_TYRE_UNITS,
+    HALF_TRACK,
+    SHAPE,
+    STIFFNESS_SENSITIVITY,
+    TYRE_PARAMETERS,
+)
+
+TyreLaw = Literal["linear", "saturating"]
+NO_CHANGE = ca.SX(0)
+"""Of a load, N, or of the speed, m/s^2."""
+NOMINAL_LOAD = 35e3
+"""Of a tyre, N: of 315/80 R 22.5."""
+LOCKED = 0.1
+"""Least factor e of the side force: that of a wheel that slides without turning, mu N / C."""
+LOCKING = 0.1
+"""Width of the smooth transition to it, of e^2: at a kink, the derivatives of a step would jump."""
+SMALL_LOAD = 0.01
+"""Load of a lifted side, over the static one, below which its wheels are locked in any case."""
+SLOPE = 0.1
+"""u' / g for the braking loads, which hardly depend on it."""
+SMOOTHING = 0.001
+"""Slip angle below which softening is smooth, rad."""
+BY_LOAD: Mapping[str, float] = {}
+"""Brakes that share their force in proportion to the static loads."""
+
+
+def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
+    """Names of the parameters of saturating tyres on axle groups with these paths."""
+    return (*TYRE_PARAMETERS, *[f"{path}.{quantity}" for path in paths for quantity in GROUP_TYRE_UNITS])
+
+
+def braked_masses(vehicle: Vehicle, brakes: Mapping[str, float] = BY_LOAD) -> dict[str, float]:
+    """Braked mass of each axle group by the name of the parameter, kg.
+
+    Args:
+        vehicle: with its numbers.
+        brakes: relative braking force of axle groups by path, 0 for groups that it does not name.
+
+    Raises:
+        VehicleError: the static axle loads are not determined.
+    """
+    loads = vehicle.axle_loads()
+    if not brakes:
+        return {f"{path}.braked_mass": load / GRAVITY for path, load in loads.items()}
+    scale = sum(loads.values()) / GRAVITY / sum(brakes.values())
+    return {f"{path}.braked_mass": scale * brakes.get(path, 0.0) for path in loads}
+
+
+def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
+    """Parameters of saturating tyres by name, with their defaults, SI.
+
+    Raises:
+        VehicleError: the static axle loads are not determined.
+    """
+    loads, numbers = vehicle.axle_loads(), vehicle.tyres()
+    falling, rising = vehicle.axle_loads(SLOPE), vehicle.axle_loads(-SLOPE)
+    values = {name: parameter.default for name, parameter in TYRE_PARAMETERS.items()} | braked_masses(vehicle)
+    for path, load in loads.items():
+        values |= {
+            f"{path}.static_load": load,
+            f"{path}.relative_friction": 1.0,
+            f"{path}.tyres": float(numbers[path]),
+            f"{path}.braking_load": (falling[path] - rising[path]) / (2 * SLOPE * GRAVITY),
+        }
+    return values
+
+
+class Contact(NamedTuple):
+    """What acts on the tyres of an axle group."""
+
+    slip: ca.SX  # slip angle, rad
+    suspension: ca.SX = NO_CHANGE  # moment K* phi + C* phi', N m; see `unit_equations.suspension_moment`
+    roll_axis_height: ca.SX = NO_CHANGE  # of the unit, m
+    load_change: ca.SX = NO_CHANGE  # load of the group less that at this speed rate on a straight road, N
+    speed_rate: ca.SX = NO_CHANGE  # u', m/s^2
+
+
+Law = Callable[[Mapping[str, ca.SX], str, Contact], ca.SX]
+"""From parameters by name, the path of an axle group and its contact to the secant F / alpha, N/rad."""
+
+
+def axle_forces(secant: ca.SX, slip: ca.SX) -> ca.SX:
+    """Side force of an axle, N.
+
+    Args:
+        secant: of the axle, its fraction of that of the group, N/rad.
+        slip: of the axle, rad.
+    """
+    return secant * slip
+
+
+def linear(p: Mapping[str, ca.SX], path: str, _: Contact) -> ca.SX:
+    """The linear law; see `Law`."""
+    return p[f"{path}.cornering_stiffness"]
+
+
+def softening_factor(rate: ca.SX, slip: ca.SX) -> ca.SX:
+    """1 / (1 + rate |slip|), a factor of the cornering stiffness of an axle group; rate in 1/rad, slip in rad."""
+    return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
+
+
+def braking_force(p: Mapping[str, ca.SX], path: str, speed_rate: ca.SX) -> ca.SX:
+    """Longitudinal force F_x of an axle group, N, at a change u' of the speed, m/s^2: 0 if the speed rises."""
+    return p[f"{path}.braked_mass"] * ca.fmin(speed_rate, 0)
+
+
+def saturating(p: Mapping[str, ca.SX], path: str, contact: Contact) -> ca.SX:
+    """The saturating law; see `Law`."""
+    slip, suspension, roll_axis_height, load_change, speed_rate = contact
+    C, N = p[f"{path}.cornering_stiffness"], p[f"{path}.static_load"]
+    mu = p[SHAPE] * p[f"{path}.relative_friction"] * p[FRICTION]
+    q = N / p[f"{path}.tyres"] / NOMINAL_LOAD
+    stiffness_sensitivity, friction_sensitivity = p[STIFFNESS_SENSITIVITY] * q**2, p[FRICTION_SENSITIVITY]
+    even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
+    moment = suspension + roll_axis_height * even * C * slip
+    forward = ca.fmax(ca.fmin((load_change - p[f"{path}.braking_load"] * speed_rate) / N, 1), -1)
+    transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1 + forward), -1 - forward)
+    braking = braking_force(p, path, speed_rate)
+    secant = ca.SX(0)
+    for side in (1, -1):
+        change = side * transfer + forward
+        k = 1 - stiffness_sensitivity * change
+        limit = N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1))  # mu N, for the static load
+        used = braking / (limit * ca.fmax(1 + change, SMALL_LOAD))
+        e = _braked_factor(p[COMBINED_SLIP] * used**2)
+        secant += C / 2 * (1 + change) * k / ca.sqrt(1 + (C * k / limit * slip) ** 2) * e
+    return secant
+
+
+def _braked_factor(loss: ca.SX) -> ca.SX:
+    """sqrt(1 - loss), with a smooth transition to `LOCKED`; exactly 1 without braking."""
+
+    def ramp(x: ca.SX | float) -> ca.SX:
+        return (x + ca.sqrt(x * x + LOCKING**2)) / 2
+
+    free = 1 - LOCKED**2
+    return ca.sqrt(LOCKED**2 + free * ramp(free - loss) / ramp(free))

@@ -1,0 +1,126 @@
+"""The tyre laws: their limits, and the forces of the Magic Formula."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from fifthwheel.dynamics.tyres import NOMINAL_LOAD, Contact, saturating, saturation_parameters
+from fifthwheel.dynamics.unit_equations import suspension_moment
+from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import get
+from fifthwheel.vehicle.parameters import (
+    COMBINED_SLIP,
+    FRICTION,
+    FRICTION_SENSITIVITY,
+    SHAPE,
+    STIFFNESS_SENSITIVITY,
+    TYRE_PARAMETERS,
+)
+
+TRUCK = get("cheng_cebon_2011")
+DEFAULTS = {name: parameter.default for name, parameter in TYRE_PARAMETERS.items()}
+
+
+def force(slip: float, roll: float = 0.0, **changes: float) -> float:
+    """Side force of the trailer's axle group, N, with the nominal load on each tyre."""
+    number = TRUCK.axle_loads()["semitrailer"] / NOMINAL_LOAD
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.tyres": number} | changes
+    suspension, height = suspension_moment(p, "semitrailer", ca.SX(roll), ca.SX(0)), p["semitrailer.roll_axis_height"]
+    return slip * float(ca.evalf(saturating(p, "semitrailer", Contact(ca.SX(slip), suspension, height))))
+
+
+def test_the_force_tends_to_friction_times_load() -> None:
+    load = TRUCK.axle_loads()["semitrailer"]
+    no_transfer = {"body.half_track": 1e9}
+    assert force(100.0, **no_transfer) == pytest.approx(DEFAULTS[SHAPE] * DEFAULTS[FRICTION] * load, rel=1e-3)
+    assert force(-0.1) == -force(0.1)
+    slope = TRUCK.parameters()["semitrailer.cornering_stiffness"]
+    assert force(1e-5, **no_transfer) == pytest.approx(1e-5 * slope, rel=1e-6)
+    assert force(0.1, **{FRICTION: 0.3}) < force(0.1) < force(0.1, roll=0.0, **no_transfer)
+
+
+def test_a_lifted_wheel_carries_nothing() -> None:
+    """With all load on one side, more roll does not change the force, and the group has the load of that side."""
+    lifted = force(0.1, roll=0.5)
+    assert force(0.1, roll=1.0) == lifted
+    load = TRUCK.axle_loads()["semitrailer"]
+    mu = DEFAULTS[SHAPE] * DEFAULTS[FRICTION] * (1 - DEFAULTS[FRICTION_SENSITIVITY])
+    C = TRUCK.parameters()["semitrailer.cornering_stiffness"] * (1 - DEFAULTS[STIFFNESS_SENSITIVITY])
+    assert lifted == pytest.approx(0.1 * C / np.sqrt(1 + (0.1 * C / (load * mu)) ** 2), rel=1e-12)
+
+
+@pytest.mark.parametrize("tyres", [6, 12])
+def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
+    """Of the tyre of the nonlinear truck, at up to 12 deg and 0.1 to 1.9 times its static load; 0.5 % of the peak."""
+    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
+    static = load / tyres
+    own = {"semitrailer.cornering_stiffness": tyres * float(tyre.cornering_stiffness(static))}
+    own |= {FRICTION: 0.74, SHAPE: 1.15, "semitrailer.tyres": tyres}
+    slips, errors = np.radians(np.linspace(0.2, 12, 20)), []
+    for transfer in np.linspace(0, 0.9, 4):
+        for slip in slips:
+            p = TRUCK.parameters() | saturation_parameters(TRUCK) | own
+            suspension = ca.SX(transfer * load)
+            law = slip * float(ca.evalf(saturating(p, "semitrailer", Contact(ca.SX(slip), suspension, ca.SX(0)))))
+            sides = [float(tyre.side_force(np.tan(slip), n * static)) for n in (1 + transfer, 1 - transfer)]
+            errors.append((law - tyres / 2 * abs(sum(sides))) / (0.74 * load))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.007
+
+
+@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.067)])
+def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
+    """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.4 % of the peak."""
+    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
+    still, rate = (ca.SX(0), ca.SX(0), ca.SX(0)), ca.SX(-used * STANDARD_GRAVITY)
+    errors = []
+    for n in (0.5, 0.8, 1.0, 1.3, 1.6):
+        own = {
+            "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(n * load / 6)),
+            "semitrailer.static_load": n * load,
+            "semitrailer.tyres": 6.0,
+            "semitrailer.braked_mass": n * load / STANDARD_GRAVITY,
+            "semitrailer.braking_load": 0.0,
+            FRICTION: 0.74,
+            SHAPE: 1.15,
+        }
+        p = TRUCK.parameters() | saturation_parameters(TRUCK) | own | {"body.half_track": 1e9}
+        for slip in np.radians([0.25, 0.5, 1, 2, 3, 4, 6, 8, 10, 12]):
+            law = slip * float(ca.evalf(saturating(p, "semitrailer", Contact(ca.SX(slip), *still, rate))))
+            expected = side_force_while_braking(tyre, slip, n * load / 6, used)
+            errors.append((law / (n * load) - expected) / 0.73)
+    assert np.sqrt(np.mean(np.square(errors))) < limit
+
+
+def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used: float) -> float:
+    """Side force over load at the least longitudinal slip with a braking force of `used` times the load."""
+    kappa = np.linspace(0.0, -0.5, 10_001)
+    braking = np.array(ca.DM(tyre.longitudinal_force(ca.DM(kappa), load, lateral=np.tan(slip)))).ravel()
+    enough = braking <= -used * load
+    assert enough.any()
+    return float(tyre.side_force(np.tan(slip), load, longitudinal=kappa[np.argmax(enough)])) / load
+
+
+@pytest.mark.parametrize(("path", "locking"), [("tractor.front", -20.0), ("semitrailer", -9.0)])
+def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
+    """Also at a change of the speed that no truck has."""
+    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), *[ca.SX(0)] * 3)
+    rolling, locked, beyond = (
+        float(ca.evalf(saturating(p, path, Contact(*still, ca.SX(rate))))) for rate in (0.0, locking, -200.0)
+    )
+    assert 0.05 * rolling < locked < 0.2 * rolling
+    assert 0 <= beyond < 0.3 * rolling
+
+
+def test_the_effect_of_the_braking_force_is_smooth() -> None:
+    """Its slope does not jump where wheels lock; a factor of 0 of `COMBINED_SLIP` removes it."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.braking_load": 0.0}
+    rate, slip, none = ca.SX.sym("u'"), ca.SX(0.05), ca.SX(0)
+    law = saturating(p, "semitrailer", Contact(slip, none, ca.SX(1.0), none, rate))
+    slope = ca.Function("slope", [rate], [ca.jacobian(law, rate)])
+    rates = np.linspace(-12, -0.01, 2000)
+    slopes = np.array(slope(rates[None])).ravel()
+    assert np.abs(np.diff(slopes)).max() < 0.02 * np.abs(slopes).max()
+    without = saturating(p | {COMBINED_SLIP: 0.0}, "semitrailer", Contact(slip, none, ca.SX(1.0), none, rate))
+    values = np.array(ca.Function("law", [rate], [without])(rates[None])).ravel()
+    np.testing.assert_allclose(values, float(ca.Function("law", [rate], [law])(0.0)), rtol=1e-14)
