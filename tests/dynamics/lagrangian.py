@@ -5,10 +5,10 @@ X = u t + u' t^2 / 2, Y = y; every axle may brake along its unit. Each other uni
 that is fixed to the sprung body in front and to its own. Positions are exact to second order in the small coordinates,
 so the equations are exact to first order.
 
-Sympy gives the motion under a side force at every axle, and the slip angle at every axle. The relation of force and
-slip angle is added numerically: without lag, or with a relaxation length. Then the force F of a group (not its lagged
-slip angle, as in the library) is a state, sigma F' + u F = u sum C_k alpha_k; each axle has an equal share of F and,
-without lag, the difference of its C_k alpha_k from the mean.
+Sympy gives the motion under a side force and its moment about the vertical at every axle, and the slip angle at every
+axle. The relation of force and slip angle is added numerically: without lag, or with a relaxation length. Then the
+force F of a group (not its lagged slip angle, as in the library) is a state, sigma F' + u F = u sum C_k alpha_k; each
+axle has an equal share of F and, without lag, the difference of its C_k alpha_k from the mean.
 
 Three numbers that the library does not need, and that therefore must have no effect, have arbitrary values: the
 distance of the sprung CoG ahead of the unit's CoG, the sprung pitch inertia, and the yaw inertia of the sprung body.
@@ -91,6 +91,8 @@ def linear(
             count += len(group.axles)
             braking += [brakes.get(unit.group_path(group), 0.0) / len(group.axles)] * len(group.axles)
         values |= {f"b{i}_{k}": braking[count - len(unit.axles) + k] for k in range(len(unit.axles))}
+        trails = [group.pneumatic_trail or 0.0 for group in unit.axle_groups for _ in group.axles]
+        values |= {f"t{i}_{k}": trail for k, trail in enumerate(trails)}
     for i, coupling in enumerate(vehicle.couplings):
         values |= {
             f"lead{i}": coupling.leading_position - units[i].cog,
@@ -240,6 +242,7 @@ def lagrangian(axles: tuple[int, ...], roll: bool) -> tuple[Any, tuple[str, ...]
             v = axle.vel(ground)
             slips.append(truncated(-sp.atan(v.dot(unit.y) / v.dot(unit.x)), small, 1))
             loads.append((axle, force * unit.y + S(f"b{i}_{k}") * unit.x))
+            loads.append((unit, -S(f"t{i}_{k}") * force * unit.z))
             forces.append(force)
         if i + 1 < n:
             axis = second_order(axis + S(f"lead{i}") * unit.x - S(f"lead_up{i}") * sp.sin(phi[i]) * unit.y)

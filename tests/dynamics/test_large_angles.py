@@ -7,17 +7,18 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.large_angles import large_angles
-from fifthwheel.dynamics.tyres import Contact, braked_masses, saturating, saturation_parameters
+from fifthwheel.dynamics.tyres import LAWS, Contact, Law, braked_masses, saturating, saturation_parameters
 from fifthwheel.manoeuvres import braked, straight
 from fifthwheel.plant import Plant
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle import AxleGroup, Vehicle, get
 from fifthwheel.vehicle.parameters import (
     FRICTION,
     FRICTION_SENSITIVITY,
     STIFFNESS_SENSITIVITY,
 )
 from tests.dynamics.lagrangian import linear
+from tests.dynamics.test_lagrangian import with_trail
 
 TRUCK = get("cheng_cebon_2011")
 SPEED = 20.0
@@ -32,12 +33,14 @@ def rates(
     roll: bool,
     changes: dict[str, float] | None = None,
     speed_rate: float = 0.0,
+    law: Law = saturating,
 ):
     """x' (n,) at the standard speed."""
     values = vehicle.parameters() | saturation_parameters(vehicle) | (changes or {})
     state = ca.SX.sym("x", len(x))
     angles = {name: ca.SX(steer) for name in vehicle.steer_signals()}
-    result = large_angles(values, vehicle, state, ca.SX(SPEED), angles, roll=roll, speed_rate=ca.SX(speed_rate))
+    options = {"roll": roll, "speed_rate": ca.SX(speed_rate), "law": law}
+    result = large_angles(values, vehicle, state, ca.SX(SPEED), angles, **options)
     return np.array(ca.Function("rates", [state], [result.stages.expanded(result.rates)])(x)).ravel()
 
 
@@ -45,7 +48,7 @@ def rates(
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4"])
 def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None:
     """The difference falls with the square of the motion, or faster."""
-    vehicle, rng = get(name), np.random.default_rng(1)
+    vehicle, rng = with_trail(get(name), 0.04, 0.06), np.random.default_rng(1)
     m = dynamics.analysis.matrices(vehicle, SPEED, roll=roll)
     x = rng.normal(size=len(m.states)) * 0.05
     linear = m.A @ x + m.B.sum(axis=1) * 0.02
@@ -54,6 +57,24 @@ def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None
     ]
     assert errors[0] < 1e-3 * np.abs(linear).max()
     assert errors[1] < errors[0] / 50
+
+
+@pytest.mark.parametrize("quantity", AxleGroup.si_units)
+def test_every_parameter_of_an_axle_group_is_in_both_laws(quantity: str) -> None:
+    """At small motion and high friction, a change of the parameter has the same effect, which is not 0."""
+    vehicle, path = with_trail(TRUCK, 0.04, 0.06, 0.05), f"tractor.drive.{quantity}"
+    other = vehicle.replace({path: 1.1 * vehicle.parameters()[path]})
+    x = np.random.default_rng(6).normal(size=len(chain.state_names(vehicle, roll=True))) * 1e-6
+
+    def effect(law: Law) -> np.ndarray:
+        before, after = (rates(each, x, 0.0, roll=True, changes=LINEAR, law=law) for each in (vehicle, other))
+        assert np.abs(after - before).max() > 1e-4 * np.abs(before).max()
+        return after - before
+
+    linear, saturating = map(effect, LAWS.values())
+    np.testing.assert_allclose(saturating, linear, rtol=0, atol=1e-4 * np.abs(linear).max())
+    by_chain = [dynamics.matrices(each, SPEED, roll=True).A @ x for each in (vehicle, other)]
+    np.testing.assert_allclose(linear, by_chain[1] - by_chain[0], rtol=0, atol=1e-4 * np.abs(linear).max())
 
 
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", pytest.param("a_double", marks=pytest.mark.slow)])
@@ -100,7 +121,7 @@ def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
 )
 def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[str, float]) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
-    truck, rng = get("auburn_6x4"), np.random.default_rng(2)
+    truck, rng = with_trail(get("auburn_6x4"), 0.04, 0.06), np.random.default_rng(2)
     p, names = truck.parameters(), chain.state_names(truck, roll=False)
     v, r1, r2, angle = x = np.array([0.8, 0.3, 0.25, -0.4]) * (1 + 0.1 * rng.normal(size=4))
     assert names == ("lateral_velocity.tractor", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
@@ -126,12 +147,12 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
             height = p[f"{unit.name}.roll_axis_height"]
             change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
             level = ca.SX(np.mean(slips)), ca.SX(0), height, ca.SX(change), ca.SX(speed_rate)
-            C = float(ca.evalf(saturating(law, path, Contact(*level))))
+            secants = np.array(ca.evalf(saturating(law, path, Contact(*level)))).ravel()
             brake = parts[path] * sum(loads.values()) / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
-                force = C / len(arms) * slip
+                force, *moment = secants / len(arms) * slip
                 side = force * np.cos(d) + brake * np.sin(d)
-                total += [brake * np.cos(d) - force * np.sin(d), side, arm * side]
+                total += [brake * np.cos(d) - force * np.sin(d), side, arm * side - sum(moment)]
         return total
 
     front, less, more = (tyres(0, np.array([SPEED, v]), r1, {"front": steer}, shift) for shift in (0.0, -1.0, 1.0))

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.dynamics.tyres import NOMINAL_LOAD, Contact, saturating, saturation_parameters
+from fifthwheel.dynamics.tyres import NOMINAL_LOAD, Contact, axle_forces, linear, saturating, saturation_parameters
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.units import STANDARD_GRAVITY
@@ -20,6 +20,65 @@ from fifthwheel.vehicle.parameters import (
 
 TRUCK = get("cheng_cebon_2011")
 DEFAULTS = {name: parameter.default for name, parameter in TYRE_PARAMETERS.items()}
+
+
+TRAIL = {"semitrailer.pneumatic_trail": 0.05}
+
+
+@pytest.mark.parametrize("trail", [{}, TRAIL], ids=["no trail", "trail"])
+def test_linear_tyres_are_the_limit_for_a_high_friction(trail: dict[str, float]) -> None:
+    """The difference falls with the square of the friction: the law has no term of first order."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | trail
+    p |= {STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0}
+    contact = Contact(ca.SX(0.03), ca.SX(3e4), ca.SX(0.8), ca.SX(2e3))
+    expected = np.array(ca.evalf(linear(p | {"semitrailer.cornering_stiffness": 1.0}, "semitrailer", contact))).ravel()
+    load = 1 + 2e3 / p["semitrailer.static_load"]  # the force grows with the load of the group
+    errors = [
+        np.array(ca.evalf(saturating(p | {FRICTION: friction}, "semitrailer", contact))).ravel()
+        / (load * p["semitrailer.cornering_stiffness"])
+        / expected
+        - 1
+        for friction in (10.0, 100.0)
+    ]
+    assert len(expected) == 1 + len(trail)
+    assert np.abs(errors[0]).max() < 0.02
+    np.testing.assert_allclose(errors[1], errors[0] / 100, rtol=0.02)
+
+
+def aligning_moment(slip: float, **changes: float) -> float:
+    """Aligning moment of the trailer's axle group over its side force, m, without load transfer."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | TRAIL | {"body.half_track": 1e9} | changes
+    side, moment = axle_forces(saturating(p, "semitrailer", Contact(ca.SX(slip))), ca.SX(slip))
+    return float(ca.evalf(moment)) / float(ca.evalf(side))
+
+
+def test_the_trail_falls_from_its_value_at_small_slip_to_none_at_full_sliding() -> None:
+    assert aligning_moment(1e-6) == pytest.approx(-0.05, rel=1e-6)
+    trails = [-aligning_moment(slip) for slip in (0.01, 0.05, 0.1, 0.3, 10.0)]
+    assert trails == sorted(trails, reverse=True)
+    assert 0 < trails[-1] < 1e-3 * 0.05
+    assert -aligning_moment(0.05, **{FRICTION: 0.3}) < trails[1]
+    assert aligning_moment(-0.05) == aligning_moment(0.05)
+
+
+@pytest.mark.parametrize(("degrees", "limit"), [(3, 0.007), (6, 0.017), (12, 0.045)])
+def test_the_aligning_moment_is_that_of_the_magic_formula(degrees: float, limit: float) -> None:
+    """Of the tyre of the nonlinear truck at 0.5 to 1.5 times a load of 28 kN: 0.6, 1.5 and 4 % of the peak."""
+    tyre, errors, peak = MagicFormula(), [], 0.0
+    for load in 28e3 * np.array([0.5, 0.75, 1, 1.25, 1.5]):
+        own = {
+            "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(load)),
+            "semitrailer.static_load": 6 * load,
+            "semitrailer.pneumatic_trail": float(tyre.pneumatic_trail(0.0, load)),
+            FRICTION: tyre.PDY1 + tyre.PDY2 * (load / tyre.FNOMIN - 1),
+            FRICTION_SENSITIVITY: 0.0,
+        }
+        for slip in np.radians(np.linspace(0.1, degrees, 40)):
+            force = 6 * float(tyre.side_force(np.tan(slip), load))
+            trail = float(tyre.pneumatic_trail(np.tan(slip), load))
+            errors.append(force * (trail + aligning_moment(slip, **own)))
+            peak = max(peak, force * trail)
+    assert np.sqrt(np.mean(np.square(errors))) < limit * peak
 
 
 def force(slip: float, roll: float = 0.0, **changes: float) -> float:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.dynamics.model import topology
 from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle import Vehicle, catalogue
+from fifthwheel.vehicle import Vehicle, catalogue, unit_of
 from fifthwheel.vehicle.toml_format import read_quantity
 from fifthwheel.vehicle.uncertainty import changes
 
@@ -141,6 +141,25 @@ def test_place_of_an_accelerometer() -> None:
     )
     with pytest.raises(VehicleError, match="reserved"):
         Vehicle.loads(TEXT.replace('name = "drive"', 'name = "accelerometer"'))
+
+
+def test_pneumatic_trail() -> None:
+    """A parameter only of the groups that state it; the model of other vehicles does not have it."""
+    path, plain = "tractor.front.pneumatic_trail", Vehicle.loads(TEXT)
+    vehicle = Vehicle.loads(
+        TEXT.replace("steerable = true\n", 'steerable = true\npneumatic_trail = "5 cm +- 1 cm"\n', 1)
+    )
+    assert vehicle.parameters() == plain.parameters() | {path: 0.05}
+    assert vehicle.stated == {path: 0.01}
+    assert Vehicle.loads(vehicle.to_toml()) == vehicle
+    assert unit_of(path) == "m"
+    assert [change.slopes for change in changes(vehicle) if change.name == path] == [{path: 0.01}]
+    assert topology(vehicle) != topology(plain)
+    assert plain.replace({path: 0.05}).with_stated({path: 0.01}) == vehicle
+    with pytest.raises(VehicleError, match="pneumatic_trail: no such parameter"):
+        plain.with_stated({path: 0.01})
+    with pytest.raises(VehicleError, match=r"pneumatic_trail: expected a number <= 0.5, got 5.0; check its unit"):
+        plain.replace({path: 5.0})
 
 
 def test_number_of_tyres() -> None:

@@ -130,7 +130,7 @@ def large_angles(
         force += chain.coupling_moments(p, vehicle, motion)
     per_shift = _loads_per_shift(vehicle)
     by_shift = sum(
-        (sign * ca.jacobian(force, tyres[path].secant) @ tyres[path].by_load for path, sign in per_shift.items()),
+        (sign * ca.jacobian(force, tyres[path].secants) @ tyres[path].by_load for path, sign in per_shift.items()),
         ca.SX(len(velocities), 1),
     )
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
@@ -153,7 +153,7 @@ def large_angles(
         rates=ca.densify(rate),
         motion=motion,
         acceleration=acceleration,
-        side_force={path: (t.secant + load_change[path] * t.by_load) * t.slip for path, t in tyres.items()},
+        side_force={path: (t.secants[0] + load_change[path] * t.by_load[0]) * t.slip for path, t in tyres.items()},
         load_change={path: change - p[f"{path}.braking_load"] * speed_rate for path, change in load_change.items()},
         shift=shift,
     )
@@ -216,8 +216,8 @@ class _Tyres(NamedTuple):
 
     slip: ca.SX  # rad, lagged if the group has a relaxation length
     mean_slip: ca.SX  # rad, of its axles
-    secant: ca.SX  # variable: F / alpha without the shift, N/rad
-    by_load: ca.SX  # variable: its derivative with respect to the load of the group, 1/rad
+    secants: ca.SX  # variable: see `tyres.Law`, without the shift
+    by_load: ca.SX  # variable: their derivatives with respect to the load of the group
 
 
 def _tyre_forces(
@@ -247,11 +247,11 @@ def _tyre_forces(
         suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
         load = ca.SX.sym("load")
         forces = law(p, path, Contact(slip, suspension, p[f"{unit.name}.roll_axis_height"], load, speed_rate))
-        secant, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (forces, ca.jacobian(forces, load)))
-        tyres[path] = _Tyres(slip, mean, secant, by_load)
+        secants, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (forces, ca.jacobian(forces, load)))
+        tyres[path] = _Tyres(slip, mean, secants, by_load)
         braking = braking_force(p, path, speed_rate) / count
         for arm, angle, own in zip(arms, angles, each, strict=True):
-            side = axle_forces(secant / count, slip + (own - mean))
+            side, aligning = axle_forces(secants / count, slip + (own - mean))
             lateral = side * ca.cos(angle) + braking * ca.sin(angle)
-            total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral)
+            total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral + aligning)
     return total, tyres

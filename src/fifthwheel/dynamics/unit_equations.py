@@ -189,13 +189,13 @@ def tyre_forces(
         mean = mean_slip_angle(p, unit, group, across, heading, r, steer)
         mean_slip = mean.direction - mean.drift * inverse_speed
         lag = lagged_slip[path] - mean_slip if path in lagged_slip else 0
-        secant = linear(p, path, Contact(lagged_slip.get(path, mean_slip))) / len(group.axles)
+        secants = linear(p, path, Contact(lagged_slip.get(path, mean_slip))) / len(group.axles)
         for axle in group.axles:
             arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
             slip = axle_slip_angle(p, unit, axle, across, heading, r, steer)
-            side_force = axle_forces(secant, slip.direction - slip.drift * inverse_speed + lag)
+            side_force, aligning = axle_forces(secants, slip.direction - slip.drift * inverse_speed + lag)
             force += side_force
-            moment += arm * side_force
+            moment += arm * side_force + aligning
     return ca.vertcat(force, moment)
 
 

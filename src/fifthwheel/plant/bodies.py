@@ -27,6 +27,7 @@ class BeamAxle:
     tyre_stiffness: float  # N/m, vertical, one side
     tyres_per_side: int
     cornering_stiffness: float  # N/rad, of the axle at its static load
+    pneumatic_trail: float | None  # m, at its static load; None: that of the tyre, times `Properties.aligning`
     driven: bool
     steered: bool
 
@@ -132,6 +133,7 @@ def _axle(
         tyre_stiffness=group.tyre_roll_stiffness / n / (2 * properties.half_track**2),
         tyres_per_side=2 if has_twin_tyres else 1,
         cornering_stiffness=group.cornering_stiffness / n,
+        pneumatic_trail=group.pneumatic_trail,
         driven=is_first and not steered,
         steered=axle.steerable,
     )

@@ -63,7 +63,8 @@ class Properties:
     relaxation: float = 1.0
     """Factor on the relaxation lengths of every tyre."""
     aligning: float = 0.0
-    """Factor on the pneumatic trail of every tyre; at 0 the side force acts in the middle of the contact patch."""
+    """Factor on the pneumatic trail of every tyre, unless the vehicle file gives that of its axle group; at 0 the side
+    force acts in the middle of the contact patch."""
     friction: float = 1.0
     """Factor on the friction of every tyre: 0.6 for a wet road."""
     bank: float = 0.0
@@ -79,7 +80,8 @@ class Properties:
     lash: Mapping[str, float] = field(default_factory=dict)
     """Free play of a suspension in roll, to either side, rad."""
     steering_compliance: float = 0.0
-    """Steer angle of the first steered axle per aligning moment, rad/(N m); has an effect only with `aligning`."""
+    """Steer angle of the first steered axle per aligning moment, rad/(N m); has an effect only with a
+    pneumatic trail."""
     steering_lag: float = 0.0
     """Time constant from the measured steer angle to the angle of the wheels, s."""
     frame_torsion: float | None = None

@@ -34,6 +34,7 @@ AXLE_CONSTANTS = (
     "lash",
     "roll_stiffness",
     "free_radius",
+    "aligning",
 )
 """Constants of every axle, in this order."""
 COMMON_CONSTANTS = (
@@ -44,7 +45,6 @@ COMMON_CONSTANTS = (
     "rolling_resistance",
     "drag_area",
     "relaxation",
-    "aligning",
     "friction",
     "compliance",
     "lag",
@@ -91,8 +91,10 @@ def constants(bodies: tuple[SprungBody, ...], properties: Properties, time_step:
         values += [p.stiffness * axle.cornering_stiffness / unscaled_stiffness, p.roll_steer.get(axle.group, 0.0)]
         values += [p.lash.get(axle.group, 0.0), axle.roll_stiffness]
         values += [p.wheel_radius + axle.load / 2 / axle.tyre_stiffness]  # under the static load it is wheel_radius
+        trail = axle.pneumatic_trail
+        values += [p.aligning if trail is None else trail / float(p.tyre.pneumatic_trail(0.0, tyre_load))]
     values += [time_step, p.half_track, p.wheel_radius, p.tyre_damping, p.rolling_resistance, p.drag_area]
-    values += [p.relaxation, p.aligning, p.friction, p.steering_compliance, p.steering_lag]
+    values += [p.relaxation, p.friction, p.steering_compliance, p.steering_lag]
     return np.array(values)
 
 
@@ -175,7 +177,7 @@ def forces(layout: Layout, bodies: tuple[SprungBody, ...], properties: Propertie
             side_force = axle["tyres_per_side"] * tyre.side_force(
                 slip, tyre_load, longitudinal=kappa, stiffness=axle["stiffness"], friction=common["friction"]
             )
-            moment = -common["aligning"] * tyre.pneumatic_trail(slip, tyre_load) * side_force
+            moment = -axle["aligning"] * tyre.pneumatic_trail(slip, tyre_load) * side_force
             aligning_moment += moment
             force = ca.vertcat(longitudinal_force * forward + side_force * leftward, load)
             rolling = -common["rolling_resistance"] * load * common["radius"] * y_axis

@@ -42,6 +42,12 @@ class AxleGroup(Component):
     relaxation_length: NonNegative = number(
         "m", "Distance over which the side force builds up; 0: it acts at once, as in the article.", default=0.0, le=5.0
     )
+    pneumatic_trail: NonNegative | None = number(
+        "m",
+        "Distance of the side force behind the middle of the contact at small slip; by default it acts in the middle.",
+        default=None,
+        le=0.5,
+    )
     tyres: int | None = Field(
         default=None,
         ge=2,

@@ -151,7 +151,7 @@ class Vehicle(Component):
                     f" supported, got {unit.cog:g} m; x is positive forward from the unit's own origin"
                 )
         if self.stated or self.assumed:
-            self._location_of({**self.stated, **self.assumed})
+            self._require({**self.stated, **self.assumed}, self._parameters)
         return self
 
     def _supports(self, unit: Unit) -> list[float]:
@@ -178,10 +178,12 @@ class Vehicle(Component):
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
         fields = self.model_dump()
-        return {path: _owner(fields, location)[location[-1]] for path, location in self.locations().items()}
+        values = {path: _owner(fields, location)[location[-1]] for path, location in self.locations().items()}
+        return {path: value for path, value in values.items() if value is not None}
 
     def locations(self) -> dict[str, FieldLocation]:
-        """Keys of every scalar in the fields of the vehicle, by its path, in the order of the vehicle."""
+        """Keys of every scalar in the fields of the vehicle, by its path, in the order of the vehicle; also of those
+        that have no value."""
         locations: dict[str, FieldLocation] = {}
 
         def add(prefix: str, kind: type[Component], location: FieldLocation) -> None:
@@ -241,18 +243,16 @@ class Vehicle(Component):
         Raises:
             VehicleError: a path does not exist.
         """
-        fields = self.model_dump()
-        for path, location in self._location_of(values).items():
-            _owner(fields, location)[location[-1]] = values[path]
+        fields, locations = self.model_dump(), self.locations()
+        self._require(values, locations)
+        for path, value in values.items():
+            _owner(fields, locations[path])[locations[path][-1]] = value
         return fields
 
-    def _location_of(self, paths: Iterable[str]) -> dict[str, FieldLocation]:
-        """Location of some scalars by path; a VehicleError where there is none."""
-        locations = self.locations()
+    def _require(self, paths: Iterable[str], known: Mapping[str, object]) -> None:
         for path in paths:
-            if path not in locations:
-                raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, locations)}")
-        return {path: locations[path] for path in paths}
+            if path not in known:
+                raise VehicleError(f"{path}: no such parameter in {self.name}; {suggestion(path, known)}")
 
     def lumped(self) -> Self:
         """The same vehicle with each payload lumped into its sprung body.
