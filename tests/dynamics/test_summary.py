@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.dynamics import critical_speed, modes, understeer_gradient
-from fifthwheel.dynamics.summary import GRAVITY, summarize
+from fifthwheel.dynamics.summary import summarize
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")

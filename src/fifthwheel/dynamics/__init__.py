@@ -14,8 +14,14 @@ from fifthwheel.dynamics.model import (
     rate_input,
     steer_parameters,
 )
-from fifthwheel.dynamics.responses import frequency_response, rearward_amplification, steady_steer, understeer_gradient
-from fifthwheel.dynamics.state_space import LinearSystem, linear_system
+from fifthwheel.dynamics.state_space import (
+    LinearSystem,
+    frequency_response,
+    linear_system,
+    rearward_amplification,
+    steady_steer,
+    understeer_gradient,
+)
 
 __all__ = [
     "CONTACT",

@@ -35,8 +35,7 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.symbolic.solution import solve_positive_definite
-from fifthwheel.dynamics.symbolic.staged import Stages
+from fifthwheel.dynamics.symbolic import Stages, solve_positive_definite
 from fifthwheel.dynamics.tyres import NO_CHANGE, Contact, Law, axle_forces, braking_force, saturating
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.names import SignalName

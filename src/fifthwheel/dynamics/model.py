@@ -16,8 +16,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
-from fifthwheel.dynamics.symbolic.series import taylor, transition_matrix
-from fifthwheel.dynamics.symbolic.staged import Stages
+from fifthwheel.dynamics.symbolic import Stages, taylor, transition_matrix
 from fifthwheel.dynamics.tyres import NO_CHANGE, TyreLaw, saturation_parameters, softening_factor
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle

@@ -17,7 +17,7 @@ import casadi as ca
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.chain import BANK, Equations, Motion
 from fifthwheel.dynamics.saturation import DEFAULTS, HALF_TRACK
-from fifthwheel.dynamics.symbolic.staged import Stages
+from fifthwheel.dynamics.symbolic import Stages
 from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height, tyre_forces
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName

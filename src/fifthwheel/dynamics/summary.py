@@ -7,11 +7,10 @@ from scipy.optimize import linear_sum_assignment
 
 from fifthwheel._html import Markup, block, table
 from fifthwheel.dynamics.analysis import Mode, critical_speed, matrices, modes
-from fifthwheel.dynamics.responses import rearward_amplification, understeer_gradient
+from fifthwheel.dynamics.state_space import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
-
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,7 @@ class VehicleSummary:
     def rows(self) -> list[tuple[str, str]]:
         """Name and value of each quantity, with its unit."""
         rows = [(f"load, {path}", f"{fixed(load / 1e3, 1)} kN") for path, load in self.axle_loads.items()]
-        gradient = np.degrees(self.understeer_gradient) * GRAVITY
+        gradient = np.degrees(self.understeer_gradient) * STANDARD_GRAVITY
         rows.append(("understeer gradient", f"{fixed(float(gradient), 2)} deg/g"))
         stable = "above 288 km/h" if self.critical_speed is None else f"{fixed(3.6 * self.critical_speed, 0)} km/h"
         rows.append(("critical speed", stable))

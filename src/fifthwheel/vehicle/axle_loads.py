@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.coupling import Coupling
-from fifthwheel.vehicle.unit import Unit
+from fifthwheel.vehicle.unit import Coupling, Unit
 
 
 class Body(NamedTuple):

@@ -29,9 +29,8 @@ from fifthwheel.errors import FifthwheelError, UnitError, VehicleError, suggesti
 from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
-from fifthwheel.vehicle.coupling import Coupling
 from fifthwheel.vehicle.parameters import unit_of
-from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Payload, SprungMass, Unit
+from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Coupling, Payload, SprungMass, Unit
 
 Table = dict[str, Any]
 

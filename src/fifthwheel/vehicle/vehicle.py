@@ -14,10 +14,9 @@ from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
-from fifthwheel.vehicle.coupling import Coupling
 from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
-from fifthwheel.vehicle.unit import AxleGroup, SprungMass, Unit, require_unique
+from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 
 if TYPE_CHECKING:
     from fifthwheel.plots import Plot

@@ -12,7 +12,7 @@ from fifthwheel.vehicle.classes.figures import (
     AxleFigures,
     Figure,
 )
-from fifthwheel.vehicle.coupling import CouplingKind
+from fifthwheel.vehicle.unit import CouplingKind
 
 
 class BodyFigures(NamedTuple):

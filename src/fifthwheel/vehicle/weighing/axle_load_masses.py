@@ -4,8 +4,14 @@ from collections.abc import Mapping
 
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
+
+LOAD_SIGMA = 0.5
+"""Standard deviation of the mass of a load before it is weighed, as a fraction of the mass in the file."""
+STEP = 0.01
+"""For the slopes, kg and m; the loads are linear in masses and moments."""
 
 
 def with_axle_loads(
@@ -22,8 +28,8 @@ def with_axle_loads(
     sprung body of a unit without payload. Yaw and roll inertias do not change, because loads contain no information on
     them. The road is level and the vehicle is stationary.
 
-    The loads of other vehicles do not determine all masses and CoG positions: `chain_masses.nearest_masses` then
-    changes those of the file as little as possible. All axle groups have to be weighed.
+    The n loads of another vehicle of k units do not determine its 2 k masses and CoG positions. Those of the file then
+    change as little as possible, each change divided by its standard deviation. All axle groups have to be weighed.
 
     Args:
         vehicle: a tractor with two axle groups and a trailer with one, or any other vehicle.
@@ -44,10 +50,8 @@ def with_axle_loads(
                 f"unladen_tractor: expected none for {vehicle.name}, which is no tractor with two axle groups and a"
                 " trailer with one; write the tractor's mass and CoG into the vehicle file"
             )
-        from fifthwheel.vehicle.weighing.chain_masses import nearest_masses  # only this needs NumPy
-
         _check_loads(loads, paths)
-        return nearest_masses(vehicle, loads)
+        return _nearest_masses(vehicle, loads)
     tractor, trailer = vehicle.units
     front, drive, bogie = paths
     _check_loads(loads, (front, drive, bogie), optional=front)
@@ -56,14 +60,13 @@ def with_axle_loads(
         a, b = (group.position for group in tractor.axle_groups)
         total = unladen_tractor[front] + unladen_tractor[drive]
         moment = unladen_tractor[front] * a + unladen_tractor[drive] * b
-        vehicle = vehicle.replace(_mass_properties(tractor, total, moment))
+        vehicle = _weighed(vehicle, tractor, total / STANDARD_GRAVITY, moment / total)
         tractor = vehicle.units[0]
 
     coupling_load = _coupling_load(vehicle, loads, front, drive)
     total = coupling_load + loads[bogie]
     moment = coupling_load * vehicle.couplings[0].trailing_position + loads[bogie] * trailer.axle_groups[0].position
-    weighed = vehicle.replace(_mass_properties(trailer, total, moment))
-
+    weighed = _weighed(vehicle, trailer, total / STANDARD_GRAVITY, moment / total)
     if front not in loads:
         return weighed
     difference = loads[front] - weighed.axle_loads()[front]
@@ -94,9 +97,8 @@ def _coupling_load(vehicle: Vehicle, loads: Mapping[str, float], front: str, dri
     return (measured - tractor_load) / lever
 
 
-def _mass_properties(unit: Unit, load: float, moment: float) -> dict[str, float]:
-    """New mass, CoG and payload of a unit from its total load, N, and the moment of its loads about its origin, N m."""
-    mass = load / STANDARD_GRAVITY
+def _weighed(vehicle: Vehicle, unit: Unit, mass: float, cog: float) -> Vehicle:
+    """The vehicle with another mass, kg, and CoG, m, of a unit; its payload or sprung body has the change of mass."""
     component, before = ("payload", unit.payload.mass) if unit.payload else ("sprung", unit.sprung.mass)
     after = before + mass - unit.mass
     if after <= 0:
@@ -105,7 +107,38 @@ def _mass_properties(unit: Unit, load: float, moment: float) -> dict[str, float]
             f" {mass:.0f} kg from the loads; "
             + ("remove the payload from its description" if unit.payload else "correct its masses in the vehicle file")
         )
-    return {f"{unit.name}.mass": mass, f"{unit.name}.cog": moment / load, f"{unit.name}.{component}.mass": after}
+    return vehicle.replace({f"{unit.name}.mass": mass, f"{unit.name}.cog": cog, f"{unit.name}.{component}.mass": after})
+
+
+def _nearest_masses(vehicle: Vehicle, loads: Mapping[str, float]) -> Vehicle:
+    """The vehicle with masses and CoG positions that have these axle loads and are nearest to those of the file."""
+    import numpy as np  # only this needs it
+
+    def changed(vehicle: Vehicle, unit: Unit, mass: float, moment: float) -> Vehicle:
+        """With more mass of a unit, kg, that has a moment about its origin, kg m."""
+        return _weighed(vehicle, unit, unit.mass + mass, (unit.mass * unit.cog + moment) / (unit.mass + mass))
+
+    before = vehicle.axle_loads()
+    sigma = np.array([s for unit in vehicle.units for s in _sigmas(unit)])
+    columns = []
+    for unit in vehicle.units:
+        for mass, moment in ((STEP, STEP * unit.cog), (0.0, STEP * unit.mass)):  # by mass at the CoG, and by CoG
+            after = changed(vehicle, unit, mass, moment).axle_loads()
+            columns.append([(after[path] - load) / STEP for path, load in before.items()])
+    slopes = np.array(columns).T
+    difference = np.array([loads[path] - load for path, load in before.items()])
+    weighted = slopes * sigma**2
+    change = weighted.T @ np.linalg.solve(weighted @ slopes.T, difference)
+    for unit, (mass, shift) in zip(vehicle.units, change.reshape(-1, 2), strict=True):
+        vehicle = changed(vehicle, unit, mass, mass * unit.cog + shift * unit.mass)
+    return vehicle
+
+
+def _sigmas(unit: Unit) -> tuple[float, float]:
+    """Standard deviations of mass, kg, and CoG, m, of a unit before it is weighed."""
+    if unit.payload:
+        return LOAD_SIGMA * unit.payload.mass, DEFAULT_SIGMAS["cog.laden"].sigma
+    return DEFAULT_SIGMAS["mass"].sigma * unit.mass, DEFAULT_SIGMAS["cog.unladen"].sigma
 
 
 def _check_loads(loads: Mapping[str, float], paths: tuple[str, ...], optional: str | None = None) -> None:

@@ -1,21 +1,67 @@
-"""Derivatives by the chain rule through intermediate variables.
+"""Tools for symbolic expressions: linear solutions, Taylor series in time, derivatives by the chain rule."""
 
-Where an expression of many variables is one of few intermediate variables, its Jacobian is the product of two small
-Jacobians. That of the whole expression would contain the derivatives of the intermediate ones once for each variable
-(A. Griewank and A. Walther, Evaluating Derivatives, 2008, chapter 9). A variable w that solves M w = f has
-
-    dw = M^-1 (df - dM w),
-
-so that the factorisation of M is not differentiated.
-"""
-
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from fifthwheel.dynamics.symbolic.solution import solve_positive_definite
+
+def solve_positive_definite(M: ca.SX, right: ca.SX) -> ca.SX:
+    """M^-1 right by the factorisation L D L' without pivoting, for a symmetric positive definite M."""
+    n = M.shape[0]
+    L, D = ca.SX.eye(n), [ca.SX(0)] * n
+    for j in range(n):
+        D[j] = M[j, j] - sum((L[j, k] ** 2 * D[k] for k in range(j)), ca.SX(0))
+        for i in range(j + 1, n):
+            L[i, j] = (M[i, j] - sum((L[i, k] * L[j, k] * D[k] for k in range(j)), ca.SX(0))) / D[j]
+    rows = [right[i, :] for i in range(n)]
+    for i in range(n):
+        for k in range(i):
+            rows[i] = rows[i] - L[i, k] * rows[k]
+    rows = [row / D[i] for i, row in enumerate(rows)]
+    for i in reversed(range(n)):
+        for k in range(i + 1, n):
+            rows[i] = rows[i] - L[k, i] * rows[k]
+    return ca.vertcat(*rows)
+
+
+def taylor(A: ca.SX, x: ca.SX, rate: ca.SX, change: ca.SX, dt: ca.SX, order: int) -> ca.SX:
+    """Taylor series of x(dt) of x' = rate + A (x - x(0)) + change t / dt.
+
+    Args:
+        A: (n, n).
+        x: state at the beginning of the step (n,).
+        rate: x' at the beginning of the step (n,).
+        change: of x' by the inputs from the beginning to the end of the step (n,), at constant x.
+        dt: s.
+        order: of the series.
+    """
+    term = dt * rate
+    total = x + term
+    for k in range(2, order + 1):
+        term = (dt / k) * (A @ term + (change if k == 2 else 0))  # one division, not one for each state
+        total = total + term
+    return ca.densify(total)
+
+
+def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
+    """Taylor series of exp(A dt) (n, n), the derivative of `taylor` with respect to x.
+
+    Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + M^3 (I/6! + ...)), which needs few
+    products of matrices.
+    """
+    n = A.shape[0]
+    M = A * dt
+    powers = [ca.SX.eye(n), M, M @ M]
+    cube = powers[2] @ M
+    total = ca.SX(n, n)
+    for first in reversed(range(0, order + 1, 3)):
+        last = min(first + 2, order)
+        terms = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
+        total = terms + (cube @ total if last < order else 0)
+    return ca.densify(total)
 
 
 class _Variable(NamedTuple):
@@ -33,6 +79,11 @@ class _Variable(NamedTuple):
 
 class Stages:
     """Intermediate variables, each a column of symbols with a value that depends on earlier ones.
+
+    Where an expression of many variables is one of few intermediate variables, its Jacobian is the product of two small
+    Jacobians. That of the whole expression would contain the derivatives of the intermediate ones once for each
+    variable (A. Griewank and A. Walther, Evaluating Derivatives, 2008, chapter 9). A variable w that solves M w = f has
+    dw = M^-1 (df - dM w), so that the factorisation of M is not differentiated.
 
     >>> x, stages = ca.SX.sym("x"), Stages()
     >>> square = stages.variable(x**2)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.symbolic.staged import Stages
+from fifthwheel.dynamics.symbolic import Stages
 from fifthwheel.vehicle import get
 
 X = ca.SX.sym("x", 3)

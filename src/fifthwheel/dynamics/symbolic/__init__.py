@@ -1,1 +1,0 @@
-"""Expressions: linear solutions, derivatives through intermediate variables, and series in time."""
