@@ -17,36 +17,31 @@ bank angle. As a state, the bank is constant except for process noise.
 
 Range: small angles, linear tyres, slowly varying speed, and longitudinal forces on each unit in proportion to its mass
 (no longitudinal force in the couplings).
+
+In all functions p has the parameters by path, numbers or symbols; a vehicle gives units, axles and couplings, and its
+numbers are not used. `roll`: yaw and roll, or yaw only. `bank`: whether the bank of the road is a state. x is the state
+(n,), the speed is in m/s, and `steer` has the angle of each steered axle, rad, by the name of its signal.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.dynamics import unit_equations
-from fifthwheel.dynamics.symbolic import solve_positive_definite
+from fifthwheel.dynamics.symbolic import Expressions, solve_positive_definite
 from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 
 BANK = "bank.road"
 """Name of the state that is the bank of the road, rad, positive with the left edge higher."""
-
-
 GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"})
 """Quantities of the states that are generalised velocities."""
 
 
 def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
-    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, and the bank.
-
-    Args:
-        vehicle: units and axle groups; its numbers are not used.
-        roll: yaw and roll, or yaw only.
-        bank: whether the bank of the road is a state.
-    """
+    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, and the bank."""
     units = [unit.name for unit in vehicle.units]
     names = [
         f"lateral_velocity.{units[0]}",
@@ -76,7 +71,7 @@ class Motion:
     roll: tuple[ca.SX, ...]  # rad, zeros without roll
     roll_rate: tuple[ca.SX, ...]  # rad/s, zeros without roll
     jacobian: tuple[ca.SX, ...]  # J_i, (2 or 3, m): (v, r[, p]) of unit i by the m generalised velocities
-    lagged_slip: Mapping[str, ca.SX]  # rad, by the path of each group with a relaxation length
+    lagged_slip: Expressions  # rad, by the path of each group with a relaxation length
     bank: ca.SX  # rad, of the road; zero if it is not a state
 
 
@@ -104,11 +99,8 @@ class Equations:
 
     def E(self) -> ca.SX:
         """E (n, n): the mass matrix in the rows of the generalised velocities, the identity elsewhere."""
-        n = self.A0.shape[0]
-        E = ca.SX.eye(n)
-        for i, row in enumerate(self.velocities):
-            for j, column in enumerate(self.velocities):
-                E[row, column] = self.mass[i, j]
+        E, rows = ca.SX.eye(self.A0.shape[0]), list(self.velocities)
+        E[rows, rows] = self.mass
         return E
 
     def _solve_E(self, right: ca.SX) -> ca.SX:
@@ -121,11 +113,8 @@ class Equations:
 
     def _solved(self, right: ca.SX) -> ca.SX:
         """E^-1 right, without factors."""
-        right = ca.sparsify(right)
-        solved = ca.SX(right)
-        solution = solve_positive_definite(self.mass, right[list(self.velocities), :])
-        for i, row in enumerate(self.velocities):
-            solved[row, :] = solution[i, :]
+        solved, rows = ca.sparsify(right), list(self.velocities)
+        solved[rows, :] = solve_positive_definite(self.mass, solved[rows, :])
         return solved
 
 
@@ -138,8 +127,8 @@ class CouplingArms(NamedTuple):
     above_rear: ca.SX  # the roll axis of the unit behind
 
 
-def coupling_arms(p: Mapping[str, ca.SX], vehicle: Vehicle, i: int) -> CouplingArms:
-    """The arms of the coupling between units i and i + 1; p: parameters by path."""
+def coupling_arms(p: Expressions, vehicle: Vehicle, i: int) -> CouplingArms:
+    """The arms of the coupling between units i and i + 1."""
     coupling, front, rear = vehicle.couplings[i].name, vehicle.units[i].name, vehicle.units[i + 1].name
     return CouplingArms(
         ahead=p[f"{coupling}.leading_position"] - p[f"{front}.cog"],
@@ -149,20 +138,11 @@ def coupling_arms(p: Mapping[str, ca.SX], vehicle: Vehicle, i: int) -> CouplingA
     )
 
 
-def motion(
-    p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool = False
-) -> Motion:
+def motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool = False) -> Motion:
     """Kinematics of every unit, coupling by coupling from the front.
 
     The lateral velocity of a coupling point is the same on both units: v + (x_c - x_cog) r - (h_c - h_r) p of the unit
     in front, less u times the articulation angle, equals v + (x_c - x_cog) r - (h_c - h_r) p of the unit behind.
-
-    Args:
-        p: parameters by path.
-        vehicle: units, axles and couplings; its numbers are not used.
-        x: state (n,).
-        speed: m/s.
-        roll, bank: as in `state_names`.
     """
     units = vehicle.units
     n = len(units)
@@ -197,24 +177,9 @@ def motion(
 
 
 def slip_angles(
-    p: Mapping[str, ca.SX],
-    vehicle: Vehicle,
-    x: ca.SX,
-    speed: ca.SX,
-    steer: Mapping[str, ca.SX],
-    *,
-    roll: bool,
+    p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, steer: Expressions, *, roll: bool
 ) -> dict[str, ca.SX]:
-    """Slip angle of each axle group by its path, rad: the lagged one, or the mean of its axles.
-
-    Args:
-        p: parameters by path.
-        vehicle: units, axles and couplings; its numbers are not used.
-        x: state (n,).
-        speed: m/s.
-        steer: steer angle of each steered axle by its signal's name, rad.
-        roll: yaw and roll, or yaw only.
-    """
+    """Slip angle of each axle group by its path, rad: the lagged one, or the mean of its axles."""
     motions, angles = motion(p, vehicle, x, speed, roll=roll), {}
     for i, unit in enumerate(vehicle.units):
         for group in unit.axle_groups:
@@ -231,7 +196,14 @@ def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
     return [i for i, name in enumerate(names) if SignalName.of(name).quantity in GENERALISED_VELOCITIES]
 
 
-def coupling_moments(p: Mapping[str, ca.SX], vehicle: Vehicle, motions: Motion) -> ca.SX:
+def angle_rates(vehicle: Vehicle, motions: Motion) -> dict[str, ca.SX]:
+    """Derivatives of articulation angles and roll angles by the names of the states."""
+    names = [unit.name for unit in vehicle.units]
+    articulations = {f"articulation.{name}": motions.r[i] - motions.r[i - 1] for i, name in enumerate(names) if i}
+    return articulations | {f"roll.{name}": rate for name, rate in zip(names, motions.roll_rate, strict=True)}
+
+
+def coupling_moments(p: Expressions, vehicle: Vehicle, motions: Motion) -> ca.SX:
     """Generalised forces (m,) of the roll moments of all couplings, N m; with roll."""
     n = len(vehicle.units)
     force = ca.SX(1 + 2 * n, 1)
@@ -244,26 +216,17 @@ def coupling_moments(p: Mapping[str, ca.SX], vehicle: Vehicle, motions: Motion) 
     return force
 
 
-LINEAR_TYRES: Mapping[str, ca.SX] = {}
+LINEAR_TYRES: Expressions = {}
 """No factors of cornering stiffnesses."""
 
 
 def equations(
-    p: Mapping[str, ca.SX],
-    vehicle: Vehicle,
-    *,
-    roll: bool,
-    bank: bool = False,
-    stiffness_factors: Mapping[str, ca.SX] = LINEAR_TYRES,
+    p: Expressions, vehicle: Vehicle, *, roll: bool, bank: bool = False, stiffness_factors: Expressions = LINEAR_TYRES
 ) -> Equations:
     """The equations of motion of the chain.
 
-    Args:
-        p: every path of `vehicle.parameters()`, each a number or a symbol.
-        vehicle: units, axles and couplings; its numbers are not used.
-        roll: yaw and roll (the article's 5 degrees of freedom for two units), or yaw only (3).
-        bank: whether the bank of the road is a state.
-        stiffness_factors: by parameter, factors of cornering stiffnesses that may depend on the state.
+    Two units have the article's 5 degrees of freedom with roll, and 3 without. `stiffness_factors` are factors of
+    cornering stiffnesses, by the names of these, that may depend on the state.
     """
     symbols = {name: ca.SX.sym(name) for name in stiffness_factors}
     p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
@@ -292,21 +255,10 @@ def equations(
     if roll:
         force += coupling_moments(p, vehicle, motions)
     velocities = velocity_indices(vehicle, roll=roll)
-    right = [ca.SX(0)] * len(names)
-    for row, index in enumerate(velocities):
-        right[index] = force[row]
-    unit_names = [unit.name for unit in vehicle.units]
-    for k, name in enumerate(names):
-        signal = SignalName.of(name)
-        if signal.quantity == "articulation":
-            i = unit_names.index(signal.unit)
-            right[k] = motions.r[i] - motions.r[i - 1]
-        elif signal.quantity == "roll":
-            right[k] = motions.roll_rate[unit_names.index(signal.unit)]
+    right = angle_rates(vehicle, motions) | {names[index]: force[row] for row, index in enumerate(velocities)}
     for path, lagged in motions.lagged_slip.items():
-        rate = (speed_times_slip[path] - u * lagged) / p[f"{path}.relaxation_length"]
-        right[names.index(f"slip_angle.{path}")] = rate
-    right_side = ca.vertcat(*right)
+        right[f"slip_angle.{path}"] = (speed_times_slip[path] - u * lagged) / p[f"{path}.relaxation_length"]
+    right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)
     by_steer = ca.jacobian(right_side, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
     A1, A2 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in (inverse_speed, u))

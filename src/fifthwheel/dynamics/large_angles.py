@@ -27,7 +27,6 @@ of the couplings. The braking loads contain the X of groups that brake in propor
 only that part moves load which is larger than the braking forces of the units behind: the drag relieves their brakes.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -35,10 +34,9 @@ import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
-from fifthwheel.dynamics.symbolic import Stages, solve_positive_definite
+from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.dynamics.tyres import NO_CHANGE, Contact, Law, axle_forces, braking_force, saturating
 from fifthwheel.dynamics.unit_equations import suspension_moment
-from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
 
@@ -51,43 +49,35 @@ class LargeAngles:
     rates: ca.SX  # x' (n,)
     motion: Motion
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
-    side_force: Mapping[str, ca.SX]  # of the tyres of each axle group by its path, N
-    load_change: Mapping[str, ca.SX]  # of axle groups, by their path, from the static load, N
+    side_force: Expressions  # of the tyres of each axle group by its path, N
+    load_change: Expressions  # of axle groups, by their path, from the static load, N
     shift: ca.SX  # load that X moves, N; its derivatives are neglected, large expressions of little effect
 
 
 def large_angles(
-    p: Mapping[str, ca.SX],
+    p: Expressions,
     vehicle: Vehicle,
     x: ca.SX,
     speed: ca.SX,
-    steer: Mapping[str, ca.SX],
+    steer: Expressions,
     *,
     roll: bool,
     bank: bool = False,
     speed_rate: ca.SX = NO_CHANGE,
     law: Law = saturating,
 ) -> LargeAngles:
-    """The equations; arguments as in `chain.motion`.
+    """The equations; arguments as in `chain`, with u' in m/s^2 and the law of the tyres.
 
-    Args:
-        p: parameters by name, also those of `tyres.saturation_parameters`.
-        vehicle: units, axles and couplings; its numbers are not used.
-        x: state (n,).
-        speed: m/s.
-        steer: true angle of each steered axle by its signal, rad.
-        roll, bank: as in `chain.state_names`.
-        speed_rate: u', m/s^2.
-        law: of the tyres.
+    The parameters are also those of `tyres.saturation_parameters`.
     """
     names, n, stages = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units), Stages()
     index = {name: i for i, name in enumerate(names)}
     motion = _motion(p, vehicle, x, speed, roll=roll, bank=bank)
     velocities = chain.velocity_indices(vehicle, roll=roll)
     rate = ca.SX(len(names), 1)
-    articulations = [index[f"articulation.{unit.name}"] for unit in vehicle.units[1:]]
-    for i, k in enumerate(articulations):
-        rate[k] = motion.r[i + 1] - motion.r[i]
+    for name, of_angle in chain.angle_rates(vehicle, motion).items():
+        if name in index:
+            rate[index[name]] = of_angle
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
     convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
     tyres: dict[str, _Tyres] = {}
@@ -139,10 +129,6 @@ def large_angles(
     solved = stages.solved(M, force + by_shift * shift, free + slope * shift)
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
-    for k, name in enumerate(names):
-        signal = SignalName.of(name)
-        if signal.quantity == "roll":
-            rate[k] = x[index[f"roll_rate.{signal.unit}"]]
     acceleration = tuple(
         (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
     )
@@ -158,7 +144,7 @@ def large_angles(
     )
 
 
-def _pull_arm(p: Mapping[str, ca.SX], vehicle: Vehicle) -> ca.SX:
+def _pull_arm(p: Expressions, vehicle: Vehicle) -> ca.SX:
     """Load that moves from the front to the rear axle group of the first unit per pull at its coupling, N/N."""
     if not vehicle.couplings:
         return ca.SX(0)
@@ -179,7 +165,7 @@ def _loads_per_shift(vehicle: Vehicle) -> dict[str, float]:
     return {unit.group_path(front): -1.0, unit.group_path(rear): 1.0} if vehicle.couplings else {}
 
 
-def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
+def _motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
     """`chain.motion` with rotations in place of small angles; (u, v) are in the axes of each unit."""
     small = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
     forward, lateral = [speed], [small.v[0]]
@@ -195,7 +181,7 @@ def _motion(p: Mapping[str, ca.SX], vehicle: Vehicle, x: ca.SX, speed: ca.SX, *,
     return replace(small, u=tuple(forward), v=tuple(lateral))
 
 
-def _beside_roll_axes(p: Mapping[str, ca.SX], vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
+def _beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
     """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes.
 
     At the coupling, the rolled unit in front adds (h_c - h_r) phi r to u, the one behind subtracts it.
@@ -220,12 +206,12 @@ class _Tyres(NamedTuple):
 
 
 def _tyre_forces(
-    p: Mapping[str, ca.SX],
+    p: Expressions,
     unit: Unit,
     stages: Stages,
     motion: Motion,
     i: int,
-    steer: Mapping[str, ca.SX],
+    steer: Expressions,
     speed_rate: ca.SX,
     law: Law,
 ) -> tuple[ca.SX, dict[str, _Tyres]]:

@@ -16,7 +16,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
-from fifthwheel.dynamics.symbolic import Stages, taylor, transition_matrix
+from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.dynamics.tyres import NO_CHANGE, TyreLaw, saturation_parameters, softening_factor
 from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
@@ -39,13 +39,28 @@ class ChainModel:
     extended: bool  # whether it has the parameters of `extension_parameters`
     tyres: TyreLaw  # saturating: with the parameters of `tyres.saturation_parameters`
     braking: bool  # whether `SPEED_RATE` is an input
-    states: tuple[str, ...]  # (n,) names of x
-    inputs: tuple[str, ...]  # (k,) speed, steer signals, extended: `contact_input` and `rate_input` of each, SPEED_RATE
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
-    known: tuple[str, ...]  # names of c
 
-    @property
+    @lazy
+    def states(self) -> tuple[str, ...]:
+        """Names of x (n,)."""
+        return chain.state_names(self.vehicle, roll=self.roll, bank=self.bank)
+
+    @lazy
+    def inputs(self) -> tuple[str, ...]:
+        """Names (k,): speed, steer signals, extended: `contact_input` and `rate_input` of each, SPEED_RATE."""
+        steers = self.vehicle.steer_signals()
+        extension = (*map(contact_input, steers), *map(rate_input, steers)) if self.extended else ()
+        return ("speed", *steers, *extension, *([SPEED_RATE] if self.braking else []))
+
+    @lazy
+    def known(self) -> tuple[str, ...]:
+        """Names of c."""
+        names = all_parameters(self.vehicle, self.outputs, extended=self.extended, tyres=self.tyres)
+        return tuple(name for name in names if name not in self.free)
+
+    @lazy
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
         laws = self.bank, self.extended, self.tyres, self.braking
@@ -227,28 +242,21 @@ def model(
         if name == chain.BANK and bank:
             continue
         sensors.require_available(vehicle, name, roll=roll)
-    key = (topology(vehicle), tuple(outputs), roll, tuple(free), bank, extended, tyres, braking)
-    if key not in _models:
-        names = tuple(all_parameters(vehicle, outputs, extended=extended, tyres=tyres))
-        unknown = set(free) - set(names)
+    chain_model = ChainModel(
+        vehicle=vehicle,
+        roll=roll,
+        bank=bank,
+        extended=extended,
+        tyres=tyres,
+        braking=braking,
+        outputs=tuple(outputs),
+        free=tuple(free),
+    )
+    if chain_model.identity not in _models:
+        unknown = set(free) - set(all_parameters(vehicle, outputs, extended=extended, tyres=tyres))
         if unknown:
             raise KeyError(f"no such parameters: {sorted(unknown)}")
-        steers = vehicle.steer_signals()
-        extension = (*map(contact_input, steers), *map(rate_input, steers)) if extended else ()
-        _models[key] = ChainModel(
-            vehicle=vehicle,
-            roll=roll,
-            bank=bank,
-            extended=extended,
-            tyres=tyres,
-            braking=braking,
-            states=chain.state_names(vehicle, roll=roll, bank=bank),
-            inputs=("speed", *steers, *extension, *([SPEED_RATE] if braking else [])),
-            outputs=tuple(outputs),
-            free=tuple(free),
-            known=tuple(name for name in names if name not in free),
-        )
-    return _models[key]
+    return _models.setdefault(chain_model.identity, chain_model)
 
 
 class _Steering(NamedTuple):
@@ -321,7 +329,7 @@ def _build(model: ChainModel) -> _Symbolic:
     )
 
 
-def _steering(model: ChainModel, value: Mapping[str, ca.SX], d: ca.SX, dt: ca.SX) -> _Steering:
+def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _Steering:
     """The steer angles, from the measured ones and the errors of their sensors."""
     steers, k = model.vehicle.steer_signals(), len(model.inputs)
     m = len(steers)
@@ -347,24 +355,23 @@ def _steering(model: ChainModel, value: Mapping[str, ca.SX], d: ca.SX, dt: ca.SX
     return _Steering(before + correction, after + correction, now, rate, measured_after, error["gain"])
 
 
-def _softening_factors(
-    model: ChainModel, value: Mapping[str, ca.SX], steering: _Steering, x: ca.SX, speed: ca.SX
-) -> dict[str, ca.SX]:
-    """Factors of the cornering stiffnesses by name; none in a plain model."""
-    if not model.extended:
-        return dict(chain.LINEAR_TYRES)
-    slip = chain.slip_angles(value, model.vehicle, x, speed, steering.now, roll=model.roll)
-    return {f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], a) for path, a in slip.items()}
+def _softening(
+    model: ChainModel, value: Expressions, steering: _Steering, x: ca.SX, speed: ca.SX
+) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
+    """Factors of the cornering stiffnesses by name, none in a plain model; all parameters with them."""
+    slips = chain.slip_angles(value, model.vehicle, x, speed, steering.now, roll=model.roll) if model.extended else {}
+    factors = {
+        f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], slip)
+        for path, slip in slips.items()
+    }
+    return factors, {**value, **{name: value[name] * factor for name, factor in factors.items()}}
 
 
-def _linear(
-    model: ChainModel, value: Mapping[str, ca.SX], steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX
-) -> _Motion:
+def _linear(model: ChainModel, value: Expressions, steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX) -> _Motion:
     """With linear tyres: the chain."""
     vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, d[len(model.inputs)]
-    factors = _softening_factors(model, value, steering, x, now)
+    factors, softened = _softening(model, value, steering, x, now)
     equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    softened = {**value, **{name: value[name] * factor for name, factor in factors.items()}}
     A, B = equations.state_space((d[0] + now) / 2)
     angles, turning = ca.vertcat(*steering.now.values()), (steering.measured, steering.rate)
     sensed = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank, turning=turning)
@@ -373,12 +380,11 @@ def _linear(
 
 
 def _saturating(
-    model: ChainModel, value: Mapping[str, ca.SX], steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX
+    model: ChainModel, value: Expressions, steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX
 ) -> _Motion:
     """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
     k, steers = len(model.inputs), tuple(steering.now)
-    factors = _softening_factors(model, value, steering, x, d[k])
-    softened = {**value, **{name: value[name] * factor for name, factor in factors.items()}}
+    _, softened = _softening(model, value, steering, x, d[k])
 
     def motion(state: ca.SX, speed: ca.SX, angles: ca.SX, speed_rate: ca.SX) -> LargeAngles:
         steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}

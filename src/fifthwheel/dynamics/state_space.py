@@ -18,6 +18,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import Structure, matrices
 from fifthwheel.dynamics.model import all_parameters
+from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.names import SignalName
@@ -301,7 +302,7 @@ def _output_function(structure: Structure, outputs: tuple[str, ...], roll: bool)
     return ca.Function("outputs", [nothing, u, symbols], [nothing, both], {"cse": True})
 
 
-def _output(name: str, sensed: sensors.SensorInputs, slip: Mapping[str, ca.SX]) -> ca.SX:
+def _output(name: str, sensed: sensors.SensorInputs, slip: Expressions) -> ca.SX:
     """An output that is not a state."""
     parsed = SignalName.of(name)
     if parsed.quantity == COG_ACCELERATION:

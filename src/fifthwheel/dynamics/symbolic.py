@@ -1,11 +1,14 @@
 """Tools for symbolic expressions: linear solutions, Taylor series in time, derivatives by the chain rule."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+
+Expressions = Mapping[str, ca.SX]
+"""By name; often numbers are possible, too."""
 
 
 def solve_positive_definite(M: ca.SX, right: ca.SX) -> ca.SX:

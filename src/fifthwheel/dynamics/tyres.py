@@ -52,6 +52,7 @@ from typing import Literal, NamedTuple
 
 import casadi as ca
 
+from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import (
@@ -135,7 +136,7 @@ class Contact(NamedTuple):
     speed_rate: ca.SX = NO_CHANGE  # u', m/s^2
 
 
-Law = Callable[[Mapping[str, ca.SX], str, Contact], ca.SX]
+Law = Callable[[Expressions, str, Contact], ca.SX]
 """From parameters by name, the path of an axle group and its contact to the secants: F / alpha, N/rad, (1,), or if the
 group has a pneumatic trail, also -M / alpha, N m/rad, (2,)."""
 
@@ -151,7 +152,7 @@ def axle_forces(secants: ca.SX, slip: ca.SX) -> tuple[ca.SX, ca.SX]:
     return forces[0], -forces[1] if forces.shape[0] > 1 else ca.SX(0)
 
 
-def linear(p: Mapping[str, ca.SX], path: str, _: Contact) -> ca.SX:
+def linear(p: Expressions, path: str, _: Contact) -> ca.SX:
     """The linear law; see `Law`."""
     C, trail = p[f"{path}.cornering_stiffness"], p.get(f"{path}.pneumatic_trail")
     return ca.vertcat(C) if trail is None else ca.vertcat(C, trail * C)
@@ -162,12 +163,12 @@ def softening_factor(rate: ca.SX, slip: ca.SX) -> ca.SX:
     return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
 
 
-def braking_force(p: Mapping[str, ca.SX], path: str, speed_rate: ca.SX) -> ca.SX:
+def braking_force(p: Expressions, path: str, speed_rate: ca.SX) -> ca.SX:
     """Longitudinal force F_x of an axle group, N, at a change u' of the speed, m/s^2: 0 if the speed rises."""
     return p[f"{path}.braked_mass"] * ca.fmin(speed_rate, 0)
 
 
-def saturating(p: Mapping[str, ca.SX], path: str, contact: Contact) -> ca.SX:
+def saturating(p: Expressions, path: str, contact: Contact) -> ca.SX:
     """The saturating law; see `Law`."""
     slip, suspension, roll_axis_height, load_change, speed_rate = contact
     C, N = p[f"{path}.cornering_stiffness"], p[f"{path}.static_load"]

@@ -4,18 +4,19 @@ Equations (A1)-(A6) of Cheng and Cebon (2011) without the coupling force, which 
 unit is (v, r, p): lateral velocity on the roll axis under the CoG of the unit, yaw rate, roll rate. Two misprints of
 the article are corrected: (A3) and (A6) count m_s h^2 phi'' twice, and (A2) has I_1szz in place of I_1sxz (see
 docs/errata.md).
+
+In all functions p has the parameters by path, numbers or symbols. Units and axle groups give names and structure; their
+numbers are not used.
 """
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import casadi as ca
 
+from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.dynamics.tyres import Contact, axle_forces, linear
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Axle, AxleGroup, Unit, laden
-
-SteerAngles = Mapping[str, ca.SX]
 
 
 class RollBody(NamedTuple):
@@ -28,44 +29,25 @@ class RollBody(NamedTuple):
     damping: ca.SX  # C*, N m s/rad, dampers and tyres in series
 
 
-class GroupRoll(NamedTuple):
-    """Suspension and tyres of an axle group in series."""
-
-    stiffness: ca.SX  # K*, N m/rad
-    damping: ca.SX  # C*, N m s/rad
-
-
-def group_roll(p: Mapping[str, ca.SX], path: str) -> GroupRoll:
-    """K* and C* of an axle group; see `roll_body`.
-
-    Args:
-        p: parameters by path.
-        path: of the group.
-    """
-    suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
-    fraction = tyres / (suspension + tyres)
-    damping = p[f"{path}.roll_damping"] * fraction * fraction
-    return GroupRoll(stiffness=suspension * tyres / (suspension + tyres), damping=damping)
-
-
 AXLE_COG_HEIGHT = 0.5
 """Of an axle with its wheels above the ground, m: the loaded radius of a tyre 315/80 R 22.5."""
 
 
-def suspension_moment(p: Mapping[str, ca.SX], path: str, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
-    """K* phi + C* phi', the moment of suspension and tyres of an axle group, N m.
+def group_roll(p: Expressions, path: str) -> tuple[ca.SX, ca.SX]:
+    """K*, N m/rad, and C*, N m s/rad, of suspension and tyres of an axle group in series; see `roll_body`."""
+    suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
+    fraction = tyres / (suspension + tyres)
+    return suspension * tyres / (suspension + tyres), p[f"{path}.roll_damping"] * fraction * fraction
 
-    Args:
-        p: parameters by path.
-        path: of the group.
-        roll, roll_rate: of the unit, rad and rad/s.
-    """
-    body = group_roll(p, path)
-    return body.stiffness * roll + body.damping * roll_rate
+
+def suspension_moment(p: Expressions, path: str, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
+    """K* phi + C* phi', the moment of suspension and tyres of an axle group, N m, at a roll of the unit, rad, rad/s."""
+    stiffness, damping = group_roll(p, path)
+    return stiffness * roll + damping * roll_rate
 
 
 def load_transfer_moment(
-    p: Mapping[str, ca.SX], path: str, roll: ca.SX, roll_rate: ca.SX, side_force: ca.SX, height: ca.SX
+    p: Expressions, path: str, roll: ca.SX, roll_rate: ca.SX, side_force: ca.SX, height: ca.SX
 ) -> ca.SX:
     """Half the track times the load of the right wheels of an axle group less that of the left ones, N m.
 
@@ -73,55 +55,44 @@ def load_transfer_moment(
 
     Args:
         p, path, roll, roll_rate: as in `suspension_moment`.
-        side_force: F of all tyres of the group, N.
+        side_force: F of the group, N.
         height: h of the masses that the side force accelerates, m.
     """
     return suspension_moment(p, path, roll, roll_rate) + height * side_force
 
 
-def side_force_height(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, load: ca.SX) -> ca.SX:
+def side_force_height(p: Expressions, unit: Unit, group: AxleGroup, load: ca.SX) -> ca.SX:
     """Height h = h_r (1 - q) + h_u q of the masses that the side force of an axle group accelerates, m.
 
     The axles, a fraction q of the load of the group, are at their own height h_u; the sprung body acts at the roll
     axis.
 
-    Args:
-        p: parameters by path.
-        unit, group: give names and structure; their numbers are not used. All axles of a unit have the same mass.
-        load: static, of the group, N.
+    All axles of a unit have the same mass; the load is the static one, N.
     """
     axles = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
     fraction = axles * GRAVITY / load
     return p[f"{unit.name}.roll_axis_height"] * (1 - fraction) + AXLE_COG_HEIGHT * fraction
 
 
-def roll_body(p: Mapping[str, ca.SX], unit: Unit) -> RollBody:
+def roll_body(p: Expressions, unit: Unit) -> RollBody:
     """m_s h, I_sx'x', I_sxz, K* and C* of a unit, laden by equations (8) and (9) of the article.
 
     Suspension and tyres are in series. The damper therefore sees the fraction K_t / (K + K_t) of the roll angle, and
     its moment acts on the body with the same fraction: C* = C (K_t / (K + K_t))^2, to first order in frequency. The
     article reduces the stiffness accordingly, but not the damping (see docs/errata.md).
-
-    Args:
-        p: parameters by path.
-        unit: gives names and structure; its numbers are not used.
     """
     body = laden(p, unit)
-    stiffness, damping = ca.SX(0), ca.SX(0)
-    for group in unit.axle_groups:
-        of_group = group_roll(p, unit.group_path(group))
-        stiffness += of_group.stiffness
-        damping += of_group.damping
+    stiffnesses, dampings = zip(*[group_roll(p, unit.group_path(group)) for group in unit.axle_groups], strict=True)
     return RollBody(
         moment=body.mass * (body.cog_height - p[f"{unit.name}.roll_axis_height"]),
         inertia=body.roll_inertia,
         product=p[f"{unit.name}.sprung.roll_yaw_product"],
-        stiffness=stiffness,
-        damping=damping,
+        stiffness=sum(stiffnesses, ca.SX(0)),
+        damping=sum(dampings, ca.SX(0)),
     )
 
 
-def mass_matrix(p: Mapping[str, ca.SX], unit: Unit, *, roll: bool) -> ca.SX:
+def mass_matrix(p: Expressions, unit: Unit, *, roll: bool) -> ca.SX:
     """M in M (a, r', p') = forces, with a = v' + u r: (3, 3), or (2, 2) without roll."""
     m, I_zz = p[f"{unit.name}.mass"], p[f"{unit.name}.yaw_inertia"]
     if not roll:
@@ -142,7 +113,7 @@ class SlipAngle(NamedTuple):
 
 
 def axle_slip_angle(
-    p: Mapping[str, ca.SX], unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: SteerAngles
+    p: Expressions, unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: Expressions
 ) -> SlipAngle:
     """Slip angle of one axle; arguments as in `tyre_forces`."""
     arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
@@ -150,7 +121,7 @@ def axle_slip_angle(
     return SlipAngle(delta + heading, across + arm * r)
 
 
-def mean_slip_angle(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
+def mean_slip_angle(p: Expressions, unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
     """Mean slip angle of the axles of a group; `motion` as in `axle_slip_angle` from `across` on."""
     slips = [axle_slip_angle(p, unit, axle, *motion) for axle in group.axles]
     n = len(slips)
@@ -158,14 +129,14 @@ def mean_slip_angle(p: Mapping[str, ca.SX], unit: Unit, group: AxleGroup, *motio
 
 
 def tyre_forces(
-    p: Mapping[str, ca.SX],
+    p: Expressions,
     unit: Unit,
     across: ca.SX,
     heading: ca.SX,
     r: ca.SX,
-    steer: SteerAngles,
+    steer: Expressions,
     inverse_speed: ca.SX,
-    lagged_slip: Mapping[str, ca.SX],
+    lagged_slip: Expressions,
 ) -> ca.SX:
     """Side force (N) and yaw moment about the CoG (N m) of all tyres: (2, 1), linear in the slip angles.
 
@@ -174,8 +145,6 @@ def tyre_forces(
     angle from the mean acts without lag.
 
     Args:
-        p: parameters by path.
-        unit: gives names and structure; its numbers are not used.
         across: lateral velocity of the CoG across the heading of the first unit, v + u heading, m/s.
         heading: yaw angle of the unit from that of the first unit, rad.
         r: yaw rate of the unit, rad/s.

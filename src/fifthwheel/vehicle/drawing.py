@@ -1,12 +1,11 @@
 """A vehicle drawn to scale, from the side and from above."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from fifthwheel.plots import Area, Axis, Item, Label, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, CYCLE, DARK, GREY, ORANGE, VERMILLION
-from fifthwheel.vehicle.payload import laden_cog_height
 from fifthwheel.vehicle.unit import Unit
 
 Joint = tuple[float, float, float, bool]
@@ -23,13 +22,14 @@ UNITS = tuple(colour for colour in CYCLE if colour not in (ORANGE, DARK))
 _CIRCLE = np.linspace(0, 2 * np.pi, 33)
 
 
-def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint]) -> Plot:
+def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint], derived: Mapping[str, float]) -> Plot:
     """The drawing; x is forward, 0 at the origin of the first unit.
 
     Args:
         name: title.
         units: from front to rear.
         joints: couplings from front to rear.
+        derived: `Vehicle.derived`.
     """
     origins = [0.0]
     for leading, trailing, *_ in joints:
@@ -46,7 +46,9 @@ def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint]) -> Plot:
             side.append(Line([eye, frame[0]], [joints[k - 1][2], FRAME], colour=colour, width=3))
             top += [Line([eye, x], [0, y], colour=colour, width=2) for x, y in zip(frame, (-0.5, 0.5), strict=True)]
         rear, front = origin + min(ends) - OVERHANG, origin + max(ends) + OVERHANG
+        cog = ([origin + unit.cog], [derived[f"{unit.name}.cog_height"]])
         side += [*_side(unit, origin, rear, front, colour), Label((rear + front) / 2, -0.35, unit.name)]
+        side.append(Points(*cog, name="CoG, height of the laden body", colour=BLUE, marker="cross", size=9))
         top += _top(unit, origin, rear, front, colour)
     joint_x = [origin + joint[0] for origin, joint in zip(origins, joints, strict=False)]
     if joints:
@@ -73,8 +75,6 @@ def _side(unit: Unit, origin: float, rear: float, front: float, colour: str) -> 
         x = origin + axle.position
         wheel = (x + WHEEL_RADIUS * np.cos(_CIRCLE), WHEEL_RADIUS * (1 + np.sin(_CIRCLE)))
         items.append(Area(*wheel, colour=VERMILLION if axle.steerable else DARK, opacity=0.35))
-    place = ([origin + unit.cog], [_cog_height(unit)])
-    items.append(Points(*place, name="CoG, height of the laden body", colour=BLUE, marker="cross", size=9))
     return items
 
 
@@ -90,19 +90,6 @@ def _top(unit: Unit, origin: float, rear: float, front: float, colour: str) -> l
             items.append(_box(*ends, wheel_colour, opacity=0.6))
     items.append(Points([origin + unit.cog], [0.0], name="CoG of the unit", colour=BLUE, size=8))
     return items
-
-
-def _cog_height(unit: Unit) -> float:
-    """CoG height of sprung body and payload, m."""
-    if unit.payload is None:
-        return unit.sprung.cog_height
-    return laden_cog_height(
-        mass=unit.sprung.mass,
-        cog_height=unit.sprung.cog_height,
-        payload_mass=unit.payload.mass,
-        payload_height=unit.payload.height,
-        floor_height=unit.payload.floor_height,
-    )
 
 
 def _box(
