@@ -3,30 +3,23 @@
 `linear` and `saturating` have one interface: the secants of the side force F and of the aligning moment M, which the
 equations of motion multiply by the slip angle of each axle (`axle_forces`). The linear law is F = C alpha, with the
 cornering stiffness C > 0, equation (7) of Cheng and Cebon (2011), and M = -t_0 F with the pneumatic trail t_0. The
-saturating law tends to it for a high friction.
+saturating law tends to it for a high friction; docs/limits.md compares it with others.
 
 Saturation. The side force of a group with the static load N at a slip angle alpha is the sum over both sides, whose
 loads are n = 1 + lambda and 1 - lambda times the static ones, plus the change of the group's load:
 
-    F = (C alpha / 2) sum n k / sqrt(1 + (C alpha k / (N mu))^2),
-    k = 1 - s q^2 (n - 1),        mu = c g mu_0 (1 - s_mu (q n - 1))
+    F = (C alpha / 2) sum n k / sqrt(1 + s^2),        s = C alpha k / (N mu),
+    k = 1 - s_C q^2 (n - 1),        mu = c g mu_0 (1 - s_mu (q n - 1))
 
-with the load sensitivities s of the stiffness and s_mu of the friction at the nominal load of a tyre, and the static
+with the load sensitivities s_C of the stiffness and s_mu of the friction at the nominal load of a tyre, and the static
 load q of a tyre of the group as a fraction of it: twin tyres carry half the load each. mu_0 is the peak friction of the
 road, g that of the group's tyres relative to it, and c the shape: the law tends to c times the peak of a Magic Formula.
 In PAC2002 the friction is linear in the load, and the sensitivity of the stiffness K = K_max sin(2 atan(F_z / F_K)) is
 1 - (F_z / K) dK/dF_z = 2 F_z^2 / (F_K^2 + F_z^2), about in proportion to q^2 (H. B. Pacejka, Tyre and Vehicle Dynamics,
-2006, chapter 4). At small slip angles F / (C alpha) tends to 1 - s q^2 lambda^2: without load transfer the law is then
-linear. Of the laws with two parameters, this one is closest to measured truck tyres: over loads of 0.2 to 1.9 times the
-static one and slip angles up to 12 deg, its rms distance is 0.3 to 0.6 % of the peak force of three tyres in PAC2002
-(tanh 0.3 to 1.4 %, Fiala's brush 1.1 to 2.0 %). Over slip angles up to 6 deg the closest c of four truck and bus tyres
-is 0.93, 1.06, 1.14 and 1.17.
+2006, chapter 4). At small slip angles F / (C alpha) tends to 1 - s_C q^2 lambda^2.
 
-With s = C alpha k / (N mu), the side force of a side acts t = t_0 / (1 + s^2) behind the middle of the contact: t_0 at
-small slip angles, 0 at full sliding. A trail that falls as the cosine of the arctangent of the slip is Pacejka's (2006,
-equation (4.E33)); its square also has the second limit, and is closer to the tyre 315/80 R 22.5 in PAC2002 than its
-first power or the brush model: over loads of 0.5 to 1.5 times the static one, the rms distance of M is 0.6, 1.5 and 4 %
-of its peak at slip angles up to 3, 6 and 12 deg (brush 5, 9 and 8 %, first power 1, 5 and 21 %).
+The side force of a side acts t = t_0 / (1 + s^2) behind the middle of the contact: t_0 at small slip angles, 0 at full
+sliding. The cosine of the arctangent of the slip is that of Pacejka's trail; its square also has the second limit.
 
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
@@ -39,12 +32,8 @@ magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x is that without 
 
     e = sqrt(1 - b (F_x / (mu N))^2),        b = 1,
 
-of each side, which reduces stiffness and friction, and its trail times e^2: t = t_0 (1 - f^2) with the fraction f of
-the friction that both forces use. At F_x / N = 0.2, 0.3 and 0.4 and slip angles up to 12 deg, the rms
-distance to the combined slip of the tyre 315/80 R 22.5 in PAC2002 is 1.8, 3.8 and 6.4 % of the peak force; if only the
-friction is reduced, as by the friction ellipse, it is 2.3, 5.0 and 8.7 %, without reduction 3.0, 6.7 and 12 %. The b
-that is closest to this tyre is 0.2 to 0.8 at slip angles up to 4 deg and 1.2 to 1.4 at up to 12 deg, so b is uncertain.
-When the speed rises, only the first unit drives.
+of each side, which reduces stiffness and friction. The trail falls by e^2: it is t_0 (1 - f^2), with the fraction f of
+the friction that both forces use. When the speed rises, only the first unit drives.
 """
 
 from collections.abc import Callable, Iterable, Mapping

@@ -70,6 +70,12 @@ class _Completion:
         """The same with a figure times a factor."""
         self.fill(table, path, key, factor * figure.value, abs(factor) * figure.sigma, figure.source)
 
+    def inertia(self, table: Table, path: str, key: str, gyration: Figure, mass: float, length: float = 1.0) -> None:
+        """The same with the inertia of a mass, kg, whose radius of gyration is a figure times a length, m."""
+        inertia = mass * (gyration.value * length) ** 2
+        source = f"radius of gyration: {gyration.source}"
+        self.fill(table, path, key, inertia, 2 * gyration.relative * inertia, source)
+
 
 def _class_name(unit: Table) -> str:
     name = unit.get("vehicle_class")
@@ -109,34 +115,17 @@ def _complete_unit(completion: _Completion, unit: Table, coupling: Table | None)
     others = axles if coupling else axles[len(groups[0]["axles"]) :]
     wheelbase = reference - sum(axle["position"] for axle in others) / len(others)
     _complete_masses(completion, unit, kind)
-
-    completion.fill(
-        unit, name, "cog", reference - kind.cog.value * wheelbase, kind.cog.sigma * abs(wheelbase), kind.cog.source
-    )
-    inertia = unit["mass"] * (kind.body.yaw_gyration.value * wheelbase) ** 2
-    completion.fill(
-        unit,
-        name,
-        "yaw_inertia",
-        inertia,
-        2 * kind.body.yaw_gyration.relative * inertia,
-        _gyration(kind.body.yaw_gyration),
-    )
+    cog = reference - kind.cog.value * wheelbase
+    completion.fill(unit, name, "cog", cog, kind.cog.sigma * abs(wheelbase), kind.cog.source)
+    completion.inertia(unit, name, "yaw_inertia", kind.body.yaw_gyration, unit["mass"], wheelbase)
     completion.figure(unit, name, "roll_axis_height", kind.body.roll_axis_height)
-    sprung = unit["sprung"]
-    completion.figure(sprung, f"{name}.sprung", "cog_height", kind.body.cog_height)
-    gyration = kind.body.roll_gyration
-    inertia = sprung["mass"] * gyration.value**2
-    sigma = 2 * gyration.relative * inertia
-    completion.fill(sprung, f"{name}.sprung", "roll_inertia", inertia, sigma, _gyration(gyration))
+    sprung, body = unit["sprung"], f"{name}.sprung"
+    completion.figure(sprung, body, "cog_height", kind.body.cog_height)
+    completion.inertia(sprung, body, "roll_inertia", kind.body.roll_gyration, sprung["mass"])
     if payload := unit.get("payload"):
         path = f"{name}.payload"
         for key, figure in (("width", PAYLOAD_WIDTH), ("height", PAYLOAD_HEIGHT), ("floor_height", FLOOR_HEIGHT)):
             completion.figure(payload, path, key, figure)
-
-
-def _gyration(figure: Figure) -> str:
-    return f"radius of gyration: {figure.source}"
 
 
 def _complete_masses(completion: _Completion, unit: Table, kind: VehicleClass) -> None:
