@@ -172,7 +172,7 @@ def test_a_model_finds_the_code_of_another_process() -> None:
         arrays = (np.full(size[0], 0.01), np.full((5, size[1]), 0.01), constant)
         dots = np.ones((3, size[3])), np.ones((3, size[4]))
         results.append(scan(*arrays, *dots))
-        assert ("_symbolic" in vars(model)) != known
+        assert ("_symbols" in vars(model)) != known
     for first, second in zip(*results, strict=True):
         assert np.isfinite(first).all()
         np.testing.assert_array_equal(first, second)

@@ -74,51 +74,63 @@ class ChainModel:
     @lazy
     def transition(self) -> ca.Function:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
-        s = self._symbolic
-        change = s.motion.B @ (s.steering.end - s.steering.start)
-        return s.step("transition", taylor(s.motion.A, s.x, s.motion.rates[0], change, s.duration, s.order))
+        s, m = self._symbols, self._motion
+        change = m.B @ (s.steering.end - s.steering.start)
+        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self._order))
 
     @lazy
     def state_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
-        s = self._symbolic
-        return s.step("state_jacobian", transition_matrix(s.motion.A, s.duration, s.order))
+        s = self._symbols
+        return s.step("state_jacobian", transition_matrix(self._motion.A, s.duration, self._order))
 
     @lazy
     def steer_offset_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> derivatives (n, m) of x+ with respect to the offsets of the m steer angles."""
-        s = self._symbolic
-        rate = -s.motion.B @ ca.diag(s.steering.gain)
+        s, m = self._symbols, self._motion
+        rate = -m.B @ ca.diag(s.steering.gain)
         nothing = ca.SX(*rate.shape)
-        return s.step("steer_offset_jacobian", taylor(s.motion.A, nothing, rate, nothing, s.duration, s.order))
+        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self._order))
 
     @lazy
     def rates(self) -> ca.Function:
         """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
-        s = self._symbolic
-        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in s.motion.rates])
+        s, rates = self._symbols, self._motion.rates
+        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in rates])
 
     @lazy
     def observation(self) -> ca.Function:
         """(x, d, p, c) -> y"""
-        s = self._symbolic
-        return s.instant("observation", ca.densify(s.motion.stages.expanded(s.y)))
+        return self._symbols.instant("observation", ca.densify(self._motion.stages.expanded(self._y)))
 
     @lazy
     def observation_jacobian(self) -> ca.Function:
         """(x, d, p, c) -> dy/dx"""
-        s = self._symbolic
-        return s.instant("observation_jacobian", s.motion.stages.jacobian(s.y, s.x))
+        s = self._symbols
+        return s.instant("observation_jacobian", self._motion.stages.jacobian(self._y, s.x))
 
     @lazy
     def observation_sensitivity(self) -> ca.Function:
         """(x, d, p, c) -> dy/dp"""
-        s = self._symbolic
-        return s.instant("observation_sensitivity", s.motion.stages.jacobian(s.y, s.p))
+        s = self._symbols
+        return s.instant("observation_sensitivity", self._motion.stages.jacobian(self._y, s.p))
 
     @lazy
-    def _symbolic(self) -> "_Symbolic":
-        return _build(self)
+    def _symbols(self) -> "_Symbols":
+        return _symbols(self)
+
+    @lazy
+    def _motion(self) -> "_Motion":
+        return (_saturating if self.tyres == "saturating" else _linear)(self, self._symbols)
+
+    @lazy
+    def _y(self) -> ca.SX:
+        """Outputs with variables of the stages."""
+        return ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(self._motion.sensed, name) for name in self.outputs])
+
+    @property
+    def _order(self) -> int:
+        return ORDER[self.roll, bool(chain.relaxation_groups(self.vehicle))]
 
     def known_values(self, values: Mapping[str, float]) -> Array:
         """c from values by name, SI."""
@@ -143,13 +155,10 @@ def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
 
 CONTACT = "contact"
 """Quantity of `contact_input`."""
-
 STEER_RATE = "steer_rate"
 """Quantity of `rate_input`."""
-
 SPEED_RATE = "speed_rate"
 """Input of a model that brakes: the derivative of the speed, m/s^2."""
-
 TIME_SCALE = "time_base.scale"
 """True duration of a second of the log, a parameter of an extended model."""
 
@@ -172,20 +181,13 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
 
 
 def contact_input(steer: str) -> str:
-    """Name of the input of an extended model that says on which side the play of a steering is in contact, -0.5 to 0.5.
-
-    >>> contact_input("steer.tractor.front")
-    'contact.tractor.front'
-    """
+    """Name of an input of an extended model, contact.<unit>.<axle>: the side on which the play of a steering is in
+    contact, -0.5 to 0.5."""
     return f"{CONTACT}.{SignalName.of(steer).place}"
 
 
 def rate_input(steer: str) -> str:
-    """Name of the input of an extended model that is the derivative of a measured steer angle, rad/s.
-
-    >>> rate_input("steer.tractor.front")
-    'steer_rate.tractor.front'
-    """
+    """Name of an input of an extended model, steer_rate.<unit>.<axle>: derivative of a measured steer angle, rad/s."""
     return f"{STEER_RATE}.{SignalName.of(steer).place}"
 
 
@@ -242,7 +244,7 @@ def model(
         if name == chain.BANK and bank:
             continue
         sensors.require_available(vehicle, name, roll=roll)
-    chain_model = ChainModel(
+    new = ChainModel(
         vehicle=vehicle,
         roll=roll,
         bank=bank,
@@ -252,11 +254,11 @@ def model(
         outputs=tuple(outputs),
         free=tuple(free),
     )
-    if chain_model.identity not in _models:
+    if new.identity not in _models:
         unknown = set(free) - set(all_parameters(vehicle, outputs, extended=extended, tyres=tyres))
         if unknown:
             raise KeyError(f"no such parameters: {sorted(unknown)}")
-    return _models.setdefault(chain_model.identity, chain_model)
+    return _models.setdefault(new.identity, new)
 
 
 class _Steering(NamedTuple):
@@ -280,20 +282,18 @@ class _Motion(NamedTuple):
     stages: Stages  # of what sensors see
 
 
-class _Symbolic(NamedTuple):
-    """A model as expressions of its symbols x, x+, dt, d, p and c."""
+class _Symbols(NamedTuple):
+    """The symbols of a model, and what depends on them alone."""
 
     x: ca.SX
-    later: ca.SX
+    later: ca.SX  # x+
     dt: ca.SX
     d: ca.SX
     p: ca.SX
     c: ca.SX
+    value: dict[str, ca.SX]  # of the parameters, by name
     steering: _Steering
-    motion: _Motion
-    duration: ca.SX  # true one, s
-    order: int  # of the Taylor series
-    y: ca.SX  # with variables of the stages
+    duration: ca.SX  # true one of dt, s
 
     def step(self, name: str, result: ca.SX) -> ca.Function:
         """(x, dt, d, p, c) -> result"""
@@ -304,29 +304,13 @@ class _Symbolic(NamedTuple):
         return ca.Function(name, [self.x, self.d, self.p, self.c], [result])
 
 
-def _build(model: ChainModel) -> _Symbolic:
-    """Build the expressions of a model."""
-    free, known = model.free, model.known
+def _symbols(model: ChainModel) -> _Symbols:
     n, k = len(model.states), len(model.inputs)
-    p, c = ca.SX.sym("p", len(free)), ca.SX.sym("c", len(known))
+    p, c = ca.SX.sym("p", len(model.free)), ca.SX.sym("c", len(model.known))
     x, later, dt, d = ca.SX.sym("x", n), ca.SX.sym("later", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
-    value = dict(zip(free, ca.vertsplit(p), strict=True)) if free else {}
-    value |= dict(zip(known, ca.vertsplit(c), strict=True))
-    steering = _steering(model, value, d, dt)
-    motion = (_saturating if model.tyres == "saturating" else _linear)(model, value, steering, x, later, d)
-    return _Symbolic(
-        x=x,
-        later=later,
-        dt=dt,
-        d=d,
-        p=p,
-        c=c,
-        steering=steering,
-        motion=motion,
-        duration=dt * value[TIME_SCALE] if model.extended else dt,
-        order=ORDER[model.roll, bool(chain.relaxation_groups(model.vehicle))],
-        y=ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(motion.sensed, name) for name in model.outputs]),
-    )
+    value = dict(zip((*model.free, *model.known), ca.vertsplit(ca.vertcat(p, c)), strict=True))
+    duration = dt * value[TIME_SCALE] if model.extended else dt
+    return _Symbols(x, later, dt, d, p, c, value, _steering(model, value, d, dt), duration)
 
 
 def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _Steering:
@@ -355,51 +339,50 @@ def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _St
     return _Steering(before + correction, after + correction, now, rate, measured_after, error["gain"])
 
 
-def _softening(
-    model: ChainModel, value: Expressions, steering: _Steering, x: ca.SX, speed: ca.SX
-) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
+def _softening(model: ChainModel, s: _Symbols, speed: ca.SX) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
     """Factors of the cornering stiffnesses by name, none in a plain model; all parameters with them."""
-    slips = chain.slip_angles(value, model.vehicle, x, speed, steering.now, roll=model.roll) if model.extended else {}
+    value, steer = s.value, s.steering.now
+    slips = chain.slip_angles(value, model.vehicle, s.x, speed, steer, roll=model.roll) if model.extended else {}
     factors = {
         f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], slip)
         for path, slip in slips.items()
     }
-    return factors, {**value, **{name: value[name] * factor for name, factor in factors.items()}}
+    return factors, value | {name: value[name] * factor for name, factor in factors.items()}
 
 
-def _linear(model: ChainModel, value: Expressions, steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX) -> _Motion:
+def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     """With linear tyres: the chain."""
-    vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, d[len(model.inputs)]
-    factors, softened = _softening(model, value, steering, x, now)
-    equations = chain.equations(value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    A, B = equations.state_space((d[0] + now) / 2)
-    angles, turning = ca.vertcat(*steering.now.values()), (steering.measured, steering.rate)
-    sensed = sensors.sensor_inputs(softened, vehicle, equations, x, now, angles, roll=roll, bank=bank, turning=turning)
-    rates = A @ x + B @ steering.start, A @ later + B @ steering.end
+    vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, s.d[len(model.inputs)]
+    factors, softened = _softening(model, s, now)
+    equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
+    A, B = equations.state_space((s.d[0] + now) / 2)
+    angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
+    sensed = sensors.sensor_inputs(
+        softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning
+    )
+    rates = A @ s.x + B @ s.steering.start, A @ s.later + B @ s.steering.end
     return _Motion(A, B, rates, sensed, Stages())
 
 
-def _saturating(
-    model: ChainModel, value: Expressions, steering: _Steering, x: ca.SX, later: ca.SX, d: ca.SX
-) -> _Motion:
+def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
     """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
-    k, steers = len(model.inputs), tuple(steering.now)
-    _, softened = _softening(model, value, steering, x, d[k])
+    k, d, steering = len(model.inputs), s.d, s.steering
+    _, softened = _softening(model, s, d[k])
 
     def motion(state: ca.SX, speed: ca.SX, angles: ca.SX, speed_rate: ca.SX) -> LargeAngles:
-        steer = dict(zip(steers, ca.vertsplit(angles), strict=True)) if steers else {}
+        steer = dict(zip(steering.now, ca.vertsplit(angles), strict=True)) if steering.now else {}
         vehicle, roll, bank = model.vehicle, model.roll, model.bank
         return large_angles(softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate)
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
-    mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steers))
-    begin, end = motion(x, mean, angles, change), motion(later, mean, steering.end, change)
-    slopes = begin.stages.jacobian(begin.rates, ca.vertcat(x, angles))
+    mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steering.now))
+    begin, end = motion(s.x, mean, angles, change), motion(s.later, mean, steering.end, change)
+    slopes = begin.stages.jacobian(begin.rates, ca.vertcat(s.x, angles))
     A, B, first = (
         ca.substitute(matrix, angles, steering.start)
-        for matrix in (*ca.horzsplit(slopes, [0, x.shape[0], slopes.shape[1]]), begin.stages.expanded(begin.rates))
+        for matrix in (*ca.horzsplit(slopes, [0, s.x.shape[0], slopes.shape[1]]), begin.stages.expanded(begin.rates))
     )
-    now = motion(x, d[k], ca.vertcat(*steering.now.values()), latest)
+    now = motion(s.x, d[k], ca.vertcat(*steering.now.values()), latest)
     sensed = sensors.SensorInputs(
         p=softened,
         vehicle=model.vehicle,
@@ -410,7 +393,6 @@ def _saturating(
         side_force=now.side_force,
         load_change=now.load_change,
         roll=model.roll,
-        rate_of=now.stages.rate(ca.vertcat(x, steering.measured), ca.vertcat(now.rates, steering.rate)),
+        rate_of=now.stages.rate(ca.vertcat(s.x, steering.measured), ca.vertcat(now.rates, steering.rate)),
     )
-    rates = first, end.stages.expanded(end.rates)
-    return _Motion(A, B, rates, sensed, now.stages)
+    return _Motion(A, B, (first, end.stages.expanded(end.rates)), sensed, now.stages)
