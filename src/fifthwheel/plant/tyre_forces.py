@@ -12,7 +12,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native import Scan
-from fifthwheel.plant.bodies import SprungBody
+from fifthwheel.plant.bodies import BeamAxle, SprungBody
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.mujoco_model import SIDES
 from fifthwheel.plant.properties import Properties
@@ -25,31 +25,6 @@ BODY_SENSORS = 18
 """Sensed numbers of a body: its frame and the accelerometer."""
 AXLE_SENSORS = 18
 """Sensed numbers of an axle: its frame, its roll angle, the spin of both wheels."""
-AXLE_CONSTANTS = (
-    "roll_centre",
-    "tyre_stiffness",
-    "tyres_per_side",
-    "stiffness",
-    "roll_steer",
-    "lash",
-    "roll_stiffness",
-    "free_radius",
-    "aligning",
-)
-"""Constants of every axle, in this order."""
-COMMON_CONSTANTS = (
-    "time_step",
-    "half_track",
-    "radius",
-    "tyre_damping",
-    "rolling_resistance",
-    "drag_area",
-    "relaxation",
-    "friction",
-    "compliance",
-    "lag",
-)
-"""Constants of the whole truck, after those of the axles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,21 +56,42 @@ class Layout:
 
 
 def constants(bodies: tuple[SprungBody, ...], properties: Properties, time_step: float) -> Array:
-    """Values of `AXLE_CONSTANTS` for every axle, then of `COMMON_CONSTANTS`."""
-    p = properties
-    values: list[float] = []
-    for axle in (axle for body in bodies for axle in body.axles):
-        tyre_load = axle.load / 2 / axle.tyres_per_side
-        unscaled_stiffness = p.tyre.cornering_stiffness(tyre_load) * 2 * axle.tyres_per_side
-        values += [axle.roll_centre_height, axle.tyre_stiffness, axle.tyres_per_side]
-        values += [p.stiffness * axle.cornering_stiffness / unscaled_stiffness, p.roll_steer.get(axle.group, 0.0)]
-        values += [p.lash.get(axle.group, 0.0), axle.roll_stiffness]
-        values += [p.wheel_radius + axle.load / 2 / axle.tyre_stiffness]  # under the static load it is wheel_radius
-        trail = axle.pneumatic_trail
-        values += [p.aligning if trail is None else trail / float(p.tyre.pneumatic_trail(0.0, tyre_load))]
-    values += [time_step, p.half_track, p.wheel_radius, p.tyre_damping, p.rolling_resistance, p.drag_area]
-    values += [p.relaxation, p.friction, p.steering_compliance, p.steering_lag]
-    return np.array(values)
+    """Values of `_of_axle` of every axle, then of `_of_truck`."""
+    axles = [value for body in bodies for axle in body.axles for value in _of_axle(axle, properties).values()]
+    return np.array([*axles, *_of_truck(properties, time_step).values()])
+
+
+def _of_axle(axle: BeamAxle, p: Properties) -> dict[str, float]:
+    """Constants of an axle by name."""
+    tyre_load, trail = axle.load / 2 / axle.tyres_per_side, axle.pneumatic_trail
+    unscaled_stiffness = p.tyre.cornering_stiffness(tyre_load) * 2 * axle.tyres_per_side
+    return {
+        "roll_centre": axle.roll_centre_height,
+        "tyre_stiffness": axle.tyre_stiffness,
+        "tyres_per_side": axle.tyres_per_side,
+        "stiffness": p.stiffness * axle.cornering_stiffness / unscaled_stiffness,
+        "aligning": p.aligning if trail is None else trail / float(p.tyre.pneumatic_trail(0.0, tyre_load)),
+        "roll_steer": p.roll_steer.get(axle.group, 0.0),
+        "lash": p.lash.get(axle.group, 0.0),
+        "roll_stiffness": axle.roll_stiffness,
+        "free_radius": p.wheel_radius + axle.load / 2 / axle.tyre_stiffness,  # wheel_radius under the static load
+    }
+
+
+def _of_truck(p: Properties, time_step: float) -> dict[str, float]:
+    """Constants of the whole truck by name."""
+    return {
+        "time_step": time_step,
+        "half_track": p.half_track,
+        "radius": p.wheel_radius,
+        "tyre_damping": p.tyre_damping,
+        "rolling_resistance": p.rolling_resistance,
+        "drag_area": p.drag_area,
+        "relaxation": p.relaxation,
+        "friction": p.friction,
+        "compliance": p.steering_compliance,
+        "lag": p.steering_lag,
+    }
 
 
 def forces(layout: Layout, bodies: tuple[SprungBody, ...], properties: Properties) -> Scan:
@@ -110,8 +106,9 @@ def forces(layout: Layout, bodies: tuple[SprungBody, ...], properties: Propertie
     n_wheels, n_steered = 2 * len(axles), len(layout.steered)
     carry = ca.SX.sym("carry", 2 * n_wheels + 2 * n_steered)
     sample = ca.SX.sym("sample", layout.sensed + n_steered)
-    constant = ca.SX.sym("constant", len(AXLE_CONSTANTS) * len(axles) + len(COMMON_CONSTANTS))
-    common = {name: constant[len(AXLE_CONSTANTS) * len(axles) + i] for i, name in enumerate(COMMON_CONSTANTS)}
+    of_axle, of_truck = _of_axle(axles[0], properties), _of_truck(properties, 0.0)
+    constant = ca.SX.sym("constant", len(of_axle) * len(axles) + len(of_truck))
+    common = {name: constant[len(of_axle) * len(axles) + i] for i, name in enumerate(of_truck)}
     wrench = [ca.SX(6, 1) for _ in range(layout.rows)]
     next_carry, wheel_outputs = [ca.SX(0)] * carry.numel(), [ca.SX(0)] * (len(WHEEL_OUTPUTS) * n_wheels)
 
@@ -120,7 +117,7 @@ def forces(layout: Layout, bodies: tuple[SprungBody, ...], properties: Propertie
     wrench[layout.bodies[0]][:3] += drag
 
     for i in range(len(axles)):
-        axle = {name: constant[len(AXLE_CONSTANTS) * i + k] for k, name in enumerate(AXLE_CONSTANTS)}
+        axle = {name: constant[len(of_axle) * i + k] for k, name in enumerate(of_axle)}
         start = BODY_SENSORS * len(layout.bodies) + AXLE_SENSORS * i
         sensed = sample[start : start + AXLE_SENSORS]
         position, x_axis, y_axis, velocity, angular_velocity = (sensed[3 * k : 3 * k + 3] for k in range(5))
