@@ -187,6 +187,10 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
     )
     if not speed_rate:
         assert abs(solution[8]) > 0.02 * loads["tractor.front"]
+        model = dynamics.model(truck, ["coupling_force.semitrailer"], roll=False, tyres="saturating")
+        values = model.known_values(dynamics.all_parameters(truck, model.outputs, tyres="saturating"))
+        force = float(model.observation(x, [SPEED, steer, SPEED, steer], [], values))
+        assert force == pytest.approx((rotation.T @ solution[5:7])[1], rel=1e-6)
     small = dynamics.analysis.matrices(truck, SPEED, roll=False)
     assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.15  # it is not small
 

@@ -18,7 +18,8 @@ from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.chain import BANK, Equations, Motion
 from fifthwheel.dynamics.saturation import DEFAULTS, HALF_TRACK
 from fifthwheel.dynamics.symbolic import Stages
-from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height, tyre_forces
+from fifthwheel.dynamics.tyres import Contact, axle_forces, linear
+from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -92,7 +93,7 @@ def sensor_inputs(
         acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
         speed=speed,
         steer=angles,
-        side_force={path: p[f"{path}.cornering_stiffness"] * alpha for path, alpha in slip.items()},
+        side_force={path: axle_forces(linear(p, path, Contact(alpha)), alpha)[0] for path, alpha in slip.items()},
         load_change={},
         roll=roll,
         rate_of=Stages().rate(ca.vertcat(x, turning[0]), ca.vertcat(rate, turning[1])),
@@ -132,9 +133,7 @@ def _coupling_force(inputs: SensorInputs, i: int, name: str) -> ca.SX:
         unit, motion = inputs.vehicle.units[k], inputs.motion
         row = mass_matrix(inputs.p, unit, roll=inputs.roll)[0, :]
         inertia = row @ inputs.acceleration[k] + row[0] * GRAVITY * motion.bank
-        kinematics = (motion.across[k], motion.heading[k], motion.r[k], inputs.steer)
-        tyres = tyre_forces(inputs.p, unit, *kinematics, 1 / inputs.speed, motion.lagged_slip)[0]
-        total += inertia - tyres
+        total += inertia - sum(inputs.side_force[unit.group_path(group)] for group in unit.axle_groups)
     return total
 
 
