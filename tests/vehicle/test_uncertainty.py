@@ -185,8 +185,9 @@ def test_an_exact_vehicle_is_exact_when_lumped() -> None:
 
 
 def test_the_table_of_defaults_in_the_docs() -> None:
-    rows = re.findall(r"^\|[^|]*\|[^|]*\| ([\d.]+) (%|m)[^|]*\| `([a-z_.]+)` \|", PAGE.read_text(), re.MULTILINE)
-    documented = {key: float(number) / (100 if unit == "%" else 1) for number, unit, key in rows}
-    assert documented == {key: default.sigma for key, default in DEFAULT_SIGMAS.items()}
-    for _, unit, key in rows:
+    row = r"^\|[^|]*\|[^|]*\| ([\d.]+) (%|m)[^|]*\| `([a-z_.]+)` \| ([^|]+) \|"
+    rows = re.findall(row, PAGE.read_text(), re.MULTILINE)
+    documented = {key: (float(number) / (100 if unit == "%" else 1), why) for number, unit, key, why in rows}
+    assert documented == {key: (default.sigma, default.reason) for key, default in DEFAULT_SIGMAS.items()}
+    for _, unit, key, _ in rows:
         assert (unit == "m") == (DEFAULT_SIGMAS[key].of == "m")

@@ -99,24 +99,21 @@ class Stages:
 
     def variable(self, value: ca.SX) -> ca.SX:
         """A variable with a value (m,)."""
-        symbol = self._symbol(value.shape[0])
-        self._variables.append(_Variable(symbol, ca.densify(value), value))
-        return symbol
+        return self._add(value, value)
 
     def held(self, value: ca.SX) -> ca.SX:
         """A variable whose derivatives are neglected."""
-        symbol = self._symbol(value.shape[0])
-        self._variables.append(_Variable(symbol, ca.densify(value), ca.SX(*value.shape)))
-        return symbol
+        return self._add(value, ca.SX(*value.shape))
 
     def solved(self, M: ca.SX, right: ca.SX, value: ca.SX) -> ca.SX:
         """A variable w with M w = right, for a symmetric positive definite M (m, m); `value` is the solution."""
-        symbol = self._symbol(value.shape[0])
-        self._variables.append(_Variable(symbol, ca.densify(value), right - M @ symbol, M))
-        return symbol
+        return self._add(value, right, M)
 
-    def _symbol(self, size: int) -> ca.SX:
-        return ca.SX.sym(f"stage_{len(self._variables)}", size)
+    def _add(self, value: ca.SX, differential: ca.SX, M: ca.SX | None = None) -> ca.SX:
+        symbol = ca.SX.sym(f"stage_{len(self._variables)}", value.shape[0])
+        differential = differential if M is None else differential - M @ symbol
+        self._variables.append(_Variable(symbol, ca.densify(value), differential, M))
+        return symbol
 
     def expanded(self, expression: ca.SX) -> ca.SX:
         """An expression without intermediate variables."""

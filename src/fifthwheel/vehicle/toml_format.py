@@ -1,23 +1,4 @@
-"""Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; a number without a unit is SI.
-
-name = "my truck"
-source = "workshop, 3 May"
-exact = true              # every number is exact; false by default
-
-[[unit]]
-name = "tractor"
-mass = "7.2 t"
-...
-[unit.sprung]
-...
-[[unit.axle_group]]
-name = "front"
-position = "0 m"          # a single axle; several are axles = [{ name = "front", position = "-6.7 m" }, ...]
-steerable = true
-...
-[[coupling]]
-...
-"""
+"""Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; docs/vehicle.md has an example with every key."""
 
 from collections.abc import Mapping
 from pathlib import Path

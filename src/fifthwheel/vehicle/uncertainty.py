@@ -32,37 +32,26 @@ DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
     MASS_SCALE: DefaultSigma(
         0.02,
         "all masses and inertias",
-        "One scale weighs all units: a static weighbridge has 0.1 %, weighing in motion of class 2 (OIML R 134) 2 %,"
-        " on-board scales 5 %.",
+        "one scale weighs all units: a static weighbridge has 0.1 %, weighing in motion of class 2 (OIML R 134) 2 %,"
+        " on-board scales 5 %",
     ),
     "mass": DefaultSigma(
-        0.02,
-        "mass of the unit",
-        "Coupled units are weighed axle by axle, and fuel, driver and equipment are not those of the run: 150 kg of"
-        " fuel are 2 % of a tractor.",
+        0.02, "mass of the unit", "axle-by-axle weighing of coupled units; 150 kg of fuel are 2 % of a tractor"
     ),
     "payload.mass": DefaultSigma(
-        0.03,
-        "payload mass",
-        "The payload is the laden less the unladen mass, or that of the freight documents without pallets and straps.",
+        0.03, "payload mass", "difference of two weighings, or freight documents without pallets"
     ),
     "cog.laden": DefaultSigma(
-        0.15, "m", "A load of 60 % of the unit's mass that lies 0.25 m from its assumed position shifts the CoG so far."
+        0.15, "m", "a load of 60 % of the unit's mass that lies 0.25 m from its assumed position"
     ),
     "cog.unladen": DefaultSigma(
-        0.05,
-        "m",
-        "Axle loads of 2 % give 0.02 m with a wheelbase of 3.7 m; a full or empty tank and the driver give the rest.",
+        0.05, "m", "axle loads of 2 % give 0.02 m with a wheelbase of 3.7 m; tank and driver give the rest"
     ),
     "axle_positions": DefaultSigma(
-        0.01,
-        "distance from the front reference",
-        "A tape along the frame or the dimensions of a brochure, whose variants differ by some centimetres.",
+        0.01, "distance from the front reference", "tape measure along the frame, or a brochure"
     ),
     "coupling": DefaultSigma(
-        0.01,
-        "wheelbase",
-        "A fifth wheel can be slid along the frame, in steps of 0.05 m or more, and its position is seldom recorded.",
+        0.01, "wheelbase", "a fifth wheel can be slid along the frame, in steps of 0.05 m or more"
     ),
 }
 """Standard deviations of numbers on which the vehicle file states nothing."""
@@ -139,15 +128,12 @@ def _division(vehicle: Vehicle, unit: Unit) -> dict[str, dict[str, float]]:
     if unit.payload is None:
         return {}
     body, payload = f"{unit.name}.sprung.mass", f"{unit.name}.payload.mass"
-    match vehicle.stated.get(body), vehicle.stated.get(payload):
-        case None, None:
-            sigma = DEFAULT_SIGMAS["payload.mass"].sigma * unit.payload.mass
-            return {payload: {payload: sigma, body: -sigma}}
-        case None, float(sigma):
-            return {payload: {payload: sigma, body: -sigma}}
-        case float(sigma), None:
-            return {body: {body: sigma, payload: -sigma}}
-    return {}
+    of_body, of_payload = vehicle.stated.get(body), vehicle.stated.get(payload)
+    if of_body is None:
+        default = DEFAULT_SIGMAS["payload.mass"].sigma * unit.payload.mass
+        sigma = default if of_payload is None else of_payload
+        return {payload: {payload: sigma, body: -sigma}}
+    return {body: {body: of_body, payload: -of_body}} if of_payload is None else {}
 
 
 def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:

@@ -1,19 +1,7 @@
 """Masses and CoG positions of a tractor-semitrailer from the slips of a weighbridge, with their standard deviations.
 
-A slip file has the static load of each axle group in up to three conditions, as masses:
-
-accuracy = "1 %"                # one standard deviation of each load; 1 % by default
-
-[laden]                         # the combination with its load
-tractor.front = "6850 kg"
-tractor.drive = "10500 kg"
-semitrailer = "22500 kg"
-
-[solo]                          # the tractor alone
-tractor.front = "5200 kg"
-tractor.drive = "2000 kg"
-
-[empty]                         # the combination without its load
+A slip file has the static loads of the axle groups, as masses, in up to three conditions: the laden combination, the
+tractor alone (solo), and the empty combination; docs/howto/weigh.md has an example.
 """
 
 import math
