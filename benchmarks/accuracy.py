@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel.channels import SignalName
 from fifthwheel.identify import OneStage, TwoStage, article, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
@@ -29,7 +30,7 @@ from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.parameters import longest_matching_key, one_stage_unknowns, stage_1_names
 from fifthwheel.manoeuvres import lane_changes
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above

@@ -23,6 +23,7 @@ ROOMS = (
     "units",
     "formatting",
     "names",
+    "channels",
     "_atomic",
     "input_files",
     "plots",

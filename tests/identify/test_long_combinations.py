@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.channels import SignalName
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, TwoStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.design.assess import assess_information
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import SignalName
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate

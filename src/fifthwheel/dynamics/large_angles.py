@@ -33,13 +33,13 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
 from fifthwheel.dynamics.saturation import NO_CHANGE, braking_force, braking_load, group_stiffness, static_load
 from fifthwheel.dynamics.symbolic.solution import solve_positive_definite
 from fifthwheel.dynamics.symbolic.staged import Stages
 from fifthwheel.dynamics.unit_equations import suspension_moment
-from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
 

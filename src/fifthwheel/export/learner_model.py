@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from fifthwheel.checks.samples import LIMITS
+from fifthwheel.channels import SignalName
+from fifthwheel.checks.samples import MAX_SPEED
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.export import learner_functions as functions
@@ -23,7 +24,7 @@ from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle.paths import unit_of
@@ -106,7 +107,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("gradient", "information")}
     numbers = {
         "MIN_SPEED": settings.min_speed,
-        "MAX_SPEED": LIMITS["speed"].magnitude,
+        "MAX_SPEED": MAX_SPEED,
         "MAX_SPEED_CHANGE": limits.max_speed_change,
         "MAX_STEER": limits.max_steer,
         "MAX_STEER_RATE": limits.max_steer_rate,

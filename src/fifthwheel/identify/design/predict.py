@@ -6,7 +6,7 @@ have are computed once for each run; the effect of another channel, a fixed para
 small matrices. All weights of Huber's loss are 1. The model is assumed to be exact.
 """
 
-from collections.abc import Collection, Container, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import IDENTIFIED, LATERAL_ACCELERATION, measured_signals
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify.dataset import LogData, lateral_accelerations
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
@@ -88,12 +89,12 @@ class PredictedPosterior:
         return [result.names[j] for j in places]
 
 
-def possible_channels(vehicle: Vehicle, logged: Container[str] = ()) -> tuple[str, ...]:
+def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str, ...]:
     """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, and those lateral
     accelerations that are logged."""
     units = [unit.name for unit in vehicle.units]
-    yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
-    return (*yaw, *[f"roll_rate.{u}" for u in units], *lateral_accelerations(logged, vehicle))
+    usual = {f"{c.quantity}.{u}" for c in IDENTIFIED if c is not LATERAL_ACCELERATION for u in units}
+    return measured_signals({*usual, *logged}, units)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,7 +118,7 @@ class InformationPredictor:
 
     @classmethod
     def of(
-        cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float], logged: Container[str] = ()
+        cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float], logged: Iterable[str] = ()
     ) -> "InformationPredictor":
         """Set up the problem.
 

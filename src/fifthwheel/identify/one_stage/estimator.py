@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, is_of, is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
@@ -34,7 +35,6 @@ from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
-from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -284,5 +284,5 @@ class _Estimator:
 
 def _is_early(name: str) -> bool:
     """Whether a sensor error is estimated from the first fit on: offsets, and gain and delay of the steering."""
-    steer = SignalName.of(name).quantity == "steer"
+    steer = is_of(name, STEER)
     return is_sensor_error(name, "offset") or (steer and not is_sensor_error(name, "play"))

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.dual import Scaling
@@ -48,7 +49,6 @@ from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import model_parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -346,7 +346,7 @@ class Problem:
     @cached_property
     def _input_errors(self) -> tuple[str, ...]:
         """Names of the estimated delays, plays and gains of the steering, which change the inputs."""
-        steer = [u.name for u in self.unknowns if SignalName.of(u.name).quantity == "steer"]
+        steer = [u.name for u in self.unknowns if is_of(u.name, STEER)]
         return (*self._delays, *[name for name in steer if not is_sensor_error(name, "offset")])
 
     @cached_property
@@ -358,7 +358,7 @@ class Problem:
     def _delays(self) -> tuple[str, ...]:
         """Names of the delays of steer angles that are estimated; these shift the inputs."""
         estimated = [name for u in self.unknowns if not u.considered for name in u.slopes]
-        steer = [name for name in estimated if SignalName.of(name).quantity == "steer"]
+        steer = names_of(STEER, estimated)
         return tuple(dict.fromkeys(name for name in steer if is_sensor_error(name, "delay")))
 
     @cached_property
@@ -440,7 +440,7 @@ def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Ind
 def _part(segment: Record, fraction: float) -> Record:
     """The part of a segment with the largest variance of speed times steer angle, which the yaw rate follows."""
     length = max(math.ceil(fraction * len(segment)), math.ceil(SHORTEST_PART * segment.rate))
-    steers = [name for name in segment.signals if SignalName.of(name).quantity == "steer"]
+    steers = names_of(STEER, segment.signals)
     if length >= len(segment) or not steers:
         return segment
     steered = segment.input("speed") * segment.input(steers[0])

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution, linearise
@@ -28,7 +29,6 @@ from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fifthwheel import dynamics
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.dual import Scaling
@@ -19,7 +20,6 @@ from fifthwheel.identify.unknowns.parameters import (
     one_stage_unknowns,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import SignalName
 from fifthwheel.vehicle import Vehicle
 
 

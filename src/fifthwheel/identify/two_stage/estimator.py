@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import ROLL_RATE, is_of
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import dual
@@ -30,7 +31,7 @@ from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_st
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.native import compile_in_background
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -152,7 +153,7 @@ class _Estimator:
         if self.model is self.yaw_model:
             return state
         heights = [u.name for u in self.stage_2]
-        roll = [u.name for u in self.unknowns if u.name in heights or SignalName.of(u.name).quantity == "roll_rate"]
+        roll = [u.name for u in self.unknowns if u.name in heights or is_of(u.name, ROLL_RATE)]
         yaw = [u.name for u in self.unknowns if u.name not in roll]
         state = self._stage(state, "stage 2", *full_model, roll, progress)
         while state.rounds < self.settings.rounds:

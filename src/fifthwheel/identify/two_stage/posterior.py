@@ -19,6 +19,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import dual
@@ -31,7 +32,6 @@ from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import TwoStage
 from fifthwheel.identify.two_stage.stage import filter_noise, shift_delays
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 

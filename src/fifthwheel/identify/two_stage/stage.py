@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, dual, variances
 from fifthwheel.filters.dual import DualCoupling, DualFiltered, DualState, Scaling
@@ -28,7 +29,6 @@ from fifthwheel.identify.initial_state import initial_state_with_sensitivity
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import Progress, TwoStage
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import is_sensor_error
 from fifthwheel.vehicle import Vehicle
 
 FEWEST_INNOVATIONS = 20
