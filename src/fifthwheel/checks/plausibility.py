@@ -53,7 +53,7 @@ def check(
     for name in record.signals:
         findings += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
         findings += [] if name in explained else _range(record, name)
-    findings += _time(record)
+    findings += [*_time(record), *_unused(record)]
     distinct: dict[tuple[str, Fault], Finding] = {}
     for finding in findings:
         distinct.setdefault((finding.signal, finding.fault), finding)
@@ -186,6 +186,16 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
         fault, cure = Fault.OUT_OF_RANGE, "correct column or unit in signals.toml"
     message = f"{name}: up to {largest:.3g} {unit}, at most {limit.magnitude:g} {unit} expected; {cure}"
     yield Finding(signal=name, fault=fault, severity="error", message=message, remedy=remedy)
+
+
+def _unused(record: Record) -> Iterator[Finding]:
+    """One finding on all signals of quantities that nothing uses."""
+    channels = ((name, channel_of(name)) for name in record.signals)
+    if names := [name for name, channel in channels if channel and channel.proposed != "signal"]:
+        message = (
+            f"{', '.join(names)}: nothing uses this quantity; move it to [reference] in signals.toml, or delete it"
+        )
+        yield Finding(signal=names[0], fault=Fault.UNUSED, severity="warning", message=message, others=tuple(names[1:]))
 
 
 def _time(record: Record) -> Iterator[Finding]:
