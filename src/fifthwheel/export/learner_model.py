@@ -23,7 +23,7 @@ from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.record.signal_names import si_unit
@@ -63,7 +63,7 @@ def _header(learner: Learner) -> str:
         "MEASURED": problem.outputs,
         "STATE": tuple(name for name, _ in live.view.names),
     }
-    estimates = {u.name: sensor_error_unit(u.name) if u.nuisance else unit_of(u.name) for u in reported(learner)}
+    estimates = {u.name: sensor_error_unit(u.name) if u.is_sensor_error else unit_of(u.name) for u in reported(learner)}
     groups = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
     saved = layout.size - layout.estimate.start + 2 * len(problem.outputs)
     sizes = {
@@ -233,7 +233,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
             )
         ),
         integers("logarithmic", [int(u.logarithmic) for u in problem.unknowns]),
-        integers("sensor_error", [int(u.nuisance) for u in problem.unknowns]),
+        integers("sensor_error", [int(u.is_sensor_error) for u in problem.unknowns]),
         integers("roll_channel", [_roll_channel(u, problem.outputs) for u in problem.unknowns]),
         texts("estimate_names", [u.name for u in reported(learner)]),
         integers("reported", [names.index(u.name) for u in reported(learner)]),
@@ -243,7 +243,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
 
 def _roll_channel(unknown: Unknown, channels: Sequence[str]) -> int:
     """The roll rate without which a parameter is not identifiable; NO_CHANNEL if it needs none."""
-    if unknown.nuisance or unknown.uncertain or not lacks_roll_rate(unknown.name, ()):
+    if unknown.is_sensor_error or unknown.kind is UnknownKind.UNCERTAIN or not lacks_roll_rate(unknown.name, ()):
         return NO_CHANNEL
     name = f"roll_rate.{ParameterPath.of(unknown.name).unit}"
     return channels.index(name) if name in channels else ABSENT_CHANNEL

@@ -152,7 +152,7 @@ def sensor_error_estimates(
     """
     errors = []
     for u in unknowns:
-        if not u.nuisance:
+        if not u.is_sensor_error:
             continue
         of_logs = [(log.name, log.errors.get(u.name, u.centre), f"{u.name}@{i}") for i, log in enumerate(logs)]
         for log, value, key in of_logs if u.per_log else [(None, shared[u.name], u.name)]:

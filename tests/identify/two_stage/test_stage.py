@@ -48,7 +48,7 @@ def stage_1(truck: Vehicle, active: list[str] | None = None, **changes: object) 
         *parameters.sensor_error_unknowns(vehicle, dataset.yaw, settings),
     ]
     logs = tuple(log.with_noise(vehicle, dataset.yaw, settings.noise) for log in dataset.logs)
-    start = {u.name: u.centre for u in unknowns if not u.nuisance}
+    start = {u.name: u.centre for u in unknowns if not u.is_sensor_error}
     result = run_stage(
         stage_model(vehicle, dataset.yaw, unknowns, roll=False),
         vehicle,

@@ -230,9 +230,9 @@ class InformationPredictor:
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
-        considered = [u.name for u in self.unknowns if u.considered and u.name in names]
+        considered = [u.name for u in self.unknowns if not u.is_estimated and u.name in names]
         considered = [name for name in considered if name not in self.estimated]
-        of_vehicle = {u.name for u in self.unknowns if not u.nuisance}
+        of_vehicle = {u.name for u in self.unknowns if not u.is_sensor_error}
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
         all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
         estimated = [name for name in self.estimated if name in names]
@@ -283,7 +283,7 @@ def _stable_start(
 ) -> tuple[dict[str, float], Vehicle]:
     """z where a fit starts, and the vehicle there: an unstable vehicle gets stiffer axles behind the first."""
     _, *behind_first = [f"{path}.cornering_stiffness" for path in parameters.group_paths(vehicle)]
-    axles = [u for u in unknowns if u.name in behind_first and not u.considered]
+    axles = [u for u in unknowns if u.name in behind_first and u.is_estimated]
     limit = min((np.log(u.upper / u.centre) / u.scale for u in axles), default=0.0)
     z, start = 0.0, vehicle
     while not all(is_stable(start, speed) for speed in speeds):

@@ -34,6 +34,7 @@ from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen, wi
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -181,7 +182,7 @@ class _Estimator:
         """The problem in which uninformed parameters are considered, at the value of the vehicle file."""
         given = parameters.given_parameters(self.dataset.vehicle, self.settings)
         unknowns = [
-            replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
+            replace(u, centre=given[u.name], kind=UnknownKind.CONSIDERED) if u.name in uninformed else u
             for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
         ]
         time_bases = {name: base for record in self.dataset.records for name, base in record.time_bases.items()}

@@ -48,7 +48,7 @@ from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import model_parameters
-from fifthwheel.identify.unknowns.unknown import Unknown, scaling
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
 from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -170,18 +170,18 @@ class Problem:
     @property
     def nuisances(self) -> tuple[int, ...]:
         """Indices of the sensor errors and the initial states."""
-        parameters = {u.name for u in self.unknowns if not u.nuisance}
+        parameters = {u.name for u in self.unknowns if not u.is_sensor_error}
         return tuple(i for i, name in enumerate(self.names) if name not in parameters)
 
     @property
     def considered(self) -> tuple[str, ...]:
         """Names of the considered unknowns."""
-        return tuple(u.name for u in self.unknowns if u.considered)
+        return tuple(u.name for u in self.unknowns if not u.is_estimated)
 
     @property
     def suspects(self) -> tuple[int, ...]:
         """Indices of the unknowns that only score tests consider."""
-        names = {u.name for u in self.unknowns if u.suspect}
+        names = {u.name for u in self.unknowns if u.kind is UnknownKind.SUSPECT}
         return tuple(i for i, name in enumerate(self.names) if name in names)
 
     @property
@@ -191,7 +191,7 @@ class Problem:
         for indices in self.layout.unknowns:
             lower[indices] = self.scaling.to_z(self.scaling.lower)
             upper[indices] = self.scaling.to_z(self.scaling.upper)
-            considered = indices[[u.considered for u in self.unknowns]]
+            considered = indices[[not u.is_estimated for u in self.unknowns]]
             lower[considered] = upper[considered] = 0.0
         return lower, upper
 
@@ -270,7 +270,7 @@ class Problem:
             p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
             indices = np.zeros(0, dtype=np.int64)
         else:
-            selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or not u.considered]
+            selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or u.is_estimated]
             unknowns = [self.unknowns[a] for a in selected]
             slope = self.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
@@ -357,7 +357,7 @@ class Problem:
     @cached_property
     def _delays(self) -> tuple[str, ...]:
         """Names of the delays of steer angles that are estimated; these shift the inputs."""
-        estimated = [name for u in self.unknowns if not u.considered for name in u.slopes]
+        estimated = [name for u in self.unknowns if u.is_estimated for name in u.slopes]
         steer = names_of(STEER, estimated)
         return tuple(dict.fromkeys(name for name in steer if is_sensor_error(name, "delay")))
 

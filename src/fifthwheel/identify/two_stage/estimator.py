@@ -204,7 +204,7 @@ class _Estimator:
 
     def _not_excited(self, posterior: TwoStagePosterior) -> frozenset[str]:
         """Estimated parameters that the logs do not determine."""
-        names = [u.name for u in self.unknowns if not u.nuisance]
+        names = [u.name for u in self.unknowns if not u.is_sensor_error]
         return frozenset(name for name in names if not posterior.excited(name, self.settings.excited))
 
     def sigma_z(self, state: _State, posterior: TwoStagePosterior) -> dict[str, float]:
@@ -271,7 +271,9 @@ def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePos
     dataset, model, sigma_z = estimator.dataset, estimator.model, estimator.sigma_z(state, posterior)
     estimated = (*estimator.stage_1, *estimator.stage_2)
     vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimated})
-    shared = {u.name: state.values.get(u.name, u.centre) for u in estimator.unknowns if u.nuisance and not u.per_log}
+    shared = {
+        u.name: state.values.get(u.name, u.centre) for u in estimator.unknowns if u.is_sensor_error and not u.per_log
+    }
     free_running = dynamics.model(dataset.vehicle, model.outputs, roll=model.roll)
 
     def fits_of(log: LogData, identified_on: bool) -> list[Fit]:

@@ -185,7 +185,7 @@ class _Stage:
     @cached_property
     def is_estimated(self) -> NDArray[np.bool_]:
         """Which unknowns are active parameters, not sensor errors (n_p,)."""
-        return self.is_active & ~np.array([u.nuisance for u in self.unknowns], dtype=np.bool_)
+        return self.is_active & ~np.array([u.is_sensor_error for u in self.unknowns], dtype=np.bool_)
 
     @cached_property
     def constants(self) -> Array:

@@ -20,6 +20,7 @@ from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, One
 from fifthwheel.identify.unknowns.unknown import (
     BOUND_FACTOR,
     Unknown,
+    UnknownKind,
     considered_unknown,
     error_unknown,
     height_unknown,
@@ -92,6 +93,7 @@ def _two_stage_unknown(name: str, value: float, settings: TwoStage) -> Unknown:
         scale=settings.prior if settings.logarithmic else settings.prior * value,
         lower=value / BOUND_FACTOR,
         upper=value * BOUND_FACTOR,
+        kind=UnknownKind.PARAMETER,
         logarithmic=settings.logarithmic,
         start=(settings.initial_sigma or settings.prior) / settings.prior,
         walk=settings.random_walk / settings.prior,
@@ -239,7 +241,7 @@ def time_base_delays(
 
 def suspects() -> list[Unknown]:
     """Unknowns of an extended model that are exact as a rule, and whose change the residuals show."""
-    return [replace(considered_unknown("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}), suspect=True)]
+    return [considered_unknown("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}, UnknownKind.SUSPECT)]
 
 
 def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
@@ -315,7 +317,7 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     latency = settings.consider.get("gyro_delay", 0.0)
     if latency and settings.nuisances:
         gyros = [name for name in outputs if is_of(name, YAW_RATE, ROLL_RATE)]
-        unknowns += [replace(considered_unknown(f"{name}.delay", latency), nuisance=True) for name in gyros]
+        unknowns += [considered_unknown(f"{name}.delay", latency) for name in gyros]
     return unknowns
 
 
@@ -373,7 +375,6 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             if considered and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
                 sigma = vehicle.stated[name] / value
             if sigma:
-                unknowns.append(
-                    logarithmic_unknown(name, value, sigma, uncertain=not considered, considered=considered)
-                )
+                kind = UnknownKind.CONSIDERED if considered else UnknownKind.UNCERTAIN
+                unknowns.append(logarithmic_unknown(name, value, sigma, kind))
     return unknowns
