@@ -44,9 +44,7 @@ def saturating_fits(
         alone = Problem(fit_model(vehicle, outputs, settings), vehicle, [white], unknowns, settings)
         lower, upper = alone.bounds
         minimum = minimise(
-            alone.expand,
-            alone.cost,
-            lambda _: None,
+            alone,
             np.array([start.get(name, 0.0) for name in alone.names]),
             lower=lower,
             upper=upper,

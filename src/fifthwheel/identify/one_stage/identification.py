@@ -162,7 +162,7 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
     return replace(summary, bank=bank)
 
 
-def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Uncertainty:
+def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterior) -> Uncertainty:
     """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
 
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,

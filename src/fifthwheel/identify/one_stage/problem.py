@@ -22,6 +22,7 @@ Derivatives. e and s are differentiated exactly along every unknown (`filters.ta
 to the gradient of J, and to the Hessian I + H with H the Fisher information of the logs (Gauss-Newton).
 """
 
+import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -87,9 +88,9 @@ class _SegmentRun:
 
 
 class Problem:
-    """The cost of the unknowns over all logs of one vehicle.
+    """The cost of the unknowns over all logs of one vehicle, for the noise of the channels in `logs`.
 
-    `logs` holds the logs with the noise of each channel. `update_noise` replaces them; nothing else changes a problem.
+    A problem does not change; `with_residual_noise` gives one with other noise.
 
     Args:
         model: with every parameter free, in the order of `dynamics.all_parameters`.
@@ -300,8 +301,8 @@ class Problem:
             for u in self._speed_range
         )
 
-    def update_noise(self, z: Array, *, autocorrelated: bool) -> None:
-        """Replace the noise of each channel in `logs` by that of its residuals at z.
+    def with_residual_noise(self, z: Array, *, autocorrelated: bool) -> "Problem":
+        """The problem with the noise of each channel that its residuals at z have.
 
         Residuals beyond the limit for outliers count as lying on it.
 
@@ -309,9 +310,11 @@ class Problem:
             autocorrelated: residuals are not taken as white: the output-error form fits a noise model to them, the
                 prediction-error form enlarges their variance by an autocorrelation factor.
         """
-        self.logs = tuple(self._with_residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
+        problem = copy.copy(self)  # what is cached does not depend on the noise
+        problem.logs = tuple(self._residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
+        return problem
 
-    def _with_residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
+    def _residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
         segments = [list(self.blocks(z, i, j, directions="none", whitened=False)) for j in range(len(log.segments))]
