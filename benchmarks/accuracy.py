@@ -23,7 +23,9 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel.channels import SignalName
-from fifthwheel.identify import OneStage, TwoStage, article, identify
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
+from fifthwheel.cheng_cebon_2011.experiments import SPEED, point_payload
+from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online.learner import Learner
@@ -35,7 +37,6 @@ from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate
-from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED, point_payload
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
 

@@ -18,9 +18,10 @@ from pydantic import BaseModel
 from fifthwheel import cli, dynamics, plant, vehicle
 from fifthwheel.channels import CHANNELS, MODELLED
 from fifthwheel.checks import Fault
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
-from fifthwheel.identify import OneStage, TwoStage, article
+from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.logs import SignalMap

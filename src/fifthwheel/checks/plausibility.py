@@ -192,10 +192,10 @@ def _unused(record: Record) -> Iterator[Finding]:
     """One finding on all signals of quantities that nothing uses."""
     channels = ((name, channel_of(name)) for name in record.signals)
     if names := [name for name, channel in channels if channel and channel.proposed != "signal"]:
-        message = (
-            f"{', '.join(names)}: nothing uses this quantity; move it to [reference] in signals.toml, or delete it"
-        )
-        yield Finding(signal=names[0], fault=Fault.UNUSED, severity="warning", message=message, others=tuple(names[1:]))
+        first, *others = names
+        also = f", like {', '.join(others)}" if others else ""
+        message = f"{first}: nothing uses it{also}; move it to [reference] in signals.toml, or delete it"
+        yield Finding(signal=first, fault=Fault.UNUSED, severity="warning", message=message, others=tuple(others))
 
 
 def _time(record: Record) -> Iterator[Finding]:

@@ -21,7 +21,7 @@ from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.noise_model import NoiseModel
-from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
@@ -111,7 +111,7 @@ def prepare_dataset(
     _require_distinct_names(records, everything)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in parameters.group_paths(vehicle)})
-    if isinstance(settings, OneStage) and not settings.uniform_payload:
+    if not getattr(settings, "uniform_payload", True):
         vehicle = vehicle.lumped()
     logged = {name for record in records for name in record.signals}
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
@@ -139,8 +139,6 @@ def prepare_dataset(
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)
     for unit in unmeasured_units(yaw, steered):
-        if not isinstance(settings, OneStage):
-            raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")
         notes.append(
             f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The motion of the {unit} follows from the"
             " units in front and behind; its own parameters may not be identifiable."

@@ -7,8 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 from fifthwheel.channels import sensor_error_settings
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.identify import Identification, OneStage, TwoStage, article
+from fifthwheel.identify import CommonSettings, Identification, OneStage
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
@@ -97,9 +98,7 @@ class IdentifyOptions:
     passes: int | None = None
     check: bool = True
 
-    def settings(
-        self, vehicle: Vehicle, suspension: Identification | None = None
-    ) -> tuple[Vehicle, OneStage | TwoStage]:
+    def settings(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, CommonSettings]:
         """Vehicle and settings.
 
         Args:

@@ -2,8 +2,10 @@
 
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify import OneStage, TwoStage
+from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
     SOFTENING,
@@ -18,7 +20,6 @@ from fifthwheel.identify.unknowns.parameters import (
     stage_2_names,
     suspects,
     time_base_delays,
-    two_stage_unknowns,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
@@ -101,7 +102,7 @@ def test_body_below_an_estimated_payload_is_not_considered(truck: Vehicle) -> No
 def test_priors(truck: Vehicle) -> None:
     """Standard deviation and slope agree with the transformation z -> p."""
     for settings in (TwoStage(), TwoStage(logarithmic=False)):
-        for u in two_stage_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
+        for u in parameter_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
             expected = settings.height_prior if u.name == HEIGHT else settings.prior * truck.parameters()[u.name]
             assert u.prior_sigma == pytest.approx(expected)
             assert u.slope(u.centre) == pytest.approx(expected)
@@ -118,7 +119,7 @@ def test_sensor_errors(truck: Vehicle) -> None:
 
 def test_two_stages_fix_only_what_they_estimate(truck: Vehicle) -> None:
     with pytest.raises(VehicleError, match=r"tractor\.mass: cannot be fixed"):
-        two_stage_unknowns(truck, stage_1_names(truck), TwoStage(fixed=("tractor.mass",)))
+        parameter_unknowns(truck, stage_1_names(truck), TwoStage(fixed=("tractor.mass",)))
 
 
 def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
@@ -290,12 +291,12 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
     settings = TwoStage(
         prior=0.2, height_prior=0.5, initial_sigma=0.02, initial_height_sigma=0.1, random_walk=0.004, height_walk=0.025
     )
-    stiffness, height = two_stage_unknowns(truck, names, settings)
+    stiffness, height = parameter_unknowns(truck, names, settings)
     assert (stiffness.start, stiffness.walk) == pytest.approx((0.1, 0.02))
     assert (height.start, height.walk) == pytest.approx((0.2, 0.05))
-    usual = two_stage_unknowns(truck, names, TwoStage())
+    usual = parameter_unknowns(truck, names, TwoStage())
     assert {(u.start, u.walk) for u in usual} == {(1.0, 0.0)}
-    linear = two_stage_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
+    linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
-    fixed = two_stage_unknowns(truck, names, TwoStage(fixed=names[:1]))
+    fixed = parameter_unknowns(truck, names, TwoStage(fixed=names[:1]))
     assert [u.name for u in fixed] == [HEIGHT]

@@ -37,8 +37,8 @@ from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent, variances
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_factor, initial_state
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes

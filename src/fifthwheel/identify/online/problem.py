@@ -8,7 +8,7 @@ from fifthwheel import dynamics
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import (

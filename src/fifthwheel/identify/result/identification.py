@@ -20,7 +20,7 @@ from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
-from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.settings import CommonSettings, OneStage, settings_class
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
@@ -286,9 +286,7 @@ class Identification:
                     for k, fit in enumerate(contents["fit"])
                 ],
             ),
-            settings=storage.parts(TwoStage if contents["method"] == "two-stage" else OneStage, [contents["settings"]])[
-                0
-            ],
+            settings=storage.parts(settings_class(contents["method"]), [contents["settings"]])[0],
             rounds=int(contents["rounds"]),
             notes=tuple(map(str, contents["notes"])),
             version=str(contents["version"]),
@@ -331,7 +329,7 @@ def _unknowns(identification: Identification, log: str | None) -> dict[str, floa
     settings = identification.settings
     if not settings.nuisances:
         return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
-    prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
+    prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
     mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
     own = [error for error in identification.sensors if error.log is not None and error.log == log]
 
@@ -341,8 +339,7 @@ def _unknowns(identification: Identification, log: str | None) -> dict[str, floa
         known = identification.covariance is not None and sigmas
         return 0.0 if known else max(sigmas, default=prior)
 
-    other = ObserverSettings.acceleration_offset
-    acceleration = settings.acceleration_offset_prior if isinstance(settings, OneStage) else other
+    acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)
     return {
         "bank_mean": mean,
         "bank": bank,

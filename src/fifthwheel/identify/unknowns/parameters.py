@@ -16,9 +16,8 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage
 from fifthwheel.identify.unknowns.unknown import (
-    BOUND_FACTOR,
     Unknown,
     UnknownKind,
     considered_unknown,
@@ -56,48 +55,6 @@ def stage_1_names(vehicle: Vehicle) -> tuple[str, ...]:
 def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
     """Payload height of every unit with a payload."""
     return tuple(f"{unit.name}.payload.height" for unit in vehicle.units if unit.payload is not None)
-
-
-def two_stage_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
-    """The unknowns for those of the named parameters that are not fixed.
-
-    Args:
-        vehicle: its values are the prior means.
-        names: among those of `stage_1_names` and `stage_2_names`.
-
-    Raises:
-        VehicleError: the settings fix a parameter that no stage estimates.
-    """
-    values = vehicle.parameters()
-    possible = stage_1_names(vehicle) + stage_2_names(vehicle)
-    for name in settings.fixed:
-        if name not in possible:
-            raise VehicleError(
-                f"{name}: cannot be fixed, because two stages do not estimate it; they estimate {', '.join(possible)}"
-            )
-    return [_two_stage_unknown(name, values[name], settings) for name in names if name not in settings.fixed]
-
-
-def _two_stage_unknown(name: str, value: float, settings: TwoStage) -> Unknown:
-    if ParameterPath.of(name).is_payload_height:
-        return height_unknown(
-            name,
-            value,
-            settings,
-            start=(settings.initial_height_sigma or settings.height_prior) / settings.height_prior,
-            walk=settings.height_walk / settings.height_prior,
-        )
-    return Unknown(
-        name=name,
-        centre=value,
-        scale=settings.prior if settings.logarithmic else settings.prior * value,
-        lower=value / BOUND_FACTOR,
-        upper=value * BOUND_FACTOR,
-        kind=UnknownKind.PARAMETER,
-        logarithmic=settings.logarithmic,
-        start=(settings.initial_sigma or settings.prior) / settings.prior,
-        walk=settings.random_walk / settings.prior,
-    )
 
 
 def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:

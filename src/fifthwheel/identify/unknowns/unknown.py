@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import VehicleError
-from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.settings import CommonSettings
 
 HEIGHT_BOUNDS = (0.01, 3.5)
@@ -43,8 +43,6 @@ class Unknown:
     logarithmic: bool = False
     per_log: bool = False  # each log has its own
     moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
-    start: float = 1.0  # standard deviation of z at the start of the dual filter
-    walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
 
     @property
     def is_estimated(self) -> bool:
@@ -97,9 +95,7 @@ def considered_unknown(
     )
 
 
-def height_unknown(
-    name: str, value: float, settings: CommonSettings, *, start: float = 1.0, walk: float = 0.0
-) -> Unknown:
+def height_unknown(name: str, value: float, settings: CommonSettings) -> Unknown:
     """A payload height, m; a value of the settings replaces that of the vehicle."""
     initial = settings.initial_payload_height
     lower, upper = HEIGHT_BOUNDS
@@ -110,8 +106,6 @@ def height_unknown(
         lower=lower,
         upper=upper,
         kind=UnknownKind.PARAMETER,
-        start=start,
-        walk=walk,
     )
 
 

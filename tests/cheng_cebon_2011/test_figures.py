@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG
-from tests.studies.cheng_cebon_2011.conftest import TIME, synthetic_experiment, synthetic_outcome
+from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG
+from tests.cheng_cebon_2011.conftest import TIME, synthetic_experiment, synthetic_outcome
 
 pytest.importorskip("matplotlib")
-from fifthwheel.studies.cheng_cebon_2011 import figures
+from fifthwheel.cheng_cebon_2011 import figures
 
 ARMS = ("article", "default", "default, front fixed")
 

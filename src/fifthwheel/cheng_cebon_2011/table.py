@@ -5,8 +5,8 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from fifthwheel.cheng_cebon_2011.comparison import QUANTITIES, ArmResult, Row, VariantErrors
 from fifthwheel.formatting import digits, fixed, plain_ascii, shown, with_sigma
-from fifthwheel.studies.cheng_cebon_2011.comparison import QUANTITIES, ArmResult, Row, VariantErrors
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import pyarrow as pa
 
 from fifthwheel._types import Array
-from fifthwheel.studies.cheng_cebon_2011.experiments import Experiment
-from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome
+from fifthwheel.cheng_cebon_2011.experiments import Experiment
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome
 from fifthwheel.studies.result_table import Row, RunName, as_table, run_rows
 from fifthwheel.studies.scenarios import true_value
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from fifthwheel.identify import TwoStage
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage, shift_delays, stage_model
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns, sensor_unknowns
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, shift_delays, stage_model
 from fifthwheel.identify.unknowns import parameters, unknown
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -23,7 +24,7 @@ def test_has_changed() -> None:
 
 def test_shift_delays(truck: Vehicle) -> None:
     """The model has only the part of a delay that the rows do not have."""
-    unknowns = parameters.sensor_error_unknowns(truck, RATES, TwoStage())
+    unknowns = sensor_unknowns(truck, RATES, TwoStage())
     names, scaling = [u.name for u in unknowns], unknown.scaling(unknowns)
     shifted = shift_delays(scaling, names, {"steer.tractor.front.delay": 0.04, OFFSET: 0.01})
     assert {n for n, a, b in zip(names, scaling.centre, shifted.centre, strict=True) if a != b} == {
@@ -44,8 +45,8 @@ def stage_1(truck: Vehicle, active: list[str] | None = None, **changes: object) 
     dataset = prepare_dataset(records, truck, settings)
     vehicle = dataset.vehicle
     unknowns = [
-        *parameters.two_stage_unknowns(vehicle, parameters.stage_1_names(vehicle), settings),
-        *parameters.sensor_error_unknowns(vehicle, dataset.yaw, settings),
+        *parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings),
+        *sensor_unknowns(vehicle, dataset.yaw, settings),
     ]
     logs = tuple(log.with_noise(vehicle, dataset.yaw, settings.noise) for log in dataset.logs)
     start = {u.name: u.centre for u in unknowns if not u.is_sensor_error}

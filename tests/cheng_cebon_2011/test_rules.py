@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import TwoStage
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.estimator import _estimates, _Estimator, _settling_time, _State
+from fifthwheel.cheng_cebon_2011.stage import StageResult
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.two_stage.estimator import _estimates, _Estimator, _settling_time, _State
-from fifthwheel.identify.two_stage.stage import StageResult
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.vehicle import Vehicle
@@ -79,8 +80,8 @@ def test_settling_time() -> None:
 def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[str, tuple]:
     """Verdict, value, initial value, sigma over the prior's, and stage of each parameter."""
     settings = TwoStage(fixed=(DRIVE,), initial_payload_height=None)
-    stage_1 = parameters.two_stage_unknowns(truck, [n for n in parameters.stage_1_names(truck) if n != DRIVE], settings)
-    stage_2 = parameters.two_stage_unknowns(truck, [HEIGHT], settings)
+    stage_1 = parameter_unknowns(truck, [n for n in parameters.stage_1_names(truck) if n != DRIVE], settings)
+    stage_2 = parameter_unknowns(truck, [HEIGHT], settings)
     names = [u.name for u in (*stage_1, *stage_2)]
     estimator = SimpleNamespace(
         settings=settings, dataset=SimpleNamespace(initial_vehicle=truck), stage_1=stage_1, stage_2=stage_2

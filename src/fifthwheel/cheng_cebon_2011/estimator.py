@@ -17,19 +17,21 @@ import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import ROLL_RATE, is_of
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
+from fifthwheel.cheng_cebon_2011.settings import TwoStage
+from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage, stage_model
+from fifthwheel.cheng_cebon_2011.unknowns import DualUnknown, parameter_unknowns, sensor_unknowns
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.errors import VehicleError
-from fifthwheel.filters import dual
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import estimates
-from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
+from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
 from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
 from fifthwheel.identify.history import ParameterHistory, is_settled, settled_since
 from fifthwheel.identify.result import Estimate, Fit, Identification
-from fifthwheel.identify.settings import Progress, TwoStage
-from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
-from fifthwheel.identify.two_stage.stage import StageResult, has_changed, run_stage, stage_model
+from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.unknown import Unknown, scaling
+from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import compile_in_background
@@ -56,7 +58,10 @@ def identify_two_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in two stages; arguments and errors as in `identify`."""
-    estimator = _estimator(prepare_dataset(records, vehicle, settings, validate), settings)
+    dataset = prepare_dataset(records, vehicle, settings, validate)
+    for unit in unmeasured_units(dataset.yaw, dataset.vehicle):
+        raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")
+    estimator = _estimator(dataset, settings)
     for model, unknowns in ((estimator.yaw_model, estimator.yaw_unknowns), (estimator.model, estimator.unknowns)):
         compile_in_background(dual.dual_step(model, scaling(unknowns).logarithmic))
     return _identification(estimator, *estimator.solve(progress))
@@ -105,15 +110,15 @@ class _Estimator:
     dataset: Dataset
     settings: TwoStage
     notes: tuple[str, ...]
-    stage_1: tuple[Unknown, ...]
+    stage_1: tuple[DualUnknown, ...]
     """Parameters of stage 1."""
-    stage_2: tuple[Unknown, ...]
+    stage_2: tuple[DualUnknown, ...]
     """Payload heights that stage 2 estimates."""
     yaw_model: ChainModel
-    yaw_unknowns: tuple[Unknown, ...]
+    yaw_unknowns: tuple[DualUnknown, ...]
     model: ChainModel
     """With roll; without stage 2 the yaw model."""
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[DualUnknown, ...]
     """Of `model`."""
 
     def solve(self, progress: Progress) -> tuple[_State, TwoStagePosterior]:
@@ -175,7 +180,7 @@ class _Estimator:
         state: _State,
         title: str,
         model: ChainModel,
-        unknowns: Sequence[Unknown],
+        unknowns: Sequence[DualUnknown],
         active: Sequence[str],
         progress: Progress,
     ) -> _State:
@@ -195,7 +200,7 @@ class _Estimator:
         return state.after(title, result, self.settings)
 
     def _posterior(
-        self, model: ChainModel, unknowns: Sequence[Unknown], state: _State, *, gated: bool = True
+        self, model: ChainModel, unknowns: Sequence[DualUnknown], state: _State, *, gated: bool = True
     ) -> TwoStagePosterior:
         vehicle, settings = self.dataset.vehicle, self.settings
         return evaluate_posterior(
@@ -228,7 +233,7 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _Estimator:
     """
     vehicle = dataset.vehicle
     notes = [*dataset.notes, EXACT_FILE_NOTE, *([ARTICLE_NOTE] if settings.average else [])]
-    stage_1 = parameters.two_stage_unknowns(vehicle, parameters.stage_1_names(vehicle), settings)
+    stage_1 = parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings)
     if not stage_1 and not settings.nuisances:
         raise VehicleError(
             "fixed: every parameter of stage 1 is fixed and no sensor error is estimated, so nothing is left to "
@@ -243,12 +248,12 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _Estimator:
             notes.append(f"Stage 2 skipped for {name}: no roll_rate.{unit} in the logs.")
     if not parameters.stage_2_names(vehicle):
         notes.append("Stage 2 skipped: no unit of the vehicle has a payload.")
-    stage_2 = parameters.two_stage_unknowns(vehicle, heights, settings)
-    yaw_unknowns = [*stage_1, *parameters.sensor_error_unknowns(vehicle, dataset.yaw, settings)]
+    stage_2 = parameter_unknowns(vehicle, heights, settings)
+    yaw_unknowns = [*stage_1, *sensor_unknowns(vehicle, dataset.yaw, settings)]
     yaw_model = stage_model(vehicle, dataset.yaw, yaw_unknowns, roll=False)
     if stage_2:
         outputs = (*dataset.yaw, *dataset.roll)
-        unknowns = [*stage_1, *stage_2, *parameters.sensor_error_unknowns(vehicle, outputs, settings)]
+        unknowns = [*stage_1, *stage_2, *sensor_unknowns(vehicle, outputs, settings)]
         model = stage_model(vehicle, outputs, unknowns, roll=True)
     else:
         unknowns, model = yaw_unknowns, yaw_model

@@ -20,17 +20,17 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.dual import DualState
+from fifthwheel.cheng_cebon_2011.settings import TwoStage
+from fifthwheel.cheng_cebon_2011.stage import filter_noise, initial_state_with_sensitivity, shift_delays
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.filters import dual
-from fifthwheel.filters.dual import DualState, Scaling
 from fifthwheel.filters.initial_state import steady_initial_state
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import corrected_inputs, step_rows
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.initial_state import initial_state_with_sensitivity
 from fifthwheel.identify.residuals import long_run_covariance
-from fifthwheel.identify.settings import TwoStage
-from fifthwheel.identify.two_stage.stage import filter_noise, shift_delays
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
 from fifthwheel.identify import Identification, identify
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
-from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
 from fifthwheel.studies.scenarios import initial_guess
 
 OPTICAL_POSITION = -2.34

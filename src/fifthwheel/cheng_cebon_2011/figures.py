@@ -15,9 +15,9 @@ import numpy as np
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
-from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG, OPTICAL_SIGMA, Experiment
-from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.studies.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, RESULTS, TRAILER, YAW_INERTIA
+from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, OPTICAL_SIGMA, Experiment
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome
+from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, RESULTS, TRAILER, YAW_INERTIA
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

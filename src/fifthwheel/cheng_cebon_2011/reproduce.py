@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.cheng_cebon_2011 import figures, raw_results, table
+from fifthwheel.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
+from fifthwheel.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome, outcome
+from fifthwheel.cheng_cebon_2011.published import RESULTS
 from fifthwheel.errors import FifthwheelError, VehicleError
-from fifthwheel.studies.cheng_cebon_2011 import figures, raw_results, table
-from fifthwheel.studies.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
-from fifthwheel.studies.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
-from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome, outcome
-from fifthwheel.studies.cheng_cebon_2011.published import RESULTS
 from fifthwheel.studies.pool import run_all
 from fifthwheel.studies.result_table import write_table
 from fifthwheel.vehicle import Vehicle, get

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fifthwheel.identify import TwoStage, article
+from fifthwheel.cheng_cebon_2011.published import FRONT
+from fifthwheel.cheng_cebon_2011.settings import TwoStage, article
 from fifthwheel.manoeuvres import lane_changes, lane_changes_on_test_track
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors
-from fifthwheel.studies.cheng_cebon_2011.published import FRONT
 from fifthwheel.studies.scenarios import effective_stiffness
 from fifthwheel.vehicle import Vehicle, get
 

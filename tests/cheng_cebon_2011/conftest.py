@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import TwoStage
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, Arm, Experiment, point_payload
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome
+from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, TRAILER, YAW_INERTIA
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import PlantRun, Properties, Sensor
-from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG, Arm, Experiment, point_payload
-from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.studies.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, TRAILER, YAW_INERTIA
 from fifthwheel.vehicle import get
+from tests.filters.conftest import article as article
+from tests.identify.conftest import guess as guess
+from tests.identify.conftest import truck as truck
 
 TIME = np.arange(0, 30, 0.05)
 STATES = ("sideslip.semitrailer", "roll.semitrailer", "roll_rate.semitrailer", "yaw_rate.semitrailer", LANDING_LEG)

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import raw_results, reproduce
+from fifthwheel.cheng_cebon_2011.comparison import compare
+from fifthwheel.cheng_cebon_2011.published import FRONT, YAW_INERTIA
 from fifthwheel.errors import FifthwheelError, VehicleError
-from fifthwheel.studies.cheng_cebon_2011 import raw_results, reproduce
-from fifthwheel.studies.cheng_cebon_2011.comparison import compare
-from fifthwheel.studies.cheng_cebon_2011.published import FRONT, YAW_INERTIA
 from fifthwheel.vehicle import get
-from tests.studies.cheng_cebon_2011.conftest import TIME, synthetic_experiment, synthetic_outcome
+from tests.cheng_cebon_2011.conftest import TIME, synthetic_experiment, synthetic_outcome
 
-program = importlib.import_module("fifthwheel.studies.cheng_cebon_2011.reproduce")
+program = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
 
 
 @pytest.mark.parametrize("module", ["mujoco", "matplotlib"])

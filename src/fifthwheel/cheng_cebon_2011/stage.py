@@ -19,16 +19,20 @@ from numpy.typing import ArrayLike, NDArray
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState
+from fifthwheel.cheng_cebon_2011.settings import TwoStage
+from fifthwheel.cheng_cebon_2011.unknowns import DualUnknown
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters import Noise, dual, variances
-from fifthwheel.filters.dual import DualCoupling, DualFiltered, DualState, Scaling
+from fifthwheel.filters import Noise, variances
+from fifthwheel.filters.initial_state import initial_state, steady_initial_state
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.initial_state import initial_state_with_sensitivity
 from fifthwheel.identify.residuals import autocorrelation_factor
-from fifthwheel.identify.settings import Progress, TwoStage
-from fifthwheel.identify.unknowns.unknown import Unknown, scaling
+from fifthwheel.identify.settings import Progress
+from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.vehicle import Vehicle
 
 FEWEST_INNOVATIONS = 20
@@ -46,16 +50,40 @@ class StageResult:
     accepted: tuple[Array, ...]  # of each log: (N, m), 1 where the last pass used a measurement
 
 
-def stage_model(vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[Unknown], *, roll: bool) -> ChainModel:
+def stage_model(vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[DualUnknown], *, roll: bool) -> ChainModel:
     """The model in which all unknowns are free."""
     return dynamics.model(vehicle, outputs, roll=roll, free=[u.name for u in unknowns])
+
+
+def initial_state_with_sensitivity(
+    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, rows: StepRows, *, roll: bool
+) -> tuple[Array, Array, Array]:
+    """Initial state (n,), its covariance (n, n), and its derivative dx/dz (n, n_p) by forward differences.
+
+    Args:
+        names: of the n_p unknowns.
+        scaling: from z to their values.
+        z: (n_p,).
+        rows: of the segment.
+        roll: whether the model has roll.
+    """
+
+    def values(z: Array) -> dict[str, float]:
+        return dict(zip(names, scaling.to_p(z).tolist(), strict=True))
+
+    x0, P0 = initial_state(vehicle, rows.first, values(z), roll=roll, steer_sigma=rows.steer_sigma)
+    step = 1e-5
+    shifted = [
+        steady_initial_state(vehicle, rows.first, values(z + step * row), roll=roll)[0] for row in np.eye(len(z))
+    ]
+    return x0, P0, (np.column_stack(shifted) - x0[:, None]) / step
 
 
 def run_stage(
     model: ChainModel,
     vehicle: Vehicle,
     logs: Sequence[LogData],
-    unknowns: Sequence[Unknown],
+    unknowns: Sequence[DualUnknown],
     *,
     active: Sequence[str],
     start: Mapping[str, float],
@@ -158,7 +186,7 @@ class _Stage:
 
     model: ChainModel
     vehicle: Vehicle
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[DualUnknown, ...]
     active: frozenset[str]
     settings: TwoStage
 

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel import dynamics
-from fifthwheel.filters import Model, Noise, dual, kalman, sample_rows
-from fifthwheel.filters.dual import DualCoupling, DualFiltered, DualState, Scaling
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState, Scaling
+from fifthwheel.filters import Model, Noise, kalman, sample_rows
 from tests.filters.examples import Array, Article, Example, Linear, Numbers, example, linear, max_difference, without
 
 NOTHING = np.empty(0)

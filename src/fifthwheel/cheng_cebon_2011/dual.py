@@ -19,41 +19,9 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters.kalman import Noise, channel_columns, observe, predict
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.scaling import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.filters.update import ChannelUpdate, gate, joseph, positive_semidefinite
 from fifthwheel.native import Scan, compiled
-
-PRECISION = 1e-11
-"""Smallest noise variance of a channel, relative to the variance that is caused by the parameters."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scaling:
-    """Relation of the scaled parameters z and the parameters p; one entry for each parameter in the model's order."""
-
-    logarithmic: tuple[bool, ...]  # whether p is positive and scaled by its logarithm
-    centre: Array  # p at z = 0
-    scale: Array  # prior standard deviation of ln p if logarithmic, else of p
-    lower: Array  # lower bound of p; finite, positive if logarithmic
-    upper: Array  # upper bound of p
-
-    def to_p(self, z: Array) -> Array:
-        """Parameters p of z (..., n_p)."""
-        log = np.array(self.logarithmic)
-        return np.where(log, self.centre * np.exp(np.where(log, self.scale * z, 0.0)), self.centre + self.scale * z)
-
-    def to_z(self, p: Array) -> Array:
-        """z of parameters p (..., n_p)."""
-        log = np.array(self.logarithmic)
-        ratio = np.where(log, p / np.where(log, self.centre, 1.0), 1.0)
-        return np.where(log, np.log(ratio), p - self.centre) / self.scale
-
-    def slope(self, p: Array) -> Array:
-        """dp/dz at p (..., n_p)."""
-        return np.where(np.array(self.logarithmic), p * self.scale, self.scale)
-
-    def vector(self) -> Array:
-        """[centre, scale, lower z, upper z] for a compiled step."""
-        return np.concatenate([self.centre, self.scale, self.to_z(self.lower), self.to_z(self.upper)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,16 +77,6 @@ class DualFiltered:
     accepted: Array  # (N, m) 1 where the measurement was used, else 0
     sensitivity: Array  # (N, m, n_p) of each channel's prediction with respect to z
     end: DualState  # after the last row
-
-
-def symbolic_to_p(logarithmic: tuple[bool, ...], z: ca.SX, centre: ca.SX, scale: ca.SX) -> ca.SX:
-    """Symbolic form of `Scaling.to_p`."""
-    return ca.vertcat(
-        *[
-            centre[i] * ca.exp(scale[i] * z[i]) if log else centre[i] + scale[i] * z[i]
-            for i, log in enumerate(logarithmic)
-        ]
-    )
 
 
 @compiled(Scan)

@@ -7,13 +7,14 @@ import pytest
 from scipy.optimize import least_squares
 
 from fifthwheel import dynamics
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
+from fifthwheel.cheng_cebon_2011.stage import run_stage, stage_model
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns, sensor_unknowns
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
-from fifthwheel.identify import TwoStage
 from fifthwheel.identify.dataset import LogData, prepare_dataset
-from fifthwheel.identify.two_stage.posterior import TwoStagePosterior, evaluate_posterior
-from fifthwheel.identify.two_stage.stage import run_stage, stage_model
 from fifthwheel.identify.unknowns import parameters, unknown
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -32,8 +33,8 @@ class Stage1:
         self.vehicle, self.channels = self.dataset.vehicle, self.dataset.yaw
         self.names = parameters.stage_1_names(self.vehicle)
         self.unknowns = [
-            *parameters.two_stage_unknowns(self.vehicle, self.names, settings),
-            *parameters.sensor_error_unknowns(self.vehicle, self.channels, settings),
+            *parameter_unknowns(self.vehicle, self.names, settings),
+            *sensor_unknowns(self.vehicle, self.channels, settings),
         ]
         self.model = stage_model(self.vehicle, self.channels, self.unknowns, roll=False)
         self.values = {name: self.vehicle.parameters()[name] for name in self.names}

@@ -9,8 +9,9 @@ import pytest
 
 from fifthwheel import identify as methods
 from fifthwheel import vehicle
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.identify import Identification, TwoStage, article
+from fifthwheel.identify import Identification
 from fifthwheel.identify.unknowns.parameters import group_paths, stage_1_names, stage_2_names
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record

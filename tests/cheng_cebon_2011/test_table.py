@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from fifthwheel.studies.cheng_cebon_2011 import table
-from fifthwheel.studies.cheng_cebon_2011.comparison import QUANTITIES, VariantErrors, compare, percent_error
-from fifthwheel.studies.cheng_cebon_2011.published import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
-from tests.studies.cheng_cebon_2011.conftest import synthetic_experiment, synthetic_outcome
+from fifthwheel.cheng_cebon_2011 import table
+from fifthwheel.cheng_cebon_2011.comparison import QUANTITIES, VariantErrors, compare, percent_error
+from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
+from tests.cheng_cebon_2011.conftest import synthetic_experiment, synthetic_outcome
 
 
 @pytest.fixture(scope="module")

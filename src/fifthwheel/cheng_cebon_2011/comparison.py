@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fifthwheel.studies.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
-from fifthwheel.studies.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.studies.cheng_cebon_2011.published import (
+from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome
+from fifthwheel.cheng_cebon_2011.published import (
     COG_HEIGHT,
     DRIVE,
     FRONT,
