@@ -22,19 +22,21 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel.identify import OneStage, TwoStage, article, identify
+from fifthwheel.channels import SignalName
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
+from fifthwheel.cheng_cebon_2011.experiments import SPEED, point_payload
+from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.parameters import longest_matching_key, one_stage_unknowns, stage_1_names
 from fifthwheel.manoeuvres import lane_changes
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate
-from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED, point_payload
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
 

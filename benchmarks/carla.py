@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.identify import Identification, TwoStage, identify
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.identify import Identification, identify
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import free_run_fits
 from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fifthwheel.channels import SignalName
 from fifthwheel.identify.design.assess import assess_information
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres import lane_changes
-from fifthwheel.names import SignalName
 from fifthwheel.observe import Observer
 from fifthwheel.plant import Plant, Sensor, article_sensors
 from fifthwheel.record.sensor_noise import article_gyro_variance

@@ -36,7 +36,7 @@ SMALL_REPRODUCTION = """
 import importlib, sys
 from fifthwheel.cli import main
 if __name__ == "__main__":
-    study = importlib.import_module("fifthwheel.studies.cheng_cebon_2011.reproduce")
+    study = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
     study.QUICK = study.Extent(seeds=1, repetitions=int(sys.argv.pop(1)), variant_seeds={})
     main()
 """

@@ -30,7 +30,8 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel import dynamics, logs, vehicle
-from fifthwheel.filters import Noise, dual, kalman, sample_rows
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.filters import Noise, kalman, sample_rows
 from fifthwheel.filters.model import pack_array
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.online.learner import Learner

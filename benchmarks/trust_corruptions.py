@@ -15,9 +15,10 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle

@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 
+from fifthwheel.cheng_cebon_2011.experiments import SPEED
 from fifthwheel.manoeuvres import Course, lane_changes
 from fifthwheel.manoeuvres.catalogue import course
 from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.plant import Plant, PlantRun, Properties
 from fifthwheel.plant.properties import with_changes
-from fifthwheel.studies.cheng_cebon_2011.experiments import SPEED
 from fifthwheel.studies.scenarios import effective_stiffness
 from fifthwheel.vehicle import get
 

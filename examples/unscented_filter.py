@@ -15,7 +15,8 @@ from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter
 
 import fifthwheel as fw
 from fifthwheel import dynamics
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.channels import SignalName
+from fifthwheel.names import ParameterPath
 
 PROCESS_VARIANCE = {
     "lateral_velocity": 4e-4,

@@ -23,6 +23,7 @@ ROOMS = (
     "units",
     "formatting",
     "names",
+    "channels",
     "_atomic",
     "input_files",
     "plots",
@@ -40,6 +41,9 @@ ROOMS = (
     "time_bases",
     "observe",
     "identify",
+    "cluster",
+    "studies",
+    "cheng_cebon_2011",
     "export",
     "diagnose",
     "assess",
@@ -47,9 +51,7 @@ ROOMS = (
     "workflow",
     "live",
     "app",
-    "cluster",
     "fleet",
-    "studies",
     "cli",
 )
 """The data flow: a room imports only rooms that stand before it."""

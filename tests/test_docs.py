@@ -16,18 +16,18 @@ import typer
 from pydantic import BaseModel
 
 from fifthwheel import cli, dynamics, plant, vehicle
+from fifthwheel.channels import CHANNELS, MODELLED
 from fifthwheel.checks import Fault
-from fifthwheel.checks.samples import LIMITS
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
-from fifthwheel.identify import OneStage, TwoStage, article
+from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.logs import SignalMap
-from fifthwheel.logs.signal_map import Channel, TimeColumn
+from fifthwheel.logs.signal_map import SignalSource, TimeColumn
 from fifthwheel.manoeuvres import MANOEUVRES
 from fifthwheel.observe import ObserverSettings, Status
-from fifthwheel.record import signal_names as names
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.component import SI_UNITS
@@ -115,8 +115,8 @@ def test_every_state_input_and_sensor_is_in_the_glossary() -> None:
     for name in ("`speed`", "`steer.<unit>.<axle>`"):
         assert name in section(text, "Inputs")
     measured = {cells[1]: cells[2] for cells in rows(section(text, "Measured and reported signals"))}
-    for quantity, (unit, *_) in sensors.QUANTITIES.items():
-        assert measured[f"`{quantity}.<unit>`"] == unit
+    for channel in MODELLED:
+        assert measured[f"`{channel.quantity}.<unit>`"] == channel.unit
     words = {name.rpartition(".")[2] for name in steer_parameters(TRUCK)}
     words |= {w.rpartition(".")[2] for w in sensors.sensor_parameters(TRUCK, "sideslip.semitrailer")}
     for word in words:
@@ -129,7 +129,7 @@ def test_every_quantity_of_a_log_is_told_with_its_unit() -> None:
         quantities = re.findall(r"`([^`]+)`", cells[0])
         units = [unit.strip() for unit in cells[1].split(",")]
         told |= dict(zip(quantities, units if len(units) > 1 else units * len(quantities), strict=True))
-    assert told == names.QUANTITIES
+    assert told == {quantity: channel.unit for quantity, channel in CHANNELS.items()}
 
 
 def test_every_fault_verdict_and_status_is_told() -> None:
@@ -143,8 +143,9 @@ def test_every_fault_verdict_and_status_is_told() -> None:
 
 def test_ranges_are_those_of_the_code() -> None:
     told = {cells[0].strip("`"): cells[1] for cells in rows(section(page("signals.md"), "Faults"))}
-    for quantity, limit in LIMITS.items():
-        assert told[quantity] == f"{limit.magnitude:g} {limit.unit}"
+    for quantity, channel in CHANNELS.items():
+        if channel.limit:
+            assert told[quantity] == f"{channel.limit.magnitude:g} {channel.unit}"
 
 
 def same(written: str, value: object) -> bool:
@@ -200,7 +201,7 @@ def test_every_key_of_the_maps_is_told() -> None:
         next(i for i, cells in enumerate(table) if cells[0] == f"`[{name}]`") for name in ("time", "signals")
     )
     assert {f"`{key}`" for key in TimeColumn.model_fields} == {cells[1] for cells in table[clock:first]}
-    assert {f"`{key}`" for key in Channel.model_fields} <= {cells[1] for cells in table[first:]}
+    assert {f"`{key}`" for key in SignalSource.model_fields} <= {cells[1] for cells in table[first:]}
     for name in SignalMap.model_fields:
         assert any(f"`[{name}]`" in cells[0] or cells[0] == f"`{name}`, a list" for cells in table)
 

@@ -16,9 +16,10 @@ from pyarrow import parquet
 
 from fifthwheel import cli
 from fifthwheel.checks import Fault
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.diagnose import cautions
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import Identification, TwoStage, identify
+from fifthwheel.identify import Identification, identify
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Observer, Status
@@ -155,6 +156,7 @@ CASES = [
     Case(Fault.TIME_OFFSET, YAW2, late(0.35, YAW2, ROLL2), False, "trailer logger", among=(ROLL2,)),
     Case(Fault.TIME_OFFSET, YAW, late(0.5, YAW), False),
     Case(Fault.CLOCK_RATE, YAW2, fast(0.04, YAW2, ROLL2), False, among=(ROLL2,)),
+    Case(Fault.UNUSED, "pitch_rate.tractor", added("pitch_rate.tractor", ROLL2), False),
     Case(Fault.UNKNOWN_UNIT, "roll_rate.trailer", added("roll_rate.trailer", ROLL2), True),
     *(
         Case(Fault.OFFSET, n, scaled(n, 1.0, 0.04), False, among=(f"{n}.offset", YAW2, STEER))

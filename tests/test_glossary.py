@@ -117,9 +117,10 @@ def test_every_line_of_a_public_name_says_what_it_is() -> None:
 
 
 def test_every_quantity_has_its_unit() -> None:
-    from fifthwheel.record.signal_names import QUANTITIES
+    from fifthwheel.channels import CHANNELS
 
-    assert {row[0].strip("`"): row[1] for row in table("Quantities of signals")} == QUANTITIES
+    quantities = {quantity: channel.unit for quantity, channel in CHANNELS.items()}
+    assert {row[0].strip("`"): row[1] for row in table("Quantities of signals")} == quantities
 
 
 def test_every_parameter_has_its_unit() -> None:

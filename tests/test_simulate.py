@@ -5,19 +5,20 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from fifthwheel import dynamics
+from fifthwheel.channels import ROLL_RATE, YAW_RATE
 from fifthwheel.checks import check
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES
 from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import GYRO_VARIANCE
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
 
 KMH_88 = 88 / 3.6
 G = 9.80665
 STEER = "steer.tractor.front"
-RATES = {f"{q}.{u}": GYRO_VARIANCE[q][i] for q in GYRO_VARIANCE for i, u in enumerate(("tractor", "semitrailer"))}
+GYROS = {channel.quantity: channel.noise for channel in (ROLL_RATE, YAW_RATE)}
+RATES = {f"{q}.{u}": GYROS[q][i] for q in GYROS for i, u in enumerate(("tractor", "semitrailer"))}
 NOISELESS = {"yaw_rate.tractor": 0.0, "yaw_rate.semitrailer": 0.0}
 
 
@@ -78,7 +79,7 @@ def test_noise_is_as_requested(truck):
         assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 5 / np.sqrt(len(noise))
     for name in ("speed", STEER):
         np.testing.assert_array_equal(noisy.signals[name], noiseless.signals[name])
-    assert GYRO_VARIANCE == {"roll_rate": (4.52e-4, 4.70e-5), "yaw_rate": (1.52e-5, 1.11e-5)}  # the article's (12)
+    assert GYROS == {"roll_rate": (4.52e-4, 4.70e-5), "yaw_rate": (1.52e-5, 1.11e-5)}  # the article's (12)
 
 
 def test_other_sensors(truck):

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fifthwheel.channels import CHANNELS
 from fifthwheel.errors import UnitError
-from fifthwheel.record.signal_names import QUANTITIES, header, si_unit, split_header
+from fifthwheel.record.signal_names import header, si_unit, split_header
 from fifthwheel.units import _SYMBOLS, base_units, factor, is_unit, quantity, uncertain_quantity
 
 DIFFERENT = {"g", "-", "%", "degC", "C", "kn", "gon", "rev", "bit"} | {
@@ -194,7 +195,7 @@ def test_any_text_is_an_uncertain_quantity_or_refused(text: str) -> None:
 
 
 def test_every_signal_has_a_unit() -> None:
-    assert all(factor(unit, unit) == 1.0 for unit in QUANTITIES.values())
+    assert all(factor(channel.unit, channel.unit) == 1.0 for channel in CHANNELS.values())
     assert header("reference.roll.tractor") == "reference.roll.tractor [rad]"
     assert split_header(" yaw_rate.tractor [deg/s] ") == ("yaw_rate.tractor", "deg/s")
     assert split_header("a [b] c") == ("a [b] c", None)

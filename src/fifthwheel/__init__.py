@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from fifthwheel import plot as plot
     from fifthwheel.assess import Assessment as Assessment
     from fifthwheel.assess import Body as Body
+    from fifthwheel.cheng_cebon_2011 import TwoStage as TwoStage
+    from fifthwheel.cheng_cebon_2011 import article as article
     from fifthwheel.dynamics import LinearSystem as LinearSystem
     from fifthwheel.dynamics import linear_system as linear_system
     from fifthwheel.dynamics.summary import summarize as summarize
@@ -35,9 +37,7 @@ if TYPE_CHECKING:
     from fifthwheel.export import export_fmu as export_fmu
     from fifthwheel.identify import Identification as Identification
     from fifthwheel.identify import OneStage as OneStage
-    from fifthwheel.identify import TwoStage as TwoStage
     from fifthwheel.identify import Verdict as Verdict
-    from fifthwheel.identify import article as article
     from fifthwheel.identify.design import assess_information as assess_information
     from fifthwheel.identify.design import design_experiment as design_experiment
     from fifthwheel.identify.online import Learner as Learner
@@ -91,12 +91,12 @@ _MODULES = {
     "States": "observe",
     "StatesOf": "studies",
     "Status": "observe",
-    "TwoStage": "identify",
+    "TwoStage": "cheng_cebon_2011",
     "Uncertainty": "observe",
     "Vehicle": "vehicle",
     "VehicleError": "errors",
     "Verdict": "identify",
-    "article": "identify",
+    "article": "cheng_cebon_2011",
     "assess": "",
     "assess_information": "identify.design",
     "check_record": "time_bases",

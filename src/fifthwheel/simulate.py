@@ -6,17 +6,14 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._callable import make_callable
+from fifthwheel.channels import ROLL, ROLL_RATE, is_of
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
-from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
-
-ROLL_QUANTITIES = ("roll", "roll_rate", "roll_acceleration")
-"""Quantities that a model without roll does not have."""
 
 
 def simulate(
@@ -70,7 +67,7 @@ def simulate(
     inputs["speed"] = np.full_like(time, speed)
     units = [unit.name for unit in vehicle.units]
     sensors = article_gyro_variance(units) if sensors is None else sensors
-    sensors = {n: v for n, v in sensors.items() if roll or SignalName.of(n).quantity not in ROLL_QUANTITIES}
+    sensors = {n: v for n, v in sensors.items() if roll or not is_of(n, ROLL, ROLL_RATE)}
     states = [f"sideslip.{u}" for u in units] + [f"roll.{u}" for u in units if roll]
     states += [f"articulation.{u}" for u in units[1:]]
     outputs = (*sensors, *states)

@@ -5,7 +5,7 @@ from fifthwheel.checks import Fault, Finding, check, raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import SignalMap, read_log
-from fifthwheel.logs.signal_map import Channel
+from fifthwheel.logs.signal_map import SignalSource
 from fifthwheel.record import Record
 from tests.logs.conftest import weaving_truck
 
@@ -80,7 +80,7 @@ INJECTED = [
 
 def test_every_fault_is_injected():
     by_model = {Fault.EXCHANGED, Fault.TIME_OFFSET, Fault.CLOCK_RATE}  # tests/time_bases
-    assert {fault for fault, *_ in INJECTED} == set(Fault) - {Fault.UNKNOWN_UNIT} - by_model  # see below
+    assert {fault for fault, *_ in INJECTED} == set(Fault) - {Fault.UNKNOWN_UNIT, Fault.UNUSED} - by_model
 
 
 @pytest.mark.parametrize(
@@ -99,10 +99,10 @@ def test_exactly_the_injected_fault_is_found(weaving, fault, signal, severity, i
 
 
 def test_a_remedy_is_in_keys_of_the_signal_map(weaving):
-    """Channel accepts the keys, and the message contains them."""
+    """SignalSource accepts the keys, and the message contains them."""
     for fault, _, _, inject in INJECTED:
         for finding in check(inject(weaving)):
-            Channel.model_validate({"column": "x", **finding.remedy})
+            SignalSource.model_validate({"column": "x", **finding.remedy})
             assert all(f"{key} = " in finding.message for key in finding.remedy)
             assert finding.remedy or fault not in (Fault.DEGREES, Fault.UNIT, Fault.SWAPPED_SIGN, Fault.OFFSET)
 

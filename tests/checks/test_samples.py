@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from fifthwheel.channels import CHANNELS, channel_of
 from fifthwheel.checks import Fault, check
 from fifthwheel.checks.samples import (
-    LIMITS,
     dropouts,
     impossible_samples,
     remove_input_spikes,
@@ -14,7 +14,6 @@ from fifthwheel.checks.samples import (
     spikes,
     stuck,
 )
-from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
@@ -33,7 +32,9 @@ def without(start, stop, of_time=TIME):
 
 def test_limits_are_those_of_a_truck():
     """Jumps are beyond the fastest lane change of a truck; a turn is well above the noise of a sensor."""
-    for quantity, limit in LIMITS.items():
+    for quantity, channel in CHANNELS.items():
+        if (limit := channel.limit) is None:
+            continue
         assert 0 < limit.jump < limit.magnitude, quantity
         assert limit.turn == np.inf or 0.01 * limit.magnitude < 3 * limit.turn < limit.magnitude, quantity
 
@@ -212,7 +213,7 @@ QUANTITIES = {
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_magnitude_jump_and_turn_of_each_quantity(name):
     """What a truck can reach, what it can reach within 0.1 s, and what tells a turn from straight driving."""
-    assert {SignalName.of(n).quantity for n in QUANTITIES} == set(LIMITS)
+    assert {channel_of(n) for n in QUANTITIES} == {channel for channel in CHANNELS.values() if channel.limit}
     magnitude, jump, turn = QUANTITIES[name]
     ranges = {Fault.OUT_OF_RANGE, Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL}
     for factor, beyond in ((0.999, False), (1.001, True)):

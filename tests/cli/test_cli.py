@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 import fifthwheel
 from fifthwheel import cli
+from fifthwheel.cheng_cebon_2011 import article
 from fifthwheel.cli.vehicles.new import ask
-from fifthwheel.identify import article
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Status
 from fifthwheel.simulate import simulate

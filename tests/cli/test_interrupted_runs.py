@@ -152,9 +152,9 @@ def test_a_signal_removes_temporary_files(number, code, place):
 WORKERS = """
 import sys, time
 from fifthwheel.cli import main, reproduce as command
-from fifthwheel.studies.cheng_cebon_2011 import outcomes
+from fifthwheel.cheng_cebon_2011 import outcomes
 import importlib
-study = importlib.import_module("fifthwheel.studies.cheng_cebon_2011.reproduce")
+study = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
 
 def outcome(*arguments, **options):
     print("ready", flush=True)

@@ -12,7 +12,7 @@ from fifthwheel.diagnose.fit_quality import FitQuality, predicted_logs
 from fifthwheel.diagnose.information_summary import information_summary
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.variance_budget import dominant_terms
-from fifthwheel.identify import Estimate, SensorError, TwoStage, Verdict
+from fifthwheel.identify import Estimate, SensorError, Verdict
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 STEER, GYRO, HITCH = "steer.tractor.front", "yaw_rate.tractor", "articulation.semitrailer"
@@ -109,20 +109,6 @@ def test_the_place_of_an_accelerometer(result, kind):
     settings = replace(result.identification.settings, **{f"accelerometer_{kind}_prior": 0.377})
     assert not unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 - 1e-6), 1e-6, settings)
     assert unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 + 1e-6), 1e-6, settings)
-
-
-@pytest.mark.parametrize(
-    ("name", "mean", "limit"),
-    [
-        (f"{GYRO}.gain", 1.0, 2.5 * 0.1),
-        (f"{GYRO}.misalignment", 0.0, 2.5 * 0.05),
-        (f"{STEER}.play", 0.0, 2.5 * 0.0035),
-        (f"{ACCELEROMETER}.gain", 1.0, 2.5 * 0.1),
-    ],
-)
-def test_sensor_errors_of_a_method_without_a_prior(result, name, mean, limit):
-    assert not unusual(result, name, mean + limit * (1 - 1e-6), 1e-6, TwoStage())
-    assert unusual(result, name, mean + limit * (1 + 1e-6), 1e-6, TwoStage())
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

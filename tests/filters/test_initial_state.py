@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from fifthwheel import dynamics
+from fifthwheel.channels import SignalName
 from fifthwheel.filters.initial_state import (
     INITIAL_SIGMA,
     initial_factor,
@@ -13,7 +14,6 @@ from fifthwheel.filters.initial_state import (
     steady_initial_state,
 )
 from fifthwheel.identify import OneStage
-from fifthwheel.names import SignalName
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")

@@ -6,8 +6,8 @@ import pytest
 
 from fifthwheel._types import Array
 from fifthwheel.filters import Noise, joint
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.model import pack_array, unpack_array
+from fifthwheel.filters.scaling import Scaling
 from tests.filters.examples import example
 
 MODEL = example(

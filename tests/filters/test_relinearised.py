@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 
 from fifthwheel._types import Array
 from fifthwheel.filters import Noise
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.relinearised import Estimate, RelinearisationSettings, RelinearisedFilter
+from fifthwheel.filters.scaling import Scaling
 from tests.filters.examples import example
 from tests.filters.test_joint import MODEL, NOISE, SCALING, C, kalman
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
+from fifthwheel.channels import MEASURED, SIDESLIP
+from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import (
     OBSERVER_PROCESS_VARIANCE,
     PROCESS_VARIANCE,
     process_covariance,
     sensor_variance,
 )
-from fifthwheel.record.sensor_noise import GYRO_VARIANCE, OTHER_VARIANCE, article_gyro_variance
+from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")
@@ -40,11 +42,13 @@ def test_the_variance_of_a_sensor() -> None:
     for name, variance in article.items():
         assert sensor_variance(TRUCK, name, {}) == variance
         assert sensor_variance(TRUCK, name, {name: 7.0}) == 7.0
-    for quantity, (first, other) in GYRO_VARIANCE.items():
+    for channel in (*MEASURED, SIDESLIP):
+        first, other = channel.noise
+        quantity = channel.quantity
         assert sensor_variance(TRUCK, f"{quantity}.tractor", {f"{quantity}.semitrailer": 7.0}) == first
         assert sensor_variance(TRUCK, f"{quantity}.semitrailer", {}) == other
-    for quantity, variance in OTHER_VARIANCE.items():
-        assert sensor_variance(TRUCK, f"{quantity}.semitrailer", {}) == variance
+    with pytest.raises(SignalError, match="no sensor measures it"):
+        sensor_variance(TRUCK, "load_transfer.semitrailer", {})
 
 
 def test_process_covariance() -> None:

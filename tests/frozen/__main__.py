@@ -1,4 +1,4 @@
-"""Compare the results of all cases with the stored ones, bit for bit: `python -m tests.frozen [--write] [CASE ...]`.
+"""Compare the results of all cases with the stored ones, bit for bit: `python -m tests.frozen [CASE ...]`.
 
 `--write` replaces the stored results. Without it the exit code is 1 if a result differs.
 """
@@ -15,6 +15,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help=", ".join(CASES))
     parser.add_argument("--write", action="store_true", help="replace the stored results")
+    parser.add_argument("--tolerance", type=float, default=0.0, help="relative, of numbers; texts are not compared")
     parser.add_argument("--fast", action="store_true", help="only the cases of the fast tests")
     arguments = parser.parse_args()
     different = 0
@@ -27,7 +28,7 @@ def main() -> int:
             store(name)
             found = []
         else:
-            found = differences(name)
+            found = differences(name, arguments.tolerance)
         different += bool(found)
         print(f"{name}: {len(found)} differences, {time.process_time() - begin:.1f} s", flush=True)
         for line in found[:10]:

@@ -54,28 +54,35 @@ def results_of(name: str) -> dict[str, Any]:
     return results
 
 
-def differences(name: str) -> list[str]:
-    """The results of a case that differ from the stored ones, a line each."""
+def differences(name: str, tolerance: float = 0.0) -> list[str]:
+    """The results of a case that differ from the stored ones, a line each.
+
+    Args:
+        name: of the case.
+        tolerance: relative, of numbers; 0 for equal bits. On another machine it is at least `TOLERANCE`.
+    """
     stored = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-    expected, exact = stored["results"], stored["machine"] == machine()
+    expected = stored["results"]
+    if stored["machine"] != machine():
+        tolerance = max(tolerance, TOLERANCE)
     results = results_of(name)
     found = [f"{key}: missing" for key in expected if key not in results]
     found += [f"{key}: new" for key in results if key not in expected]
     for key, value in results.items():
-        if key in expected and not same(value, expected[key], exact=exact):
+        if key in expected and not same(value, expected[key], tolerance):
             found.append(f"{key}: {value!r}, expected {expected[key]!r}")
     return found
 
 
-def same(value: Any, expected: Any, *, exact: bool) -> bool:
-    """Whether two stored values are equal, or on another machine close; there digests and texts are not compared."""
-    if exact or type(value) is not type(expected):
+def same(value: Any, expected: Any, tolerance: float) -> bool:
+    """Whether two stored values are equal, or with a tolerance close; then digests and texts are not compared."""
+    if not tolerance or type(value) is not type(expected):
         return json.dumps(value) == json.dumps(expected)
     if isinstance(value, list) and len(value) == len(expected):
-        return all(same(a, b, exact=exact) for a, b in zip(value, expected, strict=True))
+        return all(same(a, b, tolerance) for a, b in zip(value, expected, strict=True))
     if isinstance(value, float):
         both_missing = math.isnan(value) and math.isnan(expected)
-        return both_missing or math.isclose(value, expected, rel_tol=TOLERANCE, abs_tol=1e-9)
+        return both_missing or math.isclose(value, expected, rel_tol=tolerance, abs_tol=1e-9)
     return isinstance(value, str) or bool(value == expected)
 
 
@@ -88,13 +95,20 @@ def flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, condensed(a)
     elif isinstance(value, np.ndarray | Sequence) and not isinstance(value, str):
         for i, item in enumerate(value):
-            yield from flat(item, f"{path}/{i}")
+            yield from flat(item, f"{path}/{key_of(item) or i}")
     elif isinstance(value, str) and len(value) > 2000:
         yield path, hashlib.sha256(value.encode()).hexdigest()
     elif isinstance(value, Enum):
         yield path, str(value.value)
     else:
         yield path, value.item() if isinstance(value, np.generic) else value
+
+
+def key_of(item: Any) -> str | None:
+    """Name of an item of a list, with its log or signal; None if it has none."""
+    if not isinstance(item, Mapping):
+        return None
+    return "@".join(str(item[key]) for key in ("name", "signal", "log") if item.get(key)) or None
 
 
 def as_array(values: Any) -> Any:

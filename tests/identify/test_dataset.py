@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import OneStage, TwoStage, identify
+from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.unknowns.parameters import group_paths
 from fifthwheel.identify.verdict import Verdict

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import Estimate, TwoStage, Verdict
+from fifthwheel.identify import Estimate, Verdict
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.estimates import (
     derived_from_covariance,
@@ -15,7 +17,7 @@ from fifthwheel.identify.estimates import (
     sensor_error_estimates,
     sensor_error_unit,
 )
-from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns, two_stage_unknowns
+from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -25,13 +27,13 @@ STEER, RATE = "steer.tractor.front", "yaw_rate.tractor"
 
 
 def height_estimate(truck: Vehicle, sigma_z: float = 0.05) -> Estimate:
-    (unknown,) = two_stage_unknowns(truck, [HEIGHT], TwoStage())
+    (unknown,) = parameter_unknowns(truck, [HEIGHT], TwoStage())
     return parameter_estimate(unknown, 1.3, sigma_z, Verdict.CONVERGED, stage=2, settling_time=4.0)
 
 
 def test_parameter_estimate(truck: Vehicle) -> None:
     """Sigma of a stiffness, which is estimated by its logarithm, is proportional to the estimate."""
-    (unknown,) = two_stage_unknowns(truck, [STIFFNESS], TwoStage())
+    (unknown,) = parameter_unknowns(truck, [STIFFNESS], TwoStage())
     estimate = parameter_estimate(unknown, 5.0e5, 0.1, Verdict.AT_BOUND)
     assert estimate.sigma == pytest.approx(0.1 * TwoStage().prior * 5.0e5)
     assert estimate.prior == pytest.approx(TwoStage().prior * truck.parameters()[STIFFNESS])

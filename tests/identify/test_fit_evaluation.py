@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.identify import Fit, OneStage, TwoStage, fit_evaluation
+from fifthwheel.identify import Fit, OneStage, fit_evaluation
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import (
     FitEvaluation,

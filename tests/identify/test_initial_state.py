@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.stage import initial_state_with_sensitivity
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns, sensor_unknowns
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import step_rows
-from fifthwheel.identify import OneStage, TwoStage
+from fifthwheel.identify import OneStage
 from fifthwheel.identify.initial_state import (
-    initial_state_with_sensitivity,
     steady_state,
     steady_state_bank_slope,
     steady_state_slopes,
@@ -27,8 +29,8 @@ def test_derivative_by_z(truck: Vehicle, roll: bool) -> None:
     record = simulate(truck, count=1).cut(1.5)
     steered = truck.with_logged_steering(record.signals, "record")
     settings = TwoStage()
-    unknowns = parameters.two_stage_unknowns(steered, parameters.stage_1_names(steered), settings)
-    unknowns += parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
+    unknowns = parameter_unknowns(steered, parameters.stage_1_names(steered), settings)
+    unknowns += sensor_unknowns(steered, OUTPUTS, settings)
     names = [u.name for u in unknowns]
     scale = scaling(unknowns)
     rows = step_rows(dynamics.model(steered, OUTPUTS, roll=roll), steered, record)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.channels import SignalName
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import OneStage, TwoStage, identify
+from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.design.assess import assess_information
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import SignalName
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -50,7 +51,7 @@ def test_first_and_last_unit_need_a_yaw_rate(record: Record, unit: str) -> None:
 
 def test_two_stages_need_a_yaw_rate_of_every_unit(record: Record) -> None:
     with pytest.raises(SignalError, match=r"yaw_rate\.dolly: in none of the logs.*use one stage"):
-        prepare_dataset([without_unit(record, "dolly")], FULL_TRAILER, TwoStage())
+        identify([without_unit(record, "dolly")], FULL_TRAILER, TwoStage())
 
 
 def test_check_says_what_the_gyros_of_a_dolly_are_for(record: Record) -> None:

@@ -24,7 +24,7 @@ def test_it_is_estimated(tyres: TyreLaw) -> None:
 def test_it_is_considered_and_fixed() -> None:
     def trails(settings: fw.OneStage, truck: fw.Vehicle = TRUCK) -> list[tuple[str, float, bool]]:
         unknowns = one_stage_unknowns(truck, ["yaw_rate.tractor"], settings)
-        return [(u.name, u.scale, u.considered) for u in unknowns if "trail" in u.name.rpartition(".")[2]]
+        return [(u.name, u.scale, not u.is_estimated) for u in unknowns if "trail" in u.name.rpartition(".")[2]]
 
     considered = fw.OneStage(consider={"pneumatic_trail": 0.2})
     assert trails(considered) == [(PATH, 0.2, True)]

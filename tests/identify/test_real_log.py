@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fifthwheel import vehicle
-from fifthwheel.identify import Identification, OneStage, TwoStage, identify
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.observe import Observer, Status

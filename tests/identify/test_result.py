@@ -9,8 +9,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import article
 from fifthwheel.errors import FifthwheelError, SignalError
-from fifthwheel.identify import Identification, OneStage, article, identify
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.online import Learner
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import CommonSettings, OneStage, TwoStage, article
+from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.online import LearnerSettings
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, information_verdicts, uninformed_parameters
 
 STIFFNESS, HEIGHT = "tractor.front.cornering_stiffness", "semitrailer.payload.height"
@@ -48,5 +48,5 @@ def test_uninformed(information: list[float], channels: tuple[str, ...], expecte
 )
 def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> None:
     """At a bound means closer than a tenth of sigma, converged or not."""
-    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0)
+    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
     assert estimate_verdict(unknown, value, 0.1, converged=converged) is expected

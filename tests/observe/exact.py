@@ -8,10 +8,10 @@ from scipy.linalg import expm
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import channel_of
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
 from fifthwheel.filters.variances import OBSERVER_PROCESS_VARIANCE
 from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import GYRO_VARIANCE
 from fifthwheel.vehicle import Vehicle, get
 from tests.observe.conftest import ROLLS, STEER, YAWS
 
@@ -85,7 +85,7 @@ def exact_system(time: Array, first: float, *, values: Mapping[str, float] = {},
     F, before, after = (np.array([table[dt][i] for dt in step.tolist()]) for i in range(3))
     x0, P0 = initial_state(TRUCK, {"speed": SPEED, STEER: first}, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA)
     noise = np.array([OBSERVER_PROCESS_VARIANCE[name.split(".")[0]] for name in m.states]) * process_noise
-    R = np.array([GYRO_VARIANCE[name.split(".")[0]][0 if name.endswith(".tractor") else 1] for name in OUTPUTS])
+    R = np.array([channel_of(name).noise[0 if name.endswith(".tractor") else 1] for name in OUTPUTS])
     return Exact(
         vehicle=TRUCK,
         values=values,

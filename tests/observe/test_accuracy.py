@@ -6,12 +6,12 @@ from scipy.signal import cont2discrete
 from scipy.stats import chi2
 
 from fifthwheel import dynamics
+from fifthwheel.channels import channel_of
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
 from fifthwheel.filters.variances import OBSERVER_PROCESS_VARIANCE
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import GYRO_VARIANCE
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, batched, pushed
@@ -124,7 +124,7 @@ def noisy_truth(o: Observer, time: np.ndarray, steer: np.ndarray, speed: float) 
         inner = inner @ F.T + G @ steer[k - 1 : k] + random.normal(size=x.shape) * np.sqrt(np.diag(Q) * step)
         states[:, k] = inner + H @ steer[k : k + 1]
     indices = [m.states.index(name) for name in o.outputs]
-    R = np.array([GYRO_VARIANCE[name.split(".")[0]][0 if name.endswith(".tractor") else 1] for name in o.outputs])
+    R = np.array([channel_of(name).noise[0 if name.endswith(".tractor") else 1] for name in o.outputs])
     measured = states[:, :, indices] + random.normal(size=(SEEDS, len(time), len(indices))) * np.sqrt(R)
     return states, measured
 

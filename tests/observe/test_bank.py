@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.channels import channel_of
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.manoeuvres import acceleration_course, inverse_steer
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import GYRO_VARIANCE
 from tests.observe.conftest import EXACT, STEER, assert_same, batched, pushed
 from tests.observe.exact import OUTPUTS, SPEED, TRUCK
 
@@ -37,7 +37,7 @@ def banked(bank: float, *, roll: bool = True, manoeuvre: str = "lane_changes", s
     _, y = free_response(model, dynamics.all_parameters(TRUCK, model.outputs), time, inputs, start)
     signals, random = dict(inputs), np.random.default_rng(seed)
     for i, name in enumerate(outputs):
-        variance = GYRO_VARIANCE[name.split(".")[0]][0 if name.endswith(".tractor") else 1]
+        variance = channel_of(name).noise[0 if name.endswith(".tractor") else 1]
         signals[name] = y[:, i] + random.normal(size=len(time)) * np.sqrt(variance)
     reference = {name: y[:, len(outputs) + i] for i, name in enumerate(reported)}
     return Record(time=time, signals=signals, reference=reference, name="banked")

@@ -12,9 +12,10 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cluster import connected
 from fifthwheel.errors import FifthwheelError, SignalError
-from fifthwheel.identify import OneStage, TwoStage
+from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.observe import Observer
 from fifthwheel.plant import Sensor, article_sensors

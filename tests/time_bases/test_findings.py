@@ -11,7 +11,7 @@ import pytest
 from fifthwheel.checks import Fault, Finding
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.logs.signal_map import Channel
+from fifthwheel.logs.signal_map import SignalSource
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.time_bases import check_record
@@ -45,7 +45,7 @@ def test_late_channels_are_one_finding_with_the_cure():
     assert finding.remedy["delay"] == pytest.approx(0.35, abs=0.02)
     assert "s late (trailer logger)" in finding.message
     assert f"delay = {finding.remedy['delay']}" in finding.message
-    assert not found(resampled(LATE, BASE.time + Channel(column="x", **finding.remedy).delay, YAW2, ROLL2), TRUCK)
+    assert not found(resampled(LATE, BASE.time + SignalSource(column="x", **finding.remedy).delay, YAW2, ROLL2), TRUCK)
 
 
 def test_two_loggers_are_two_findings():

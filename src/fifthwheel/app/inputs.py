@@ -14,6 +14,7 @@ from typing import Any
 
 from fifthwheel._atomic.locks import try_lock
 from fifthwheel.app.workspace import HIDDEN, Workspace
+from fifthwheel.channels import STEER, is_of
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.files import record_of
@@ -22,7 +23,6 @@ from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
-from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue
@@ -157,7 +157,7 @@ def propose(folder: Path, name: str) -> str:
     databases = [path.relative_to(workspace.folder) for path in workspace.databases()]
     contents = survey(workspace, name)
     units = {column: content.column.unit for column, content in contents.contents.items() if content.alive}
-    steers = [hint.column for hint in classify_columns(units).values() if hint.quantity == "steer"]
+    steers = [hint.column for hint in classify_columns(units).values() if hint.channel is STEER]
     named = [channel.columns[0] for signal, channel in SignalMap.of_columns(units)[0].items() if _is_steer(signal)]
     log = opened(workspace, name, _steered_span(opened(workspace, name), named + steers))
     return propose_signals(log, contents, workspace.vehicle(), databases=databases).signals_toml
@@ -174,7 +174,7 @@ def evidence(folder: Path, name: str) -> SignalEvidence:
 
 
 def _is_steer(signal: str) -> bool:
-    return SignalName.of(signal).quantity == "steer"
+    return is_of(signal, STEER)
 
 
 def _steered_span(log: StoredLog, columns: Sequence[str]) -> tuple[float, float] | None:

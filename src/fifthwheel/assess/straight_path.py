@@ -12,9 +12,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.dynamics import matrices
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.names import SignalName
 
 CROSSFALL = 0.03
 """Of the road, rad."""
@@ -35,11 +35,9 @@ def lateral_positions(truck: Truck) -> Array:
     """Lateral position, m, of the front and rear end of the centre line of every unit, (2 n,)."""
     vehicle, body = truck.vehicle, truck.body
     m = matrices(vehicle, truck.speed, roll=True, bank=True)
-    moving = [i for i, name in enumerate(m.states) if SignalName.of(name).quantity not in ("yaw_rate", "roll_rate")]
+    moving = [i for i, name in enumerate(m.states) if not is_of(name, YAW_RATE, ROLL_RATE)]
     unknown = [i for i in moving if m.states[i] != BANK]
-    rates = [
-        i for i, name in enumerate(m.states) if SignalName.of(name).quantity not in ("articulation", "roll", "bank")
-    ]
+    rates = [i for i, name in enumerate(m.states) if not is_of(name, ARTICULATION, ROLL) and name != BANK]
     left = np.column_stack([m.A[np.ix_(rates, unknown)], m.B[rates, 0]])
     solution = np.linalg.solve(left, -m.A[rates, m.states.index(BANK)] * CROSSFALL)
     values = dict(zip((m.states[i] for i in unknown), solution, strict=False))

@@ -12,9 +12,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import linear_system, state_names
 from fifthwheel.errors import VehicleError
-from fifthwheel.names import SignalName
 
 PULSE = 0.2
 """Duration of the half sine of the steer angle, s."""

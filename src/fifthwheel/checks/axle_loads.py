@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import AXLE_LOAD, YAW_RATE, SignalName, names_of
 from fifthwheel.errors import SignalError
-from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
 
 PREFIX = "axle_load."
@@ -36,16 +36,16 @@ def static_loads(record: Record) -> dict[str, StaticLoad]:
     Raises:
         SignalError: there is no axle load, or one has fewer than 5 usable samples.
     """
-    loads = {name: values for name, values in record.signals.items() if SignalName.of(name).quantity == "axle_load"}
+    loads = {name: record.signals[name] for name in names_of(AXLE_LOAD, record.signals)}
     if not loads:
         raise SignalError(
             f"{record.name}: no axle load; map the columns with axle loads in signals.toml:\n"
             f'[signals."axle_load.tractor.drive"]\ncolumn = "..."\nunit = "kg"'
         )
     used = np.ones(len(record), dtype=bool)
-    yaw_rates = [values for name, values in record.signals.items() if SignalName.of(name).quantity == "yaw_rate"]
+    yaw_rates = names_of(YAW_RATE, record.signals)
     if yaw_rates:
-        used &= ~(np.abs(_filled(record, yaw_rates[0])) > _MAX_YAW_RATE)
+        used &= ~(np.abs(_filled(record, record.signals[yaw_rates[0]])) > _MAX_YAW_RATE)
     if "speed" in record.signals:
         at_rest = used & (np.abs(_filled(record, record.signals["speed"])) < _REST_SPEED)
         if all(np.isfinite(values[at_rest]).sum() >= _MIN_SAMPLES for values in loads.values()):

@@ -35,6 +35,8 @@ class Fault(Enum):
     """Positive to the right instead of to the left."""
     WRONG_COLUMN = "wrong column"
     """No relation to the other signals."""
+    UNUSED = "unused"
+    """A quantity that no check and no estimator uses."""
     UNKNOWN_UNIT = "unknown unit"
     """A unit or steered axle that the vehicle does not have."""
     OFFSET = "offset"

@@ -14,19 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, names_of
+from fifthwheel.channels.channel import Turn, TurnRelation
 from fifthwheel.checks.findings import Fault, Finding, remedy_text
-from fifthwheel.checks.samples import LIMITS, present_samples, spike_mask
-from fifthwheel.names import SignalName
+from fifthwheel.checks.samples import MAX_SPEED, limit_of, present_samples, spike_mask
 from fifthwheel.record.record import Record
+from fifthwheel.record.signal_names import si_unit
 
-UNDERSTEER = 0.004
-"""s^2/m; understeer gradient of a heavy truck; measured values lie between 0.002 and 0.008."""
 _STEP = 0.05
 """s; step of the common time on which signals are compared."""
 _MIN_DURATION = 3.0
 """s; a shorter common time is not compared."""
-_MAX_LEAD = 0.4
-"""s; a yaw rate that leads the expected one by more is not that of a towed unit."""
 _MAX_INSTANTS = 1e7
 """Instants of a common time, 6 days; more result from a corrupted timestamp only."""
 _GAP = 10.0
@@ -35,18 +33,10 @@ _MIN_COVERED = 0.05
 """Fraction of a record's span outside of gaps; less results from a gap of hours or a corrupted timestamp."""
 _TOWED_LENGTH = 8.0
 """m; length of a towed unit from coupling to axles, where none is known."""
-_ROLL_GRADIENT = 0.03
-"""rad s^2/m; roll angle of a body by lateral acceleration."""
-_ROLL_LAG = 0.15
-"""s; two first-order lags of this time constant approximate the roll mode: 1 Hz, well damped."""
-_STEER_LAG = 0.25
-"""s; lag of the yaw rate behind the steer angle."""
+_LEAST_YAW_RATE = 0.01
+"""rad/s; standard deviation of the leading yaw rate above which it shows turns and not only noise."""
 _SMOOTHING = 0.3
 """s; time constant of the lag that both signals pass before they are compared."""
-_MIN_SIGMA = {"steer": 0.003, "yaw_rate": 0.01, "articulation": 0.01, "lateral_acceleration": 0.3, "roll_rate": 0.003}
-"""Standard deviation above which a signal shows turns and not only noise, SI."""
-_MAX_OFFSET = {"steer": 0.02, "yaw_rate": 0.02, "articulation": 0.04, "lateral_acceleration": 1.0}
-"""Offset above which a warning is given, SI."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,29 +62,28 @@ class Relation:
     """m, of the leading unit."""
 
     @property
+    def turn(self) -> TurnRelation:
+        """Of the channel of the signal."""
+        channel = channel_of(self.signal)
+        assert channel is not None
+        assert channel.turn is not None
+        return channel.turn
+
+    @property
     def fault(self) -> Fault | None:
         """The fault of the signal, or of the leading yaw rate if the inverse gain explains it; None without a fault."""
-        quantity = SignalName.of(self.signal).quantity
-        if quantity == "roll_rate":  # road and wind excite roll too, and the roll gradient is unknown
-            if self.excited and self.correlation < -0.5:
-                return Fault.SWAPPED_SIGN
-            return Fault.DEGREES if self.correlation > 0.8 and self.gain > 20 else None
-        if self.excited and self.coherence < 0.3:
+        turn = self.turn
+        if self.excited and not turn.has_other_causes and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
         if self.excited and self.correlation < -0.5:
             return Fault.SWAPPED_SIGN
-        if self.excited and quantity == "yaw_rate" and self.lead > _MAX_LEAD:
+        if self.excited and self.lead > turn.longest_lead:
             return Fault.WRONG_COLUMN
-        if abs(self.correlation) > 0.8:
-            if quantity == "steer" and (7 < self.gain < 38 or self.gain > 300):
-                return Fault.STEERING_WHEEL
-            if self.gain < 1 / 20 or (self.gain > 20 and quantity != "lateral_acceleration"):
-                return Fault.DEGREES
-            if quantity == "lateral_acceleration" and (self.gain < 0.4 or 2.5 < self.gain < 5):
-                return Fault.UNIT
-            if self.excited and quantity == "steer" and not 0.35 < self.gain < 2.2:
-                return Fault.GAIN
-            if self.excited and abs(self.offset) > _MAX_OFFSET[quantity]:
+        if (self.correlation if turn.has_other_causes else abs(self.correlation)) > 0.8:
+            for fault, above, below, if_excited in turn.gain_faults:
+                if above < self.gain < below and (self.excited or not if_excited):
+                    return Fault(fault)
+            if self.excited and abs(self.offset) > turn.largest_offset:
                 return Fault.OFFSET
         return None
 
@@ -105,8 +94,8 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     wheelbase in m, min_speed in m/s.
     """
     every = list(relations(record, wheelbase=wheelbase, min_speed=min_speed))
-    rolling = [relation for relation in every if SignalName.of(relation.signal).quantity == "roll_rate"]
-    turning = [relation for relation in every if relation not in rolling]
+    rolling = [relation for relation in every if relation.turn.has_other_causes]
+    turning = [relation for relation in every if not relation.turn.has_other_causes]
     faults = [relation.fault for relation in turning]
     counts = Counter(faults)
     # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal.
@@ -121,13 +110,9 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
         elif fault is not None and fault not in leading_faults:
             yield _finding(relation, fault, of_leading=False)
     # A roll rate is compared with the yaw rate of its own unit, which must be without a fault.
-    doubtful = {
-        SignalName.of(relation.signal).place
-        for relation in turning
-        if relation.fault and SignalName.of(relation.signal).quantity == "yaw_rate"
-    }
+    doubtful = {SignalName.of(r.signal).unit for r in turning if r.fault and is_of(r.signal, YAW_RATE)}
     for relation in rolling:
-        if relation.fault and not leading_faults and SignalName.of(relation.signal).place not in doubtful:
+        if relation.fault and not leading_faults and SignalName.of(relation.signal).unit not in doubtful:
             yield _finding(relation, relation.fault, of_leading=False)
 
 
@@ -139,33 +124,36 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
     time = common_time(record, _STEP)
     speed, speed_known = at_common_time(record, "speed", time)
     rate, rate_known = at_common_time(record, leading, time)
-    fast = speed_known & rate_known & (speed > min_speed) & (speed < LIMITS["speed"].magnitude)
+    fast = speed_known & rate_known & (speed > min_speed) & (speed < MAX_SPEED)
     if fast.sum() * _STEP < _MIN_DURATION:
         return
     u = np.maximum(speed, min_speed)
-    towed_rate = _lag(rate, _TOWED_LENGTH / u)
-    expected = {
-        "steer": rate * (wheelbase + UNDERSTEER * u**2) / u,
-        "yaw_rate": towed_rate,
-        "articulation": -towed_rate * _TOWED_LENGTH / u,
-        "lateral_acceleration": u * rate,
-    }
-    turning = float(np.std(rate[fast])) > _MIN_SIGMA["yaw_rate"]
+    motion = Turn(
+        speed=u,
+        yaw_rate=rate,
+        own_yaw_rate=rate,
+        is_towed=True,
+        towed_length=_TOWED_LENGTH,
+        wheelbase=wheelbase,
+        step=_STEP,
+    )
+    turning = float(np.std(rate[fast])) > _LEAST_YAW_RATE
     for name in record.signals:
-        signal = SignalName.of(name)
-        quantity = signal.quantity
-        if quantity == "roll_rate":
-            own_rate, own_known = at_common_time(record, f"yaw_rate.{signal.place}", time)
-            expected["roll_rate"] = _expected_roll_rate(u * (own_rate if own_known.any() else rate))
-        if quantity not in expected or name == leading or (quantity == "steer" and signal.axle != "front"):
+        signal, channel = SignalName.of(name), channel_of(name)
+        turn = channel.turn if channel else None
+        if turn is None or name == leading or turn.part not in (None, signal.part):
             continue
         values, known = at_common_time(record, name, time)
-        if quantity == "steer":
-            values = _lag(values, np.full(time.size, _STEER_LAG))
+        if turn.lag:
+            values = motion.lagged(values, turn.lag)
         compared = fast & known
         if compared.sum() * _STEP < _MIN_DURATION:
             continue
-        actual, reference = (_lag(x, np.full(time.size, _SMOOTHING)) for x in (values, expected[quantity]))
+        own_rate, own_known = at_common_time(record, f"yaw_rate.{signal.unit}", time)
+        own = motion._replace(
+            own_yaw_rate=own_rate if own_known.any() else rate, is_towed=signal.unit != SignalName.of(leading).unit
+        )
+        actual, reference = (motion.lagged(x, _SMOOTHING) for x in (values, turn.expected(own)))
         gain = float(np.std(actual[compared]) / max(float(np.std(reference[compared])), 1e-12))
         nominal = correlation(actual, reference, compared, 0)
         shifts = range(-30, 31, 2)
@@ -179,22 +167,15 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             lead=shifts[best] * _STEP if shifted[best] > 0.9 else 0.0,
             gain=gain,
             offset=float(np.mean(actual[compared]) - np.sign(nominal) * gain * np.mean(reference[compared])),
-            excited=turning and float(np.std(actual[compared])) > _MIN_SIGMA[quantity],
+            excited=turning and float(np.std(actual[compared])) > turn.least_sigma,
             wheelbase=wheelbase,
         )
 
 
-def _expected_roll_rate(lateral_acceleration: Array) -> Array:
-    """Roll rate (N,) of a body by the lateral acceleration (N,) of its unit, rad/s."""
-    for _ in range(2):
-        lateral_acceleration = _lag(lateral_acceleration, np.full(lateral_acceleration.size, _ROLL_LAG))
-    return np.asarray(_ROLL_GRADIENT * np.gradient(lateral_acceleration, _STEP))
-
-
 def _leading_yaw_rate(record: Record) -> str | None:
     """The yaw rate of the unit with the front steer angle, else the first yaw rate, if there is one."""
-    yaw_rates = [name for name in record.signals if SignalName.of(name).quantity == "yaw_rate"]
-    steered = [s.unit for s in map(SignalName.of, record.signals) if s.quantity == "steer" and s.axle == "front"]
+    yaw_rates = names_of(YAW_RATE, record.signals)
+    steered = [s.unit for s in map(SignalName.of, names_of(STEER, record.signals)) if s.part == "front"]
     return next((name for name in yaw_rates if SignalName.of(name).unit in steered), next(iter(yaw_rates), None))
 
 
@@ -216,7 +197,8 @@ def at_common_time(record: Record, name: str, time: Array) -> tuple[Array, NDArr
     if name not in record.signals:
         return np.zeros(time.size), np.zeros(time.size, dtype=bool)
     sample_time, values = present_samples(record, name)
-    keep = ~spike_mask(sample_time, values, LIMITS[SignalName.of(name).quantity].jump)
+    limit = limit_of(name)
+    keep = ~spike_mask(sample_time, values, limit.jump if limit else np.inf)
     if keep.sum() < max(2, 0.9 * keep.size):
         keep = np.ones(sample_time.size, dtype=bool)
     sample_time, values = sample_time[keep], values[keep]
@@ -225,16 +207,6 @@ def at_common_time(record: Record, name: str, time: Array) -> tuple[Array, NDArr
     after = np.clip(np.searchsorted(sample_time, time), 1, sample_time.size - 1)
     near = np.minimum(np.abs(sample_time[after] - time), np.abs(time - sample_time[after - 1])) < 0.5
     return np.interp(time, sample_time, values), near
-
-
-def _lag(values: Array, time_constant: Array) -> Array:
-    """First-order lag of values (N,) with a time constant (N,) s."""
-    state, result = float(values[0]), np.empty(values.size)
-    weights = _STEP / (time_constant + _STEP)
-    for k, (value, weight) in enumerate(zip(values.tolist(), weights.tolist(), strict=True)):
-        state += weight * (value - state)
-        result[k] = state
-    return result
 
 
 def correlation(a: Array, b: Array, mask: NDArray[np.bool_], shift: int) -> float:
@@ -270,7 +242,7 @@ def _explain(
     relation: Relation, fault: Fault, *, signal: str, other: str, gain: float
 ) -> tuple[str, Mapping[str, str | float], str]:
     """What is wrong with `signal`, the keys of signals.toml that remove it, and the cure where keys do not suffice."""
-    unit = LIMITS[SignalName.of(signal).quantity].unit
+    unit = si_unit(signal) or ""
     factor = f"{gain:.0f}" if gain >= 10 else f"{gain:.2g}"
     expected = f"{factor} times the value expected from {other}"
     match fault:
@@ -281,7 +253,7 @@ def _explain(
             )
             remedy = {"sign": -1}
             return problem, remedy, remedy_text(remedy) + ("" if signal == relation.leading else f", or for {other}")
-        case Fault.WRONG_COLUMN if relation.lead > _MAX_LEAD and SignalName.of(signal).quantity == "yaw_rate":
+        case Fault.WRONG_COLUMN if relation.lead > relation.turn.longest_lead:
             problem = (
                 f"the signal leads {relation.leading} by {relation.lead:.1f} s, which is impossible for a towed unit"
             )

@@ -6,12 +6,13 @@ from itertools import combinations
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import MEASURED, STEER, WHEEL_SPEED, SignalName, channel_of, is_of, names_of
 from fifthwheel.checks.findings import Fault, Finding, Severity, remedy_text
 from fifthwheel.checks.kinematics import kinematic_findings
 from fifthwheel.checks.samples import dropouts, limit_of, present_samples, spikes, stuck
 from fifthwheel.errors import suggestion
-from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
+from fifthwheel.record.signal_names import si_unit
 
 MIN_SPEED = 5.0
 """m/s; below it the lateral equations, which divide by speed, are inaccurate."""
@@ -20,8 +21,6 @@ _MAX_STEERING_WHEEL = 16.0
 """rad; a steering wheel turns by up to 2.5 revolutions to either side."""
 _MAX_RATE = 2e4
 """Hz; no log of a truck has a higher sampling rate."""
-_DISTINCT = ("yaw_rate", "roll_rate", "roll", "lateral_acceleration", "articulation")
-"""Quantities of which each unit has its own."""
 _SAME = (0.9999, 0.999)
 """Least correlation of two signals with the same samples, and of their differences from sample to sample."""
 _DEFAULT_WHEELBASE = 4.5
@@ -54,7 +53,7 @@ def check(
     for name in record.signals:
         findings += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
         findings += [] if name in explained else _range(record, name)
-    findings += _time(record)
+    findings += [*_time(record), *_unused(record)]
     distinct: dict[tuple[str, Fault], Finding] = {}
     for finding in findings:
         distinct.setdefault((finding.signal, finding.fault), finding)
@@ -70,7 +69,7 @@ def _unknown_units(record: Record, units: Sequence[str], steered: Sequence[str])
                 f"the vehicle file has no tractor or trailer named {signal.unit!r}",
                 suggestion(signal.unit, list(units)),
             )
-        elif signal.quantity == "steer" and steered and name not in steered:
+        elif is_of(name, STEER) and steered and name not in steered:
             problem, similar = "the vehicle has no such steered axle", suggestion(name, list(steered))
         else:
             continue
@@ -111,9 +110,9 @@ def _speed(record: Record) -> Iterator[Finding]:
 
 def _duplicates(record: Record) -> Iterator[Finding]:
     """Signals of one quantity of two units with the same samples, noise included."""
-    names = [name for name in record.signals if SignalName.of(name).quantity in _DISTINCT]
+    names = [name for name in record.signals if is_of(name, *MEASURED)]
     for one, other in combinations(names, 2):
-        if SignalName.of(one).quantity != SignalName.of(other).quantity:
+        if channel_of(one) is not channel_of(other):
             continue
         a, b = record.signals[one], record.signals[other]
         both = np.isfinite(a) & np.isfinite(b)
@@ -131,7 +130,7 @@ def _same(a: Array, b: Array, least: float) -> bool:
 
 def _wheel_speeds(record: Record) -> Iterator[Finding]:
     """Wheel speeds that differ from the vehicle's speed."""
-    wheels = [name for name in record.signals if SignalName.of(name).quantity == "wheel_speed"]
+    wheels = names_of(WHEEL_SPEED, record.signals)
     if not wheels or "speed" not in record.signals:
         return
     speed_time, speed = present_samples(record, "speed")
@@ -164,10 +163,10 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
     limit = limit_of(name)
     if limit is None or not values.size:
         return
-    largest, unit = float(np.quantile(np.abs(values), 0.99)), limit.unit
+    largest, unit = float(np.quantile(np.abs(values), 0.99)), si_unit(name) or ""
     if largest <= limit.magnitude:
         return
-    steer = SignalName.of(name).quantity == "steer"
+    steer = is_of(name, STEER)
     remedy: dict[str, str | float] = {}
     if steer and largest <= _MAX_STEERING_WHEEL:
         fault = Fault.STEERING_WHEEL
@@ -187,6 +186,16 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
         fault, cure = Fault.OUT_OF_RANGE, "correct column or unit in signals.toml"
     message = f"{name}: up to {largest:.3g} {unit}, at most {limit.magnitude:g} {unit} expected; {cure}"
     yield Finding(signal=name, fault=fault, severity="error", message=message, remedy=remedy)
+
+
+def _unused(record: Record) -> Iterator[Finding]:
+    """One finding on all signals of quantities that nothing uses."""
+    channels = ((name, channel_of(name)) for name in record.signals)
+    if names := [name for name, channel in channels if channel and channel.proposed != "signal"]:
+        first, *others = names
+        also = f", like {', '.join(others)}" if others else ""
+        message = f"{first}: nothing uses it{also}; move it to [reference] in signals.toml, or delete it"
+        yield Finding(signal=first, fault=Fault.UNUSED, severity="warning", message=message, others=tuple(others))
 
 
 def _time(record: Record) -> Iterator[Finding]:

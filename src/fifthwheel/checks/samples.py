@@ -1,48 +1,18 @@
 """Faults that a channel shows on its own: missing samples, spikes and constant values."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SPEED, Limit, SignalName, channel_of, is_input
 from fifthwheel.checks.findings import Fault, Finding, Severity
-from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
-from fifthwheel.record.signal_names import is_input
+from fifthwheel.record.signal_names import si_unit
 
-
-@dataclass(frozen=True, kw_only=True)
-class Limit:
-    """What a heavy vehicle can do in one quantity, SI."""
-
-    magnitude: float
-    """Never exceeded."""
-    jump: float
-    """Never exceeded within 0.1 s; a larger change is a spike."""
-    turn: float
-    """Change within a second that distinguishes a turn from straight-line driving."""
-    unit: str
-
-
-LIMITS: dict[str, Limit] = {
-    "speed": Limit(magnitude=45.0, jump=2.0, turn=np.inf, unit="m/s"),
-    "steer": Limit(magnitude=1.2, jump=0.15, turn=0.01, unit="rad"),
-    "yaw_rate": Limit(magnitude=1.5, jump=0.15, turn=0.03, unit="rad/s"),
-    "articulation": Limit(magnitude=1.7, jump=0.06, turn=0.02, unit="rad"),
-    "lateral_acceleration": Limit(magnitude=12.0, jump=3.0, turn=1.0, unit="m/s^2"),
-    "lateral_velocity": Limit(magnitude=10.0, jump=1.0, turn=np.inf, unit="m/s"),
-    "sideslip": Limit(magnitude=1.0, jump=0.1, turn=np.inf, unit="rad"),
-    "roll": Limit(magnitude=0.5, jump=0.05, turn=0.02, unit="rad"),
-    "roll_rate": Limit(magnitude=2.0, jump=0.4, turn=np.inf, unit="rad/s"),
-    "wheel_speed": Limit(magnitude=45.0, jump=2.0, turn=np.inf, unit="m/s"),
-    "longitudinal_acceleration": Limit(magnitude=12.0, jump=3.0, turn=np.inf, unit="m/s^2"),
-    "axle_load": Limit(magnitude=5e5, jump=1e5, turn=np.inf, unit="N"),
-}
-
-_MAY_BE_CONSTANT = ("speed", "wheel_speed", "axle_load")
-"""Quantities that may be constant in a turn."""
+MAX_SPEED = SPEED.limit.magnitude if SPEED.limit else np.inf
+"""m/s; a larger one is a fault."""
 _MAX_BINS = 100_000
 _ANY_LIMIT = 1e9
 """SI; no quantity of a truck is as large."""
@@ -51,8 +21,9 @@ _MAX_SPIKES = 0.1
 
 
 def limit_of(name: str) -> Limit | None:
-    """The limit of a signal's quantity."""
-    return LIMITS.get(SignalName.of(name).quantity)
+    """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
+    channel = channel_of(name)
+    return channel.limit if channel else None
 
 
 def present_samples(record: Record, name: str) -> tuple[Array, Array]:
@@ -129,9 +100,12 @@ def spike_mask(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
 def remove_input_spikes(record: Record) -> Record:
     """The record with the spikes of speed and steer angles marked as missing: no filter gates the inputs of a model."""
     repaired = {}
-    for name in filter(is_input, record.signals):
+    for name in record.signals:
+        limit = limit_of(name)
+        if limit is None or not is_input(name):
+            continue
         time, values = present_samples(record, name)
-        mask = spike_mask(time, values, LIMITS[SignalName.of(name).quantity].jump)
+        mask = spike_mask(time, values, limit.jump)
         if mask.any() and np.mean(mask) < _MAX_SPIKES:
             repaired[name] = np.where(np.isin(record.time, time[mask]), np.nan, record.signals[name])
     return record.with_signals(repaired) if repaired else record
@@ -152,7 +126,7 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
             if is_input(name)
             else "filters gate them as outliers; repair the column if there are many"
         )
-        where = f"the first {values[first]:.3g} {limit.unit} at {time[first]:.2f} s"
+        where = f"the first {values[first]:.3g} {si_unit(name)} at {time[first]:.2f} s"
         count = f"{mask.sum()} spike{'s' if mask.sum() > 1 else ''}"
         message = f"{name}: {count}, {where}; {cure}"
         yield Finding(signal=name, fault=Fault.SPIKE, severity="warning", message=message)
@@ -169,7 +143,7 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
     An error if it lasts more than a tenth of the record.
     """
     limit = limit_of(name)
-    if limit is None or SignalName.of(name).quantity in _MAY_BE_CONSTANT or "speed" not in record.signals:
+    if limit is None or limit.may_be_constant or "speed" not in record.signals:
         return
     time, values = present_samples(record, name)
     if values.size < 3:
@@ -191,7 +165,7 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
     start, stop = max(frozen, key=lambda span: span[1] - span[0])
     value = values[np.searchsorted(time, start)]
     message = (
-        f"{name}: constant at {value:.4g} {limit.unit} from {start:.2f} to {stop:.2f} s while other signals show a "
+        f"{name}: constant at {value:.4g} {si_unit(name)} from {start:.2f} to {stop:.2f} s while other signals show a "
         "turn; map another column, or cut the record with start and stop in [time] of signals.toml"
     )
     severity: Severity = "error" if total > 0.1 * (last - first) else "warning"
@@ -204,10 +178,11 @@ def _turns(record: Record, name: str, start: float, stop: float, min_speed: floa
     speed = record.signals["speed"][rows]
     if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:
         return False
-    factor = 2.0 if is_input(name) else 1.0  # steer is constant in a steady turn, and other signals follow it late
+    driven = is_input(name)
+    factor = 2.0 if driven else 1.0  # steer is constant in a steady turn, and other signals follow it late
     for other, values in record.signals.items():
         limit = limit_of(other)
-        late = is_input(name) and SignalName.of(other).unit != SignalName.of(name).unit
+        late = driven and SignalName.of(other).unit != SignalName.of(name).unit
         settled = record.time[rows] >= start + SETTLING_TIME * late  # the units behind still turn
         within = values[rows][settled]
         within = within[~np.isnan(within)]

@@ -48,9 +48,9 @@ def reproduce(
     `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores; with --quick
     less than one minute.
     """
-    from fifthwheel.studies.cheng_cebon_2011 import table
-    from fifthwheel.studies.cheng_cebon_2011.reproduce import FILES
-    from fifthwheel.studies.cheng_cebon_2011.reproduce import reproduce as run
+    from fifthwheel.cheng_cebon_2011 import table
+    from fifthwheel.cheng_cebon_2011.reproduce import FILES
+    from fifthwheel.cheng_cebon_2011.reproduce import reproduce as run
     from fifthwheel.workflow import read_vehicle
 
     truck = None if vehicle is None else read_vehicle(vehicle)

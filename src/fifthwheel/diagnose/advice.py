@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose.cautions import has_wide_sigma
 from fifthwheel.diagnose.fit_quality import predicted_logs
 from fifthwheel.diagnose.run_summary import RunSummary
@@ -16,7 +17,7 @@ from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS
 from fifthwheel.identify.suspension import independent_of_load
-from fifthwheel.names import ParameterPath, SensorErrorName
+from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 if TYPE_CHECKING:

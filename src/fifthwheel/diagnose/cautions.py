@@ -6,6 +6,16 @@ from enum import StrEnum
 
 import numpy as np
 
+from fifthwheel.channels import (
+    LATERAL_ACCELERATION,
+    LOAD_TRANSFER,
+    PLACE_KINDS,
+    STEER,
+    SensorErrorName,
+    SignalName,
+    is_of,
+    is_sensor_error,
+)
 from fifthwheel.checks.findings import Severity
 from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.fit_quality import fit_quality
@@ -13,20 +23,11 @@ from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.dynamics.saturation import FRICTION
-from fifthwheel.dynamics.sensors import LOAD_TRANSFER
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
-from fifthwheel.identify import Estimate, Identification, OneStage, SensorError, Verdict
+from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
-from fifthwheel.identify.unknowns.parameters import accelerometer_prior
-from fifthwheel.names import (
-    ACCELEROMETER,
-    PLACE_KINDS,
-    ParameterPath,
-    SensorErrorName,
-    SignalName,
-    is_sensor_error,
-    split_log,
-)
+from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
+from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -96,35 +97,20 @@ def has_wide_sigma(estimate: Estimate) -> bool:
     return estimate.sigma > thresholds.WIDE_SIGMA * abs(estimate.value)
 
 
-def sensor_error_prior(identification: Identification, name: str) -> tuple[float, float]:
-    """Prior mean and standard deviation of a sensor error, SI."""
-    settings = identification.settings
-    signal, kind = SensorErrorName.of(name) or (name, "")
-    quantity = SignalName.of(signal).quantity
-    if quantity == ACCELEROMETER and isinstance(settings, OneStage):
-        return accelerometer_prior(identification.initial_vehicle, signal, kind, settings)
-    if kind == "gain":
-        rate_gain: float = getattr(settings, "rate_gain_prior", thresholds.UNUSUAL_GAIN)
-        return 1.0, settings.steer_gain_prior if quantity == "steer" else rate_gain
-    if kind == "delay":
-        return 0.0, settings.steer_delay_prior
-    if kind == "play":
-        return 0.0, getattr(settings, "steer_play_prior", thresholds.UNUSUAL_PLAY)
-    if kind == "misalignment":
-        return 0.0, getattr(settings, "misalignment_prior", thresholds.UNUSUAL_MISALIGNMENT)
-    if quantity == "steer":
-        return 0.0, settings.steer_offset_prior
-    return 0.0, settings.articulation_offset_prior if quantity == "articulation" else settings.rate_offset_prior
-
-
 def is_unusual(identification: Identification, error: SensorError) -> bool:
     """Whether a sensor error is far from its prior mean, or a steer gain far from 1."""
     mean, sigma = sensor_error_prior(identification, error.name)
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
-    if kind == "gain" and SignalName.of(signal).quantity == "steer":
+    if kind == "gain" and is_of(signal, STEER):
         return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
     far = abs(error.value - mean) > thresholds.UNUSUAL_DEVIATION * sigma
     return far and (kind != "misalignment" or abs(error.value - mean) > 2 * error.sigma)
+
+
+def sensor_error_prior(identification: Identification, name: str) -> tuple[float, float]:
+    """Prior mean and standard deviation of a sensor error, SI."""
+    prior = prior_of_sensor_error(identification.initial_vehicle, name, identification.settings)
+    return prior or (0.0, identification.settings.steer_delay_prior)  # the delay of a time base
 
 
 def assumption_cautions(identification: Identification) -> Iterator[Caution]:
@@ -202,13 +188,13 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
-        filtered = SignalName.of(signal).quantity == ACCELEROMETER  # always late
+        filtered = is_of(signal, LATERAL_ACCELERATION)  # always late
         delayed = kind == "delay" and not filtered and abs(error.value) > significant
         doubts = [d for d in identification.doubts if any(split_log(c.name)[0] == error.name for c in d.causes)]
         doubts = [d for d in doubts if d.kind is DoubtKind.SENSOR]
         if not delayed and not doubts and not is_unusual(identification, error):
             continue
-        steer_gain = kind == "gain" and SignalName.of(signal).quantity == "steer"
+        steer_gain = kind == "gain" and is_of(signal, STEER)
         value = with_sigma(error.value, error.sigma, error.unit)
         if kind == "delay" and filtered:
             text, cure = f"the estimated delay is {value}.", "Check its timestamps, or set its delay in the signal map."
@@ -312,7 +298,7 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
 
 def _wheel_lifts(states: States) -> Iterator[Caution]:
     """The axle group of which a wheel lifts first."""
-    ratios = {n: np.abs(v) for n, v in states.values.items() if SignalName.of(n).quantity == LOAD_TRANSFER}
+    ratios = {n: np.abs(v) for n, v in states.values.items() if is_of(n, LOAD_TRANSFER)}
     lifted = {name: ratio >= thresholds.LIFTED for name, ratio in ratios.items()}
     starts = {name: float(states.time[rows.argmax()]) for name, rows in lifted.items() if rows.any()}
     if starts:

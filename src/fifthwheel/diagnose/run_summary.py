@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.channels import YAW_RATE, SignalName, names_of
 from fifthwheel.diagnose.thresholds import MIN_SPEED
 from fifthwheel.identify import Identification
-from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration, largest_mean
 
@@ -65,7 +65,7 @@ def _summary(record: Record, unit: str | None, offset: float, min_speed: float) 
     if not fast.any():
         return RunSummary(name=record.name, speed=(np.nan, np.nan), acceleration=np.nan)
     low, high = float(speed[fast].min()), float(speed[fast].max())
-    rates = [name for name in record.signals if SignalName.of(name).quantity == "yaw_rate"]
+    rates = names_of(YAW_RATE, record.signals)
     name = f"yaw_rate.{unit}" if unit else next(iter(rates), "")
     acceleration = np.nan
     if name in record.signals:

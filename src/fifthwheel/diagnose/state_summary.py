@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.sensors import PREDICTED_LOAD_TRANSFER
-from fifthwheel.names import SignalName
+from fifthwheel.channels import PREDICTED_LOAD_TRANSFER, SignalName, names_of
 from fifthwheel.observe import States
 from fifthwheel.record import Record
 
@@ -68,7 +67,7 @@ def _first_lift_warning(states: States) -> LiftWarning | None:
     if not states.lift_warning.any():
         return None
     first = int(states.lift_warning.argmax())
-    predicted = [name for name in states.values if SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER]
+    predicted = names_of(PREDICTED_LOAD_TRANSFER, states.values)
     largest = max(predicted, key=lambda name: abs(states.values[name][first]))
     return LiftWarning(float(states.time[first]), SignalName.of(largest).place)
 

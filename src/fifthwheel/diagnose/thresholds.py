@@ -23,8 +23,6 @@ UNUSUAL_DEVIATION = 2.5
 
 UNUSUAL_GAIN = 0.1
 """A steer gain so far from 1, and by twice its sigma, is unusual: the steering ratio can be measured."""
-UNUSUAL_MISALIGNMENT, UNUSUAL_PLAY = 0.05, 0.0035
-"""rad; for a method without a prior."""
 SIGNIFICANT_DELAY = 3.0
 """A delay of so many sigmas is significant."""
 NEGLIGIBLE_DELAY = 0.02

@@ -28,9 +28,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import unit_equations
 from fifthwheel.dynamics.symbolic import Expressions, solve_positive_definite
-from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 

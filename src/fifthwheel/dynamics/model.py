@@ -14,11 +14,11 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.dynamics.tyres import NO_CHANGE, TyreLaw, saturation_parameters, softening_factor
-from fifthwheel.names import STEER_ERROR_KINDS, SignalName
 from fifthwheel.vehicle import Vehicle
 
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
@@ -317,7 +317,7 @@ def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _St
     """The steer angles, from the measured ones and the errors of their sensors."""
     steers, k = model.vehicle.steer_signals(), len(model.inputs)
     m = len(steers)
-    error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in STEER_ERROR_KINDS}
+    error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in ("offset", "gain", "delay")}
     measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
     before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
     rate = ca.SX.zeros(m)

@@ -1,12 +1,9 @@
 """Outputs of sensors as expressions of the chain's state.
 
-A sensor is named quantity.unit. Its errors are parameters: its output is <sensor>.gain times the quantity plus
-<sensor>.offset. A quantity that depends on the sensor's position has two more parameters: <sensor>.position, x on the
-unit in m, and <sensor>.height above the ground in m.
-
-The load transfer ratio of an axle group, load_transfer.<group>, is the load of its right wheels less that of its left
-wheels, divided by their sum. No sensor measures it or `PREDICTED_LOAD_TRANSFER`, so they have no errors; their
-parameter is `HALF_TRACK`.
+A sensor is named quantity.unit[.part]; `channels` has what each quantity is. Its errors are parameters: its output is
+<sensor>.gain times the quantity plus <sensor>.offset. A quantity that depends on the sensor's place has two more
+parameters: <sensor>.position, x on the unit in m, and <sensor>.height above the ground in m. No sensor measures the
+load transfer ratio of an axle group, so it has no errors; its parameter is `HALF_TRACK`.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,30 +11,22 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.channels import LATERAL_ACCELERATION, MODELLED, SignalName, channel_of, is_of
+from fifthwheel.channels.channel import SensorModel
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.chain import BANK, Equations, Motion
-from fifthwheel.dynamics.saturation import DEFAULTS, HALF_TRACK
 from fifthwheel.dynamics.symbolic import Stages
 from fifthwheel.dynamics.tyres import Contact, axle_forces, linear
 from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle
 from fifthwheel.vehicle.axle_loads import axle_loads
-
-LOAD_TRANSFER = "load_transfer"
-"""Quantity of the load transfer ratio of an axle group."""
-PREDICTED_LOAD_TRANSFER = "predicted_load_transfer"
-"""Quantity of the load transfer ratio of an axle group after `HORIZON`, at its present rate: the predictive load
-transfer ratio (C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention systems, IEEE
-Transactions on Vehicular Technology 62, 2013)."""
-HORIZON = 0.2
-"""s."""
+from fifthwheel.vehicle.parameters import HALF_TRACK, TYRE_PARAMETERS
 
 
 class SensorInputs(NamedTuple):
-    """The quantities from which sensor outputs are computed."""
+    """The quantities from which sensor outputs are computed; a `channels.channel.Instant`."""
 
     p: Mapping[str, ca.SX]  # parameters of the vehicle and of the sensors, by name
     vehicle: Vehicle
@@ -49,6 +38,26 @@ class SensorInputs(NamedTuple):
     load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
     roll: bool  # whether the model has roll
     rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
+
+    def coupling_force(self, i: int) -> ca.SX:
+        """Side force of the coupling on unit i, N: inertia forces less tyre forces of this unit and all behind it."""
+        total, motion = ca.SX(0), self.motion
+        for k, unit in enumerate(self.vehicle.units[i:], i):
+            row = mass_matrix(self.p, unit, roll=self.roll)[0, :]
+            inertia = row @ self.acceleration[k] + row[0] * GRAVITY * motion.bank
+            total += inertia - sum(self.side_force[unit.group_path(group)] for group in unit.axle_groups)
+        return total
+
+    def load_transfer(self, name: str) -> ca.SX:
+        """Load transfer ratio of the axle group of a signal; beyond 1 or -1 the wheels of a side have lifted."""
+        i, group = axle_group(self.vehicle, name)
+        p, vehicle, unit, motion = self.p, self.vehicle, self.vehicle.units[i], self.motion
+        path = unit.group_path(group)
+        load: ca.SX = axle_loads(p, vehicle.units, vehicle.couplings)[path]
+        height = side_force_height(p, unit, group, load)
+        moment = load_transfer_moment(p, path, motion.roll[i], motion.roll_rate[i], self.side_force[path], height)
+        ratio: ca.SX = moment / ((load + self.load_change.get(path, 0)) * p[HALF_TRACK])
+        return ratio
 
 
 CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
@@ -100,77 +109,25 @@ def sensor_inputs(
     )
 
 
-def _lateral_velocity(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    """v + (x - x_cog) r - (h - h_r) p at the sensor's position."""
-    unit = inputs.vehicle.units[i].name
-    arm = inputs.p[f"{name}.position"] - inputs.p[f"{unit}.cog"]
-    above = inputs.p[f"{name}.height"] - inputs.p[f"{unit}.roll_axis_height"]
-    return inputs.motion.v[i] + arm * inputs.motion.r[i] - above * inputs.motion.roll_rate[i]
+def sensor_model(name: str) -> SensorModel:
+    """What a sensor with this name measures.
+
+    Raises:
+        SignalError: the model has no such quantity.
+    """
+    channel = channel_of(name)
+    if channel is None or channel.model is None:
+        quantity = SignalName.of(name).quantity
+        raise SignalError(
+            f"{name}: no such quantity in the model; {suggestion(quantity, [channel.quantity for channel in MODELLED])}"
+        )
+    return channel.model
 
 
-def _sideslip(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    return _lateral_velocity(inputs, i, name) / inputs.motion.u[i]
-
-
-def _lateral_acceleration(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    """Output of an accelerometer on the sprung body, which contains g times the roll angle and the bank."""
-    unit = inputs.vehicle.units[i].name
-    arm = inputs.p[f"{name}.position"] - inputs.p[f"{unit}.cog"]
-    above = inputs.p[f"{name}.height"] - inputs.p[f"{unit}.roll_axis_height"]
-    a = inputs.acceleration[i]
-    planar = a[0] + arm * a[1] + GRAVITY * inputs.motion.bank
-    return planar - above * a[2] + GRAVITY * inputs.motion.roll[i] if inputs.roll else planar
-
-
-def _articulation(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    return inputs.motion.heading[i] - inputs.motion.heading[i - 1]
-
-
-def _coupling_force(inputs: SensorInputs, i: int, name: str) -> ca.SX:
-    """Side force of the coupling on the unit behind it, N: inertia forces less tyre forces of all units behind it."""
-    total = ca.SX(0)
-    for k in range(i, len(inputs.vehicle.units)):
-        unit, motion = inputs.vehicle.units[k], inputs.motion
-        row = mass_matrix(inputs.p, unit, roll=inputs.roll)[0, :]
-        inertia = row @ inputs.acceleration[k] + row[0] * GRAVITY * motion.bank
-        total += inertia - sum(inputs.side_force[unit.group_path(group)] for group in unit.axle_groups)
-    return total
-
-
-class Quantity(NamedTuple):
-    """A quantity that a sensor on a unit can measure."""
-
-    unit: str
-    """SI unit."""
-    has_position: bool
-    """Whether it depends on the sensor's position on the unit."""
-    expression: Callable[[SensorInputs, int, str], ca.SX]
-    """Its value from the inputs, the index of the unit and the sensor's name."""
-
-
-QUANTITIES: dict[str, Quantity] = {
-    "yaw_rate": Quantity("rad/s", False, lambda inputs, i, _: inputs.motion.r[i]),
-    "roll_rate": Quantity("rad/s", False, lambda inputs, i, _: inputs.motion.roll_rate[i]),
-    "roll": Quantity("rad", False, lambda inputs, i, _: inputs.motion.roll[i]),
-    "articulation": Quantity("rad", False, _articulation),
-    "sideslip": Quantity("rad", True, _sideslip),
-    "lateral_velocity": Quantity("m/s", True, _lateral_velocity),
-    ACCELEROMETER: Quantity("m/s^2", True, _lateral_acceleration),
-    "coupling_force": Quantity("N", False, _coupling_force),
-}
-"""Quantities of a unit, by the first word of a signal's name."""
-
-RATES = frozenset({"yaw_rate", "roll_rate"})
-"""Quantities that a gyro measures."""
-
-NEEDS_COUPLING = frozenset({"articulation", "coupling_force"})
-"""Quantities that only a unit behind a coupling has."""
-
-LOAD_TRANSFERS = frozenset({LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER})
-"""Quantities of an axle group, which no sensor measures."""
-
-NEEDS_ROLL = frozenset({"roll_rate", "roll"}) | LOAD_TRANSFERS
-"""Quantities that only the yaw-roll model has."""
+def is_of_axle_group(name: str) -> bool:
+    """Whether a modelled quantity is that of an axle group: a load transfer ratio."""
+    channel = channel_of(name)
+    return channel is not None and channel.model is not None and channel.of == "part"
 
 
 def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
@@ -190,11 +147,12 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
     """Index of the unit of a signal, front to rear.
 
     Raises:
-        SignalError: the vehicle has no such unit, or the model has no such quantity.
+        SignalError: the vehicle has no such unit or axle group, or the model has no such quantity.
     """
+    sensor_model(name)
     signal, units = SignalName.of(name), [u.name for u in vehicle.units]
-    if signal.quantity not in QUANTITIES:
-        raise SignalError(f"{name}: no such quantity in the model; {suggestion(signal.quantity, QUANTITIES)}")
+    if is_of_axle_group(name):
+        return axle_group(vehicle, name)[0]
     if signal.unit not in units:
         raise SignalError(f"{name}: {vehicle.name} has no unit {signal.unit!r}; {suggestion(signal.unit, units)}")
     return units.index(signal.unit)
@@ -202,11 +160,10 @@ def unit_index(vehicle: Vehicle, name: str) -> int:
 
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
     """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
-    quantity = SignalName.of(name).quantity
-    unit = axle_group(vehicle, name)[0] if quantity in LOAD_TRANSFERS else unit_index(vehicle, name)
-    if unit == 0 and quantity in NEEDS_COUPLING:
+    model, unit = sensor_model(name), unit_index(vehicle, name)
+    if unit == 0 and model.behind_coupling:
         raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
-    if not roll and quantity in NEEDS_ROLL:
+    if not roll and model.needs_roll:
         raise SignalError(f"{name}: the yaw-only model has no roll; use the yaw-roll model or omit the signal")
 
 
@@ -221,15 +178,15 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """
     if name == BANK:
         return {}
-    if SignalName.of(name).quantity in LOAD_TRANSFERS:
-        return {HALF_TRACK: DEFAULTS[HALF_TRACK]}
-    unit = vehicle.units[unit_index(vehicle, name)]
+    model, unit = sensor_model(name), vehicle.units[unit_index(vehicle, name)]
+    if is_of_axle_group(name):
+        return {HALF_TRACK: TYRE_PARAMETERS[HALF_TRACK].default}
     parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
-    if SignalName.of(name).quantity in RATES:
+    if model.cross_axis:
         parameters[f"{name}.misalignment"] = 0.0
-    if QUANTITIES[SignalName.of(name).quantity].has_position:
+    if model.has_place:
         position, height = unit.cog, unit.roll_axis_height
-        if SignalName.of(name).quantity == ACCELEROMETER:
+        if is_of(name, LATERAL_ACCELERATION):
             position, height = unit.accelerometer_place.position, unit.accelerometer_place.height
         parameters |= {f"{name}.position": position, f"{name}.height": height}
     return parameters
@@ -238,43 +195,19 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
 def extension_parameters(name: str) -> dict[str, float]:
     """Further parameters of a sensor in an extended model: the delay of a gyro, accelerometer or articulation sensor,
     s."""
-    return {f"{name}.delay": 0.0} if SignalName.of(name).quantity in (*RATES, "articulation", ACCELEROMETER) else {}
+    return {f"{name}.delay": 0.0} if name != BANK and sensor_model(name).rate else {}
 
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
     if name == BANK:
         return inputs.motion.bank
-    if SignalName.of(name).quantity in LOAD_TRANSFERS:
-        ratio = _load_transfer(inputs, *axle_group(inputs.vehicle, name))
-        predicted = SignalName.of(name).quantity == PREDICTED_LOAD_TRANSFER
-        return ratio + HORIZON * inputs.rate_of(ratio) if predicted else ratio
-    i, quantity = unit_index(inputs.vehicle, name), QUANTITIES[SignalName.of(name).quantity]
-    value, p = quantity.expression(inputs, i, name), inputs.p
-    if f"{name}.delay" in p:
-        value -= p[f"{name}.delay"] * _derivative(inputs, i, SignalName.of(name).quantity, value)
-    if f"{name}.misalignment" in p:
-        yaw = SignalName.of(name).quantity == "yaw_rate"
-        other = inputs.motion.roll_rate[i] if yaw else inputs.motion.r[i]
-        value += p[f"{name}.misalignment"] * other
+    model, i, p = sensor_model(name), unit_index(inputs.vehicle, name), inputs.p
+    value: ca.SX = model.value(inputs, i, name)
+    if is_of_axle_group(name):
+        return value
+    if model.rate and f"{name}.delay" in p:
+        value -= p[f"{name}.delay"] * model.rate(inputs, i, value)
+    if model.cross_axis and f"{name}.misalignment" in p:
+        value += p[f"{name}.misalignment"] * model.cross_axis(inputs, i)
     return value * p[f"{name}.gain"] + p[f"{name}.offset"]
-
-
-def _load_transfer(inputs: SensorInputs, i: int, group: AxleGroup) -> ca.SX:
-    """Load transfer ratio of an axle group of unit i; beyond 1 or -1 the wheels of a side have lifted."""
-    p, vehicle, unit, motion = inputs.p, inputs.vehicle, inputs.vehicle.units[i], inputs.motion
-    path = unit.group_path(group)
-    load: ca.SX = axle_loads(p, vehicle.units, vehicle.couplings)[path]
-    height = side_force_height(p, unit, group, load)
-    moment = load_transfer_moment(p, path, motion.roll[i], motion.roll_rate[i], inputs.side_force[path], height)
-    ratio: ca.SX = moment / ((load + inputs.load_change.get(path, 0)) * p[HALF_TRACK])
-    return ratio
-
-
-def _derivative(inputs: SensorInputs, i: int, quantity: str, value: ca.SX) -> ca.SX:
-    """Derivative of the value of a quantity of unit i with respect to time, at constant speed."""
-    if quantity == ACCELEROMETER:
-        return inputs.rate_of(value)
-    if quantity == "articulation":
-        return inputs.motion.r[i] - inputs.motion.r[i - 1]
-    return inputs.acceleration[i][1 if quantity == "yaw_rate" else 2]

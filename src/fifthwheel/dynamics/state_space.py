@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._extras import require
 from fifthwheel._types import Array
+from fifthwheel.channels import MODELLED, SignalName
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import Structure, matrices
 from fifthwheel.dynamics.model import all_parameters
 from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
-from fifthwheel.names import SignalName
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle
@@ -319,7 +319,7 @@ def _output(name: str, sensed: sensors.SensorInputs, slip: Expressions) -> ca.SX
         height = sensed.p[f"{sensed.vehicle.units[i].name}.roll_axis_height"]  # where the model has all masses
         motion, force = sensed.motion, sensed.side_force[path]
         return load_transfer_moment(sensed.p, path, motion.roll[i], motion.roll_rate[i], force, height)
-    known = sorted({*sensors.QUANTITIES, COG_ACCELERATION, *GROUP_QUANTITIES})
+    known = sorted({*[channel.quantity for channel in MODELLED], COG_ACCELERATION, *GROUP_QUANTITIES})
     if parsed.quantity not in known:
         raise SignalError(f"{name}: no such quantity in the linear model; {suggestion(parsed.quantity, known)}")
     sensors.require_available(sensed.vehicle, name, roll=sensed.roll)

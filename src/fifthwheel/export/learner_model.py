@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from fifthwheel.checks.samples import LIMITS
+from fifthwheel.channels import SignalName
+from fifthwheel.checks.samples import MAX_SPEED
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.export import learner_functions as functions
@@ -22,8 +23,8 @@ from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle.parameters import unit_of
@@ -62,7 +63,7 @@ def _header(learner: Learner) -> str:
         "MEASURED": problem.outputs,
         "STATE": tuple(name for name, _ in live.view.names),
     }
-    estimates = {u.name: sensor_error_unit(u.name) if u.nuisance else unit_of(u.name) for u in reported(learner)}
+    estimates = {u.name: sensor_error_unit(u.name) if u.is_sensor_error else unit_of(u.name) for u in reported(learner)}
     groups = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
     saved = layout.size - layout.estimate.start + 2 * len(problem.outputs)
     sizes = {
@@ -106,7 +107,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("gradient", "information")}
     numbers = {
         "MIN_SPEED": settings.min_speed,
-        "MAX_SPEED": LIMITS["speed"].magnitude,
+        "MAX_SPEED": MAX_SPEED,
         "MAX_SPEED_CHANGE": limits.max_speed_change,
         "MAX_STEER": limits.max_steer,
         "MAX_STEER_RATE": limits.max_steer_rate,
@@ -232,7 +233,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
             )
         ),
         integers("logarithmic", [int(u.logarithmic) for u in problem.unknowns]),
-        integers("sensor_error", [int(u.nuisance) for u in problem.unknowns]),
+        integers("sensor_error", [int(u.is_sensor_error) for u in problem.unknowns]),
         integers("roll_channel", [_roll_channel(u, problem.outputs) for u in problem.unknowns]),
         texts("estimate_names", [u.name for u in reported(learner)]),
         integers("reported", [names.index(u.name) for u in reported(learner)]),
@@ -242,7 +243,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
 
 def _roll_channel(unknown: Unknown, channels: Sequence[str]) -> int:
     """The roll rate without which a parameter is not identifiable; NO_CHANNEL if it needs none."""
-    if unknown.nuisance or unknown.uncertain or not lacks_roll_rate(unknown.name, ()):
+    if unknown.is_sensor_error or unknown.kind is UnknownKind.UNCERTAIN or not lacks_roll_rate(unknown.name, ()):
         return NO_CHANNEL
     name = f"roll_rate.{ParameterPath.of(unknown.name).unit}"
     return channels.index(name) if name in channels else ABSENT_CHANNEL

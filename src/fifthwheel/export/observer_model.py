@@ -6,13 +6,13 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import SPEED_RATE
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.dynamics.speed_rate import speed_rate_step
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.export.c_text import enumerations, table, texts
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
-from fifthwheel.names import SignalName
 from fifthwheel.native import c_code
 from fifthwheel.observe import Observer
 from fifthwheel.observe.inputs import largest_rate, magnitude

@@ -1,11 +1,11 @@
-"""Kalman filter, dual and joint filters and smoother for symbolic models, and the inputs that they need for a vehicle.
+"""Kalman filter, joint filter and smoother for symbolic models, and the inputs that they need for a vehicle.
 
-kalman, dual, joint, relinearised, smoother, tangent, update, consistency and model accept any symbolic model.
+kalman, joint, relinearised, smoother, tangent, update, consistency and model accept any symbolic model.
 noise, initial_state and rows provide the noise variances, initial states and sample rows of a vehicle model.
 """
 
-from fifthwheel.filters import consistency, dual, kalman, smoother
+from fifthwheel.filters import consistency, kalman, smoother
 from fifthwheel.filters.kalman import Filtered, Noise
 from fifthwheel.filters.model import Model, sample_rows
 
-__all__ = ["Filtered", "Model", "Noise", "consistency", "dual", "kalman", "sample_rows", "smoother"]
+__all__ = ["Filtered", "Model", "Noise", "consistency", "kalman", "sample_rows", "smoother"]

@@ -6,18 +6,10 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.names import SignalName
+from fifthwheel.channels import CHANNELS, SignalName
 from fifthwheel.vehicle import Vehicle
 
-INITIAL_SIGMA = {
-    "lateral_velocity": 0.05,
-    "yaw_rate": 0.01,
-    "articulation": 0.01,
-    "roll": 0.005,
-    "roll_rate": 0.02,
-    "slip_angle": 0.002,
-    "bank": 0.03,
-}
+INITIAL_SIGMA = {quantity: channel.state.initial_sigma for quantity, channel in CHANNELS.items() if channel.state}
 """Standard deviation of each state about its steady value at the first sample, without steering, SI."""
 
 TYPICAL_STEER_SIGMA = 0.015

@@ -21,10 +21,10 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.joint_equations import Carried, Channel, correct, linearise, reported_values
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack, packed_size, sizes, split, unpack
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.native import Scan, compiled
 
 LANES = 2

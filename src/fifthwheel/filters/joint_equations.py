@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from fifthwheel.filters.dual import PRECISION, symbolic_to_p
 from fifthwheel.filters.kalman import observe, predict
 from fifthwheel.filters.model import Model
+from fifthwheel.filters.scaling import PRECISION, symbolic_to_p
 from fifthwheel.filters.update import gate, joseph
 
 

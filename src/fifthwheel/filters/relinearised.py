@@ -22,9 +22,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import joint
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
+from fifthwheel.filters.scaling import Scaling
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.dynamics.speed_rate import central_speed_rates
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.filters.spline import Spline
-from fifthwheel.names import SignalName
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

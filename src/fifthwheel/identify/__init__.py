@@ -1,14 +1,14 @@
 """Identification of parameters from records, with sigma and verdict.
 
-`map` estimates all unknowns in one stage, `dual` in the two stages of the article, `online` sample by sample; `design`
-predicts what an identification can achieve.
+`one_stage` estimates all unknowns together, `online` sample by sample; `design` predicts what an identification can
+achieve. The two stages of the article are in `fifthwheel.cheng_cebon_2011`.
 """
 
 from fifthwheel._callable import make_callable
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.identify import identify
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
-from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage, article
+from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.verdict import Verdict
 
 __all__ = [
@@ -20,9 +20,7 @@ __all__ = [
     "OneStage",
     "ParameterHistory",
     "SensorError",
-    "TwoStage",
     "Verdict",
-    "article",
     "identify",
 ]
 

@@ -2,22 +2,29 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fifthwheel.channels import (
+    ARTICULATION,
+    LATERAL_ACCELERATION,
+    ROLL_RATE,
+    YAW_RATE,
+    SignalName,
+    is_input,
+    measured_signals,
+)
 from fifthwheel.checks import raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.noise_model import NoiseModel
-from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
-from fifthwheel.record.signal_names import is_input
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 
@@ -104,7 +111,7 @@ def prepare_dataset(
     _require_distinct_names(records, everything)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in parameters.group_paths(vehicle)})
-    if isinstance(settings, OneStage) and not settings.uniform_payload:
+    if not getattr(settings, "uniform_payload", True):
         vehicle = vehicle.lumped()
     logged = {name for record in records for name in record.signals}
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
@@ -132,8 +139,6 @@ def prepare_dataset(
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     yaw, roll = usable_channels(records, steered)
     for unit in unmeasured_units(yaw, steered):
-        if not isinstance(settings, OneStage):
-            raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")
         notes.append(
             f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The motion of the {unit} follows from the"
             " units in front and behind; its own parameters may not be identifiable."
@@ -146,7 +151,7 @@ def prepare_dataset(
         vehicle=steered,
         yaw=yaw,
         roll=roll,
-        lateral=lateral_accelerations({name for record in records for name in record.signals}, steered),
+        lateral=measured_signals(logged, [unit.name for unit in steered.units], (LATERAL_ACCELERATION,)),
         notes=tuple(notes),
     )
 
@@ -159,24 +164,17 @@ def usable_channels(records: Sequence[Record], vehicle: Vehicle) -> tuple[tuple[
     """
     units = [unit.name for unit in vehicle.units]
     logged = {name for record in records for name in record.signals}
-    yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
-    present = tuple(name for name in yaw if name in logged)
-    for u in (units[0], units[-1]):
-        if f"yaw_rate.{u}" not in present and f"articulation.{u}" not in present:
+    yaw, roll = (measured_signals(logged, units, channels) for channels in ((YAW_RATE, ARTICULATION), (ROLL_RATE,)))
+    for u in unmeasured_units(yaw, vehicle):
+        if u in (units[0], units[-1]):
             raise SignalError(f"yaw_rate.{u}: in none of the logs; map the yaw rate gyro of the {u} to it")
-    return present, tuple(f"roll_rate.{u}" for u in units if f"roll_rate.{u}" in logged)
+    return yaw, roll
 
 
 def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
     """Units with neither a yaw rate nor an articulation angle among the channels, such as a dolly, front to rear."""
     measured = {SignalName.of(name).unit for name in channels}
     return tuple(unit.name for unit in vehicle.units if unit.name not in measured)
-
-
-def lateral_accelerations(logged: Container[str], vehicle: Vehicle) -> tuple[str, ...]:
-    """The measured lateral accelerations, front to rear."""
-    names = [f"{ACCELEROMETER}.{unit.name}" for unit in vehicle.units]
-    return tuple(name for name in names if name in logged)
 
 
 def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:

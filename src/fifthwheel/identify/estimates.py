@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import ParameterPath, SensorErrorName
+from fifthwheel.names import ParameterPath
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 
 DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}
@@ -152,7 +152,7 @@ def sensor_error_estimates(
     """
     errors = []
     for u in unknowns:
-        if not u.nuisance:
+        if not u.is_sensor_error:
             continue
         of_logs = [(log.name, log.errors.get(u.name, u.centre), f"{u.name}@{i}") for i, log in enumerate(logs)]
         for log, value, key in of_logs if u.per_log else [(None, shared[u.name], u.name)]:
@@ -163,9 +163,8 @@ def sensor_error_estimates(
 
 def sensor_error_unit(name: str) -> str:
     """SI unit of a sensor error."""
-    units = {"misalignment": "rad", "play": "rad", "delay": "s", "gain": "1", "position": "m", "height": "m"}
     error = SensorErrorName.of(name)
-    unit = (units.get(error.kind) or si_unit(error.signal)) if error else None
+    unit = error.unit if error else None
     if unit is None:
         raise SignalError(f"{name}: expected the name of a sensor error, such as yaw_rate.tractor.offset")
     return unit

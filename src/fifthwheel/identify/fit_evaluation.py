@@ -17,6 +17,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import LATERAL_ACCELERATION, ROLL, ROLL_RATE, is_of, is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
@@ -26,7 +27,6 @@ from fifthwheel.identify.dataset import Dataset, LogData, speed_range
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import ACCELEROMETER, SignalName, is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.vehicle import Vehicle
@@ -89,11 +89,11 @@ def evaluate_fits(
 
 def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> bool:
     """Whether the model explains too little of a clear signal."""
-    noise, quantity = variances.sensor_variance(vehicle, fit.signal, settings.noise), SignalName.of(fit.signal).quantity
-    if quantity == ACCELEROMETER:  # vibration is part of its noise, and different on every truck
+    noise = variances.sensor_variance(vehicle, fit.signal, settings.noise)
+    if is_of(fit.signal, LATERAL_ACCELERATION):  # vibration is part of its noise, and different on every truck
         noise = max(noise, estimate_noise_variance(fit.time, fit.measured) or 0.0)
     ratio = float(np.nanvar(fit.measured)) / noise
-    if quantity in ("roll", "roll_rate", ACCELEROMETER):
+    if is_of(fit.signal, ROLL, ROLL_RATE, LATERAL_ACCELERATION):
         return ratio > CLEAR_ROLL and not fit.explained > LEAST_EXPLAINED
     return ratio > CLEAR_SIGNAL and not fit.explained > LEAST_EXPLAINED * (1 - 1 / ratio)
 

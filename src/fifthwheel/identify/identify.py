@@ -1,14 +1,14 @@
-"""Identification of a vehicle: both methods behind one function, chosen by the kind of settings."""
+"""Identification of a vehicle: all methods behind one function, chosen by the kind of settings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import singledispatch
 
 from threadpoolctl import threadpool_limits
 
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
-from fifthwheel.identify.settings import OneStage, Progress, TwoStage
-from fifthwheel.identify.two_stage.estimator import identify_two_stage
+from fifthwheel.identify.settings import CommonSettings, OneStage, Progress
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
@@ -17,7 +17,7 @@ from fifthwheel.vehicle.vehicle import require_vehicle
 def identify(
     records: Sequence[Record],
     vehicle: Vehicle,
-    settings: TwoStage | OneStage | None = None,
+    settings: CommonSettings | None = None,
     *,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
@@ -54,6 +54,13 @@ def identify(
     require_vehicle(vehicle)
     settings = settings or OneStage()
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
-        if isinstance(settings, OneStage):
-            return identify_one_stage(records, vehicle, settings, validate=validate, progress=progress)
-        return identify_two_stage(records, vehicle, settings, validate=validate, progress=progress)
+        return method(settings)(records, vehicle, settings, validate=validate, progress=progress)
+
+
+@singledispatch
+def method(settings: CommonSettings) -> Callable[..., Identification]:
+    """The function that identifies with settings of a kind; each method registers its own."""
+    raise SignalError(f"settings: expected OneStage or TwoStage, got {type(settings).__name__}; give one of them")
+
+
+method.register(OneStage, lambda _: identify_one_stage)

@@ -11,35 +11,9 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters.dual import Scaling
-from fifthwheel.filters.initial_state import bank_effect, initial_state, steady_initial_state
-from fifthwheel.filters.step_rows import StepRows
+from fifthwheel.filters.initial_state import bank_effect, steady_initial_state
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
-
-
-def initial_state_with_sensitivity(
-    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, rows: StepRows, *, roll: bool
-) -> tuple[Array, Array, Array]:
-    """Initial state (n,), its covariance (n, n), and its derivative dx/dz (n, n_p) by forward differences.
-
-    Args:
-        names: of the n_p unknowns.
-        scaling: from z to their values.
-        z: (n_p,).
-        rows: of the segment.
-        roll: whether the model has roll.
-    """
-
-    def values(z: Array) -> dict[str, float]:
-        return dict(zip(names, scaling.to_p(z).tolist(), strict=True))
-
-    x0, P0 = initial_state(vehicle, rows.first, values(z), roll=roll, steer_sigma=rows.steer_sigma)
-    step = 1e-5
-    shifted = [
-        steady_initial_state(vehicle, rows.first, values(z + step * row), roll=roll)[0] for row in np.eye(len(z))
-    ]
-    return x0, P0, (np.column_stack(shifted) - x0[:, None]) / step
 
 
 def steady_state(

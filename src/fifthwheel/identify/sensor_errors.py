@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError
@@ -12,7 +13,7 @@ from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import given_parameters
-from fifthwheel.names import is_sensor_error, split_log
+from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field
+from importlib import import_module
+from typing import Any, ClassVar, Literal
 
 from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION, FRICTION_RANGE, TyreLaw
 from fifthwheel.errors import SignalError
@@ -63,8 +64,11 @@ class CommonSettings:
     check: bool = True
     """Refuse logs with implausible signals."""
 
+    method: ClassVar[str]
+    """Name of the method in a result."""
+
     def __post_init__(self) -> None:
-        _require_positive(self, "prior", "height_prior", "tolerance", "gate", "min_speed", "correlation_time")
+        require_positive(self, "prior", "height_prior", "tolerance", "gate", "min_speed", "correlation_time")
         for name, variance in self.noise.items():
             if not 0 < variance < math.inf:
                 raise SignalError(f"{name}: expected a finite variance above 0, got {variance}")
@@ -74,54 +78,27 @@ class CommonSettings:
         return asdict(self)
 
 
-def _require_positive(settings: CommonSettings, *names: str) -> None:
+METHODS = {"one-stage": "fifthwheel.identify.settings:OneStage", "two-stage": "fifthwheel.cheng_cebon_2011:TwoStage"}
+"""Settings of each method, by its name in a result: module and class."""
+
+
+def settings_class(method: str) -> type[CommonSettings]:
+    """The class of the settings of a method.
+
+    Raises:
+        SignalError: there is no such method.
+    """
+    if method not in METHODS:
+        raise SignalError(f"method: expected {' or '.join(METHODS)}, got {method!r}; identify again")
+    module, _, name = METHODS[method].partition(":")
+    found: type[CommonSettings] = getattr(import_module(module), name)
+    return found
+
+
+def require_positive(settings: CommonSettings, *names: str) -> None:
     for name in names:
         if not getattr(settings, name) > 0:
             raise SignalError(f"{name}: expected a number above 0, got {getattr(settings, name)}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class TwoStage(CommonSettings):
-    """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method.
-
-    Example:
-        >>> import fifthwheel as fw
-        >>> fw.TwoStage(fixed=("tractor.front.cornering_stiffness",)).preset
-        'default'
-    """
-
-    initial_sigma: float | None = None
-    """Initial standard deviation in the filter, P_p(0), as a fraction of the initial value; None takes the prior."""
-    initial_height_sigma: float | None = None
-    """The same for a payload height, m."""
-    logarithmic: bool = True
-    """Estimate the logarithm of a stiffness or inertia, so that it stays positive."""
-    passes: int = 40
-    """Largest number of passes through the logs in each stage."""
-    rounds: int = 10
-    """Largest number of rounds through both stages. From the second round on stage 1 uses the yaw-roll model."""
-    average: bool = False
-    """Take as estimate the average since the parameter has settled (the article's rule) and not the last value. The
-    last value uses all data."""
-    consistent: bool = True
-    """Include the uncertainty of the state in the innovation variance of the parameter filter."""
-    coupled: bool = True
-    """Correct the state when a parameter is corrected."""
-    random_walk: float = 0.0
-    """Standard deviation that a parameter gains per sample, as a fraction of its initial value (the article's Q_p)."""
-    height_walk: float = 0.0
-    """The same for a payload height, m."""
-    restart: bool = True
-    """Start every pass with the prior covariance, so that no sample counts twice; the article continues with the
-    covariance of the last pass."""
-    forgetting: float = 1.0
-    """The article's lambda: factor by which the random walk shrinks at every sample."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_positive(self, "passes", "rounds")
-        if not 0 < self.forgetting <= 1:
-            raise SignalError(f"forgetting: expected a number above 0 and at most 1, got {self.forgetting}")
 
 
 MODEL_ERRORS: Mapping[str, float] = {
@@ -166,6 +143,8 @@ class OneStage(CommonSettings):
         >>> settings.prior
         0.3
     """
+
+    method = "one-stage"
 
     free: tuple[str, ...] | None = None
     """Paths of the estimated parameters; None for the cornering stiffness of every axle group, the yaw inertia of every
@@ -232,7 +211,7 @@ class OneStage(CommonSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_positive(
+        require_positive(
             self, "roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations", "friction_prior"
         )
         for name, sigma in {**self.priors, **self.consider}.items():
@@ -252,37 +231,3 @@ class OneStage(CommonSettings):
     def tyre_law(self) -> TyreLaw:
         """Law of the side forces of one fit; linear with auto."""
         return "saturating" if self.tyres == "saturating" else "linear"
-
-
-def article(**changes: Any) -> TwoStage:
-    """The settings of the article, sections 3.1 to 3.3, with `changes`.
-
-    Published: Q_x = 0; Q_p of 0.1 % of the nominal value (0.005 m for the height), shrunk by lambda at every step; the
-    average once within 1 %. Not published: P_p(0), here Q_p after its name "initial parameter covariance", and bounds.
-
-    Example:
-        >>> import fifthwheel as fw
-        >>> fw.article().forgetting
-        0.999
-    """
-    preset = TwoStage(
-        preset="article",
-        initial_sigma=0.001,
-        initial_height_sigma=0.005,
-        logarithmic=False,
-        passes=1,
-        rounds=1,
-        average=True,
-        consistent=False,
-        coupled=False,
-        random_walk=0.001,
-        height_walk=0.005,
-        restart=False,
-        forgetting=0.999,
-        relaxation=False,
-        nuisances=False,
-        adapt_noise=False,
-        process_noise=0.0,
-        gate=1e6,
-    )
-    return replace(preset, **changes)

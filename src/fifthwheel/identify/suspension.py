@@ -46,9 +46,9 @@ def with_suspension(vehicle: Vehicle, settings: OneStage, reference: Identificat
         SignalError: the identification has no joint covariance, lumps the payload into the body, or did not converge.
         VehicleError: the vehicle has other units or axle groups.
     """
-    if reference.covariance is None or not isinstance(reference.settings, OneStage):
+    if reference.covariance is None:
         raise SignalError("suspension: the identification has no joint covariance; identify it in one stage")
-    if not (settings.uniform_payload and reference.settings.uniform_payload):
+    if not (settings.uniform_payload and getattr(reference.settings, "uniform_payload", True)):
         raise SignalError("suspension: expected a payload height in both identifications; leave out --any-load")
     if any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in reference.parameters):
         raise SignalError("suspension: the identification with the known payload did not converge; see its report")

@@ -1,6 +1,6 @@
 """The verdict on an estimate, and all rules that decide it."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 
 from fifthwheel.identify.one_stage.posterior import Posterior
@@ -43,7 +43,7 @@ def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: fl
 
 
 def uninformed_parameters(
-    posterior: Posterior, names: Sequence[str], channels: Container[str], limit: float
+    posterior: Posterior, names: Sequence[str], channels: Collection[str], limit: float
 ) -> dict[str, Verdict]:
     """The estimated parameters that the logs do not determine, each with NOT_EXCITED or NOT_IDENTIFIABLE.
 

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, is_input, is_of
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
-from fifthwheel.logs.signal_map import Channel, SignalMap
+from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
-from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
-from fifthwheel.record.signal_names import is_input, si_unit
+from fifthwheel.record.signal_names import si_unit
 from fifthwheel.record.timestamps import implausible_timestamps, typical_step
 from fifthwheel.units import factor, quantity
 
@@ -98,7 +98,7 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
 
 
-def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], Channel]) -> dict[str, str]:
+def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], SignalSource]) -> dict[str, str]:
     """Signal to the name of its time base, without those of the main one.
 
     It is the clock of the map, else the column with the channel's own timestamps, else the clock in the file. The main
@@ -108,7 +108,7 @@ def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], Channel]) -> 
         signal: channel.clock or channel.time or log.columns[log.find(channel.columns[0])].time_base
         for (_, signal), channel in channels.items()
     }
-    main = next((n for n in names if SignalName.of(n).quantity == "steer"), "speed" if "speed" in names else None)
+    main = next((n for n in names if is_of(n, STEER)), "speed" if "speed" in names else None)
     common = names[main] if main else next(iter(names.values()))
     return {signal: name or _LOGGER for signal, name in names.items() if name != common}
 
@@ -193,7 +193,9 @@ class _TimeBase:
         return notes
 
 
-def _sources(log: LogSource, signal_map: SignalMap, signal: str, channel: Channel) -> list[tuple[_Timestamps, str]]:
+def _sources(
+    log: LogSource, signal_map: SignalMap, signal: str, channel: SignalSource
+) -> list[tuple[_Timestamps, str]]:
     """Timestamps and name of every column of a channel."""
     sources = []
     for text in channel.columns:
@@ -228,7 +230,7 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
 
 
 def _samples(
-    signal: str, channel: Channel, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], rows: _TimeBase | None
+    signal: str, channel: SignalSource, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], rows: _TimeBase | None
 ) -> tuple[Samples, str | None]:
     """A channel in SI at its instants, and a note on samples left out."""
     si = si_unit(signal) or "1"

@@ -7,7 +7,7 @@ import tomlkit
 from tomlkit.items import AbstractTable
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.signal_map import Channel, SignalMap
+from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.record.signal_names import REFERENCE, split_header
 
 
@@ -17,7 +17,7 @@ def with_channel(text: str, signal: str, **keys: Any) -> str:
     Args:
         text: of a signals.toml that is accepted.
         signal: its table is added if it is missing.
-        keys: of `Channel`, such as sign, unit, delay.
+        keys: of `SignalSource`, such as sign, unit, delay.
 
     Raises:
         SignalError: the changed map is not accepted.
@@ -31,7 +31,7 @@ def with_channel(text: str, signal: str, **keys: Any) -> str:
         holder[key] = table
     elif entry is None:
         holder[key] = tomlkit.table()
-    defaults = {name: field.default for name, field in Channel.model_fields.items()}
+    defaults = {name: field.default for name, field in SignalSource.model_fields.items()}
     for name, value in keys.items():
         if value == defaults.get(name, object()) or value is None:
             holder[key].pop(name, None)

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from fifthwheel.channels import is_input
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.assemble import SAME_INSTANT, interpolated, time_column
-from fifthwheel.logs.signal_map import Channel, SignalMap
+from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.logs.source import Column, find_column
-from fifthwheel.record.signal_names import is_input, si_unit, split_header
+from fifthwheel.record.signal_names import si_unit, split_header
 from fifthwheel.units import factor, quantity
 
 _SOURCE = "live samples"
@@ -54,7 +55,7 @@ class LiveMap:
         self._keys = {split_header(key)[0]: key for key in columns}
         found = {name: Column(name=name, unit=split_header(key)[1]) for name, key in self._keys.items()}
         self._units = {name: column.unit for name, column in found.items()}
-        self._channels: dict[str, tuple[Channel, list[str]]] = {}
+        self._channels: dict[str, tuple[SignalSource, list[str]]] = {}
         for signal, channel in signal_map.completed(self._keys).signals.items():
             if channel.time is not None:
                 raise SignalError(f"{signal}: has timestamps of its own; give live samples one time, and delete `time`")

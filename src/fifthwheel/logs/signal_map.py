@@ -69,7 +69,7 @@ class TimeColumn(BaseModel):
         return None if value is None else quantity(value, "s")
 
 
-class Channel(BaseModel):
+class SignalSource(BaseModel):
     """Source of a signal: sign * gain * column in SI - offset, at timestamp - delay."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -174,9 +174,9 @@ class SignalMap(BaseModel):
 
     time: TimeColumn | None = None
     """Default: the column "time" or "t"."""
-    signals: dict[Name, Channel] = Field(default_factory=dict)
+    signals: dict[Name, SignalSource] = Field(default_factory=dict)
     """Signals for the estimators."""
-    reference: dict[Name, Channel] = Field(default_factory=dict)
+    reference: dict[Name, SignalSource] = Field(default_factory=dict)
     """Reference signals, for comparison only."""
     ignore: tuple[str, ...] = ()
     """Columns or signals to leave out; other columns with names of signals are used without a map."""
@@ -256,14 +256,14 @@ class SignalMap(BaseModel):
             raise SignalError("\n".join(f"{source}: {_fault(dict(entry))}" for entry in error.errors())) from error
 
     @staticmethod
-    def of_columns(columns: Iterable[str]) -> tuple[dict[str, Channel], dict[str, Channel]]:
+    def of_columns(columns: Iterable[str]) -> tuple[dict[str, SignalSource], dict[str, SignalSource]]:
         """Signals and reference signals ("reference.…") of the columns that have names of signals."""
-        channels: tuple[dict[str, Channel], dict[str, Channel]] = ({}, {})
+        channels: tuple[dict[str, SignalSource], dict[str, SignalSource]] = ({}, {})
         for column in columns:
             name = split_source(column)[0]
             signal = name.removeprefix(REFERENCE)
             if si_unit(signal) is not None and signal != "time":
-                channels[name != signal][signal] = Channel(column=name)
+                channels[name != signal][signal] = SignalSource(column=name)
         return channels
 
     def completed(self, columns: Iterable[str]) -> "SignalMap":
@@ -272,7 +272,7 @@ class SignalMap(BaseModel):
         used = {c for channel in (*self.signals.values(), *self.reference.values()) for c in channel.columns}
         used |= {split_header(column)[0] for column in used} | set(self.ignore)
 
-        def merged(mapped: Mapping[str, Channel], unmapped: Mapping[str, Channel]) -> dict[str, Channel]:
+        def merged(mapped: Mapping[str, SignalSource], unmapped: Mapping[str, SignalSource]) -> dict[str, SignalSource]:
             unused = {n: c for n, c in unmapped.items() if n not in mapped and not {n, c.column} & used}
             return {**mapped, **unused}
 
@@ -288,7 +288,7 @@ def _fault(error: dict[str, Any]) -> str:
     where = ".".join(path)
     if error["type"] == "extra_forbidden":
         models: dict[int, type[BaseModel]] = {1: SignalMap, 2: TimeColumn}
-        model = models.get(len(path), Channel)
+        model = models.get(len(path), SignalSource)
         return f"{where}: unknown key; {suggestion(path[-1], list(model.model_fields))}"
     if error["type"] == "value_error":
         return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])

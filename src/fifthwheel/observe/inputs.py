@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.checks.samples import LIMITS
+from fifthwheel.checks.samples import limit_of
 from fifthwheel.dynamics import SPEED_RATE
 from fifthwheel.dynamics.speed_rate import SpeedRate, speed_rates
-from fifthwheel.names import SignalName
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.record import Record
 
@@ -24,7 +23,8 @@ SHORTEST = 0.01
 
 def magnitude(name: str) -> float:
     """Largest magnitude of a signal of a heavy vehicle, SI."""
-    return LIMITS[SignalName.of(name).quantity].magnitude
+    limit = limit_of(name)
+    return limit.magnitude if limit else math.inf
 
 
 def largest_rate(name: str, settings: ObserverSettings) -> float:

@@ -15,10 +15,17 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
+from fifthwheel.channels import (
+    LATERAL_ACCELERATION,
+    MEASURED,
+    ROLL,
+    ROLL_RATE,
+    is_of,
+    measured_signals,
+    names_of,
+)
 from fifthwheel.dynamics import SPEED_RATE, steps
-from fifthwheel.dynamics.sensors import NEEDS_ROLL
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
 from fifthwheel.observe.inputs import HeldInputs, magnitude
@@ -30,9 +37,6 @@ from fifthwheel.observe.states import States, Status
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-
-MEASURED = ("yaw_rate", "articulation", "roll_rate", "roll", ACCELEROMETER)
-"""Quantities that an observer uses as measurements."""
 
 
 class Observer:
@@ -72,15 +76,15 @@ class Observer:
         if "speed" not in available:
             raise SignalError("speed: not among the signals; map the forward speed in m/s to it")
         units = [unit.name for unit in vehicle.units]
-        usable = [f"{quantity}.{u}" for quantity in MEASURED for u in units]
-        self.outputs = tuple(n for n in usable if n in available and n != f"articulation.{units[0]}")
-        if all(SignalName.of(name).quantity == ACCELEROMETER for name in self.outputs):  # its offset alone would decide
+        self.outputs = measured_signals(available, units, MEASURED)
+        accelerometers = names_of(LATERAL_ACCELERATION, self.outputs)
+        if len(accelerometers) == len(self.outputs):  # its offset alone would decide
             raise SignalError(
                 f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate, roll rate, roll "
                 "angle or articulation angle of a unit of the vehicle"
             )
         self.inputs = ("speed", *self.vehicle.steer_signals())
-        self.roll = any(SignalName.of(name).quantity in (*NEEDS_ROLL, ACCELEROMETER) for name in self.outputs)
+        self.roll = any(is_of(name, ROLL_RATE, ROLL, LATERAL_ACCELERATION) for name in self.outputs)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.estimate_bank)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
@@ -101,7 +105,7 @@ class Observer:
             observed_chain(
                 self.vehicle,
                 names,
-                accelerometers=[name for name in self.outputs if SignalName.of(name).quantity == ACCELEROMETER],
+                accelerometers=names_of(LATERAL_ACCELERATION, self.outputs),
                 roll=self.roll,
                 estimate_bank=self.settings.estimate_bank,
                 tyres=self.settings.tyres,

@@ -8,9 +8,19 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
+from fifthwheel.channels import (
+    LATERAL_ACCELERATION,
+    MODELLED,
+    STEER,
+    SensorErrorName,
+    SignalName,
+    channel_of,
+    is_of,
+    measured_signals,
+)
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
-from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
+from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
@@ -22,7 +32,7 @@ from fifthwheel.filters.initial_state import (
     steer_effects,
 )
 from fifthwheel.filters.model import pack_array
-from fifthwheel.names import ACCELEROMETER, SENSOR_ERROR_KINDS, ParameterPath, SensorErrorName, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.native import Scan
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_step import observer_step
@@ -101,18 +111,20 @@ class ObserverModel:
         error = SensorErrorName.of(name)
         if error is None:
             return False
-        signal = SignalName.of(error.signal)
-        if signal.quantity == "steer":
+        if is_of(error.signal, STEER):
             axles = {f"{unit.name}.{axle.name}" for unit in self.vehicle.units for axle in unit.axles}
-            return signal.place in axles and error.kind in SENSOR_ERROR_KINDS
-        if signal.quantity not in QUANTITIES or signal.place not in {unit.name for unit in self.vehicle.units}:
+            return SignalName.of(error.signal).place in axles
+        if error.signal not in measured_signals([error.signal], [unit.name for unit in self.vehicle.units], MODELLED):
             return False
         return name in sensor_parameters(self.vehicle, error.signal)
 
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
         """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
         settings, outputs = self.settings, self.model.outputs
-        drift = variances.OBSERVER_PROCESS_VARIANCE | {"steer": 0.0, ACCELEROMETER: 0.0}  # offsets are constant
+        drift = variances.OBSERVER_PROCESS_VARIANCE | {
+            STEER.quantity: 0.0,
+            LATERAL_ACCELERATION.quantity: 0.0,
+        }  # offsets are constant
         noise = Noise(
             process=variances.process_covariance(self.model.states, drift, settings.process_noise),
             measurement=np.array([variances.sensor_variance(self.vehicle, name, settings.noise) for name in outputs]),
@@ -176,5 +188,5 @@ class ObserverModel:
 
 def signals_with_position(reported: tuple[str, ...]) -> list[str]:
     """The reported signals that depend on a position on their unit."""
-    quantities = [QUANTITIES.get(SignalName.of(name).quantity) for name in reported]
-    return [name for name, quantity in zip(reported, quantities, strict=True) if quantity and quantity.has_position]
+    channels = [(name, channel_of(name)) for name in reported]
+    return [name for name, channel in channels if channel and channel.model and channel.model.has_place]

@@ -16,8 +16,16 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.channels import (
+    ARTICULATION,
+    LOAD_TRANSFER,
+    PREDICTED_LOAD_TRANSFER,
+    ROLL,
+    ROLL_RATE,
+    SIDESLIP,
+    YAW_RATE,
+)
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.sensors import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
@@ -38,13 +46,13 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
         bank: whether the bank of the road is estimated; then it is reported.
     """
     units = [unit.name for unit in vehicle.units]
-    names = [f"{quantity}.{u}" for quantity in ("sideslip", "yaw_rate") for u in units]
-    names += [f"articulation.{u}" for u in units[1:]]
-    names += [f"{quantity}.{u}" for quantity in ("roll", "roll_rate") for u in units if roll]
+    names = [f"{channel.quantity}.{u}" for channel in (SIDESLIP, YAW_RATE) for u in units]
+    names += [f"{ARTICULATION.quantity}.{u}" for u in units[1:]]
     if roll:
+        names += [f"{channel.quantity}.{u}" for channel in (ROLL, ROLL_RATE) for u in units]
         with suppress(VehicleError):  # the static loads are not determined
-            groups = vehicle.axle_loads()
-            names += [f"{quantity}.{path}" for quantity in (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER) for path in groups]
+            groups, ratios = vehicle.axle_loads(), (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER)
+            names += [f"{channel.quantity}.{path}" for channel in ratios for path in groups]
     return (*names, BANK) if bank else tuple(names)
 
 

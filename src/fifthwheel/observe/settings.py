@@ -5,11 +5,11 @@ import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fifthwheel.channels import LATERAL_ACCELERATION, is_of
 from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION_RANGE, HALF_TRACK, TyreLaw
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
-from fifthwheel.names import ACCELEROMETER, SignalName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +132,7 @@ class ObserverSettings:
 
     def offset_sigma(self, name: str) -> float:
         """Prior standard deviation of the offset of a steer angle or accelerometer, SI."""
-        return self.acceleration_offset if SignalName.of(name).quantity == ACCELEROMETER else self.steer_offset
+        return self.acceleration_offset if is_of(name, LATERAL_ACCELERATION) else self.steer_offset
 
     @property
     def tyres(self) -> TyreLaw:

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.dynamics.sensors import LOAD_TRANSFERS, PREDICTED_LOAD_TRANSFER
+from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, shown
-from fifthwheel.names import SignalName
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Span, downsample
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.record import Record
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-PREDICTED = f"{PREDICTED_LOAD_TRANSFER}."
+PREDICTED = f"{PREDICTED_LOAD_TRANSFER.quantity}."
 LIFT_LIMIT = 0.9
 """The first axle of a group lifts when the load transfer ratio of the group is about 0.95; errors are about 0.05."""
 
@@ -123,7 +122,7 @@ class States:
         for name in names or self.values:
             unit = shown(si_unit(name))
             values, sigma = self.values[name] * unit.factor, self.sigma[name] * unit.factor
-            items: list[Item] = [*invalid, *(lifting if SignalName.of(name).quantity in LOAD_TRANSFERS else ())]
+            items: list[Item] = [*invalid, *(lifting if is_of(name, LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER) else ())]
             if record is not None and name in record.signals:
                 measured = record.signals[name] * unit.factor
                 items.append(Line(record.time, measured, name="measured", colour=GREY, width=1, gaps=True))

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName, is_input
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.input_files import parse_toml, read_toml
-from fifthwheel.names import SignalName
 from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.record.signal_names import checked_name, is_input, si_unit
+from fifthwheel.record.signal_names import checked_name, si_unit
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 

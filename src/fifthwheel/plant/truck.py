@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.manoeuvres import Course
-from fifthwheel.names import SignalName
 from fifthwheel.native import Scan
 from fifthwheel.plant import tyre_forces
 from fifthwheel.plant.bodies import BeamAxle, SprungBody, sprung_bodies

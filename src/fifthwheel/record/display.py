@@ -6,13 +6,13 @@ import numpy as np
 
 from fifthwheel._html import Markup, table
 from fifthwheel._types import Array
+from fifthwheel.channels import CHANNELS, SignalName
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import digits, percent, shown
-from fifthwheel.names import SignalName
 from fifthwheel.plots import Axis, Line, Panel, Plot
 from fifthwheel.plots.palette import CYCLE
 from fifthwheel.plots.sparkline import sparkline
-from fifthwheel.record.signal_names import QUANTITIES, REFERENCE
+from fifthwheel.record.signal_names import REFERENCE
 from fifthwheel.record.timestamps import typical_step
 
 
@@ -38,7 +38,7 @@ def channel_plot(time: Array, channels: Mapping[str, Array], names: Sequence[str
     colours = {place: CYCLE[k % len(CYCLE)] for k, place in enumerate(places)}
     panels = []
     for quantity, members in by_quantity.items():
-        unit = shown(QUANTITIES[quantity])
+        unit = shown(CHANNELS[quantity].unit)
         lines = [_line(time, channels[name] * unit.factor, name, colours) for name in members]
         label = Axis(label=quantity.replace("_", " "), unit=unit.name)
         panels.append(Panel(items=lines, x=Axis(label="time", unit="s"), y=label))
@@ -60,7 +60,7 @@ def channel_table(time: Array, channels: Mapping[str, Array]) -> Markup:
 
 def _row(time: Array, name: str, values: Array) -> tuple[str, ...]:
     present = np.isfinite(values)
-    unit = shown(QUANTITIES[SignalName.of(name.removeprefix(REFERENCE)).quantity])
+    unit = shown(CHANNELS[SignalName.of(name.removeprefix(REFERENCE)).quantity].unit)
     step = typical_step(time[present])
     rate = f"{1 / step:.3g} Hz" if step > 0 else "–"
     ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]

@@ -1,4 +1,4 @@
-"""Noise of sensors: variances of typical sensors, and the estimate of a channel's own noise."""
+"""Noise of sensors: that of the article, and the estimate of a channel's own noise."""
 
 from collections.abc import Sequence
 
@@ -6,12 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-
-GYRO_VARIANCE = {"roll_rate": (4.52e-4, 4.70e-5), "yaw_rate": (1.52e-5, 1.11e-5)}
-"""Variances of the gyros on the first unit and on the units behind it, (rad/s)^2: equation (12) of the article."""
-
-OTHER_VARIANCE = {"articulation": 0.005**2, "roll": 0.005**2, "lateral_acceleration": 0.2**2, "sideslip": 0.005**2}
-"""Variances of sensors that the article does not use, SI squared."""
+from fifthwheel.channels import ROLL_RATE, YAW_RATE
 
 NOISE_BAND = (3.0, 10.0)
 """Hz. Below this band a truck yaws and rolls; above it many sensors filter."""
@@ -22,9 +17,10 @@ SEGMENT = 2.0
 def article_gyro_variance(units: Sequence[str]) -> dict[str, float]:
     """The article's sensors: yaw and roll rate of every unit, front to rear, with their variances, (rad/s)^2."""
     return {
-        f"{quantity}.{unit}": variances[min(i, 1)]
-        for quantity, variances in GYRO_VARIANCE.items()
+        f"{gyro.quantity}.{unit}": gyro.noise[min(i, 1)]
+        for gyro in (ROLL_RATE, YAW_RATE)
         for i, unit in enumerate(units)
+        if gyro.noise
     }
 
 

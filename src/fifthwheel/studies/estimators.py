@@ -13,7 +13,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import OneStage, TwoStage, identify
+from fifthwheel.identify import CommonSettings, OneStage, identify
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
@@ -104,7 +104,7 @@ class Estimator(Protocol):
 class Identified:
     """`identify`, and the states that an `Observer` of the identified vehicle gives."""
 
-    settings: OneStage | TwoStage = field(default_factory=OneStage)
+    settings: CommonSettings = field(default_factory=OneStage)
 
     def __call__(self, record: Record, vehicle: Vehicle, /) -> Estimates:
         """Parameters, derived quantities and states."""
@@ -158,7 +158,7 @@ def observer(vehicle: Vehicle, record: Record) -> Observer:
     return Observer(vehicle, record.signals)
 
 
-Settings = OneStage | TwoStage | LearnerSettings
+Settings = CommonSettings | LearnerSettings
 """Settings that `as_estimator` accepts."""
 
 
@@ -168,7 +168,7 @@ def as_estimator(given: Estimator | Settings) -> Estimator:
     Raises:
         FifthwheelError: it is none of them.
     """
-    if isinstance(given, OneStage | TwoStage):
+    if isinstance(given, CommonSettings):
         return Identified(given)
     if isinstance(given, LearnerSettings):
         return Learned(learner=given)

@@ -7,10 +7,10 @@ from typing import Any, Literal
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SPEED, STEER, is_of
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.manoeuvres import OpenLoop
 from fifthwheel.manoeuvres import course as make_course
-from fifthwheel.names import SignalName
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -97,7 +97,7 @@ class Scenario:
         if self.plant_run is not None:
             return self.plant_run.time, self.plant_run.truth
         rates = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in self.vehicle.units]
-        measured = [name for name in fitted if SignalName.of(name).quantity not in ("speed", "steer")]
+        measured = [name for name in fitted if not is_of(name, SPEED, STEER)]
         exact = dict.fromkeys([*rates, *measured], 0.0)
         options = self.run.options()
         made = simulate(

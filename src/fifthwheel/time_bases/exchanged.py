@@ -6,15 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.names import SignalName
+from fifthwheel.channels import channel_of
 from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
 from fifthwheel.time_bases.predictions import Prediction
 
-MARGINS = {"yaw_rate": 1.0, "roll_rate": 0.3}
-"""Least gain in the logarithm of the residual variances, summed over both channels, by quantity. Roll rates of coupled
-units are similar, so an exchange shows only in quick manoeuvres."""
-_MIN_EXPLAINED = {"yaw_rate": 0.9, "roll_rate": 0.5}
-"""Least fraction of the variance of each channel that the prediction of the other one explains."""
 _COMMON_LAG = 0.12
 """s; lag of all channels behind a steer angle that is not quite on time."""
 
@@ -26,8 +21,9 @@ def exchanged_pairs(prediction: Prediction) -> Iterator[tuple[str, str]]:
     channel, so that a time offset is not taken for an exchange.
     """
     for first, second in combinations(range(len(prediction.names)), 2):
-        quantity = SignalName.of(prediction.names[first]).quantity
-        if quantity not in MARGINS or SignalName.of(prediction.names[second]).quantity != quantity:
+        channel = channel_of(prediction.names[first])
+        exchange = channel.exchange if channel else None
+        if exchange is None or channel_of(prediction.names[second]) is not channel:
             continue
         straight, crossed = np.inf, np.inf
         for predicted, curves in zip(prediction.predicted, prediction.curves, strict=True):
@@ -41,9 +37,9 @@ def exchanged_pairs(prediction: Prediction) -> Iterator[tuple[str, str]]:
                 both = np.array([_residual(curve) for curve in other if curve])
                 middle, steps = both.shape[1] // 2, round(_COMMON_LAG * RATE)
                 both = both[:, middle - steps : middle + steps + 1]
-                both[:, both.max(axis=0) > np.log(1 - _MIN_EXPLAINED[quantity])] = np.inf
+                both[:, both.max(axis=0) > np.log(1 - exchange.least_explained)] = np.inf
                 crossed = min(crossed, float(both.sum(axis=0).min()))
-        if crossed < straight - MARGINS[quantity]:
+        if crossed < straight - exchange.margin:
             yield prediction.names[first], prediction.names[second]
 
 

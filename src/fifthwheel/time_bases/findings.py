@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from fifthwheel.channels import YAW_RATE, is_input, is_of
 from fifthwheel.checks import Fault, Finding, check
 from fifthwheel.checks.findings import remedy_text
-from fifthwheel.names import SignalName
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import is_input
 from fifthwheel.time_bases.exchanged import exchanged_pairs
 from fifthwheel.time_bases.offsets import TimeOffset, common_offsets, offsets_of
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
@@ -57,7 +56,7 @@ def time_base_findings(record: Record, prediction: Prediction, offsets: Sequence
     """Findings by a prediction of the channels: exchanged gyros, else clock rates and time offsets."""
     exchanged = list(exchanged_pairs(prediction))
     for front, rear in exchanged:
-        is_yaw = SignalName.of(rear).quantity == "yaw_rate"
+        is_yaw = is_of(rear, YAW_RATE)
         yield Finding(
             signal=rear,
             fault=Fault.EXCHANGED,

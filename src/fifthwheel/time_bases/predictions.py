@@ -9,22 +9,20 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import MEASURED, ROLL, ROLL_RATE, SignalName, is_of, measured_signals
 from fifthwheel.checks.kinematics import is_mostly_gaps
 from fifthwheel.checks.plausibility import MIN_SPEED
-from fifthwheel.checks.samples import LIMITS, remove_input_spikes
-from fifthwheel.dynamics.sensors import NEEDS_ROLL
+from fifthwheel.checks.samples import MAX_SPEED, remove_input_spikes
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.resample import decimate
 from fifthwheel.record.segments import segments_above
 from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
 from fifthwheel.vehicle import Vehicle, catalogue
 
-QUANTITIES = ("yaw_rate", "articulation", "roll_rate", "roll", "lateral_acceleration")
-"""Quantities that are predicted."""
 _KNOWN_STIFFNESS = ((1.0, 1.0), (0.7, 0.7), (1.4, 1.4), (1.0, 0.7), (1.0, 1.4))
 """Factors of the cornering stiffness of the first unit and of the other units; a vehicle file is wrong by 30 %."""
 _UNKNOWN_STIFFNESS = (0.6, 1.0, 1.7)
@@ -77,8 +75,8 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
         None where the record has no speed or steer angle that can be used, no such channel, or almost only gaps.
     """
     variants = _generic_variants() if vehicle is None else _stiffness_variants(vehicle)
-    units = [unit.name for unit in variants[0].units]
-    names = tuple(name for name in record.signals if _has(units, SignalName.of(name)))
+    measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)
+    names = tuple(name for name in record.signals if name in measured_names)
     try:
         segments = segments_above(remove_input_spikes(record), MIN_SPEED)
         variants = [variant.with_logged_steering(record.signals, record.name) for variant in variants]
@@ -87,9 +85,9 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     except FifthwheelError:
         return None
     fastest = max(float(columns["speed"].max()) for columns in inputs)
-    roll = any(SignalName.of(name).quantity in NEEDS_ROLL for name in names)
+    roll = any(is_of(name, ROLL_RATE, ROLL) for name in names)
     variants = [variant for variant in variants if _is_stable(variant, fastest, roll=roll)]
-    if not names or not variants or fastest > LIMITS["speed"].magnitude or len(record) < _START * RATE:
+    if not names or not variants or fastest > MAX_SPEED or len(record) < _START * RATE:
         return None
     if is_mostly_gaps(record):
         return None
@@ -115,12 +113,6 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
         predicted=predicted,
         generic=vehicle is None,
     )
-
-
-def _has(units: Sequence[str], signal: SignalName) -> bool:
-    """Whether a vehicle of these units has a predicted signal."""
-    has_angle = signal.quantity != "articulation" or signal.unit != units[0]
-    return signal.quantity in QUANTITIES and signal.unit in units and not signal.axle and has_angle
 
 
 def _is_stable(vehicle: Vehicle, speed: float, *, roll: bool) -> bool:

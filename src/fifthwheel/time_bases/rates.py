@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.names import SignalName
+from fifthwheel.channels import YAW_RATE, SignalName, channel_of, names_of
 from fifthwheel.time_bases.lags import MAX_LAG, RATE, lag_curve
 from fifthwheel.time_bases.predictions import Prediction
 
@@ -35,8 +35,6 @@ _GAIN = 0.5
 """A drift must reduce the residual variance of a constant offset to this fraction."""
 _MIN_EXPLAINED = 0.5
 """Least fraction of the variance that is explained with the drift."""
-_QUANTITIES = ("yaw_rate", "articulation", "roll_rate")
-"""Quantities of which the drift is measured."""
 _MAX_SIGMA = 0.015
 """Of the rate of a common clock; beyond it the articulation changes too little."""
 _INTERVAL = 2.0
@@ -64,7 +62,8 @@ def channel_rates(prediction: Prediction) -> Iterator[ClockRate]:
     rows = slice(int(usable[0]), int(usable[0]) + round(_MAX_DURATION * RATE))
     predicted = prediction.predicted[_best_variant(prediction), rows]
     for name, measured, response in zip(prediction.names, prediction.measured[rows].T, predicted.T, strict=True):
-        fit = _drift(measured, response) if SignalName.of(name).quantity in _QUANTITIES else None
+        channel = channel_of(name)
+        fit = _drift(measured, response) if channel and channel.shows_clock else None
         if fit is not None and fit.residual < min(_GAIN * fit.residual_without, 1 - _MIN_EXPLAINED):
             rate = fit.slope / (1 - fit.slope)
             if abs(rate) > max(MIN_RATE, 3 * fit.sigma):
@@ -134,11 +133,12 @@ def _drift(measured: Array, predicted: Array) -> _Drift | None:
 def common_rates(prediction: Prediction) -> Iterator[ClockRate]:
     """The rate of the common clock, by each articulation angle with the yaw rates on both sides of the coupling."""
     names = prediction.names
-    yaw_rates = [name for name in names if SignalName.of(name).quantity == "yaw_rate"]
+    yaw_rates = names_of(YAW_RATE, names)
     interval = round(_INTERVAL * RATE)
     for front, rear in pairwise(yaw_rates):
-        angle = f"articulation.{SignalName.of(rear).unit}"
-        if angle not in names or len(prediction.time) <= 2 * interval:
+        unit = SignalName.of(rear).unit
+        angle = f"articulation.{unit}"
+        if unit == SignalName.of(front).unit or angle not in names or len(prediction.time) <= 2 * interval:
             continue
         r1, r2, measured = (prediction.measured[:, names.index(name)] for name in (front, rear, angle))
         present = np.isfinite(r2 - r1)

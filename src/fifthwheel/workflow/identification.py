@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fifthwheel.assess import Assessment, assess
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import Identification, OneStage, TwoStage, Verdict, identify
+from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.record import Record
@@ -43,7 +43,7 @@ class IdentificationRun:
 def run_identification(
     records: Sequence[Record],
     vehicle: Vehicle,
-    settings: OneStage | TwoStage | None = None,
+    settings: CommonSettings | None = None,
     *,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,

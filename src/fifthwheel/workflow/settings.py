@@ -6,33 +6,17 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
+from fifthwheel.channels import sensor_error_settings
+from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.identify import Identification, OneStage, TwoStage, article
+from fifthwheel.identify import CommonSettings, Identification, OneStage
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
-SENSOR_PRIORS: Mapping[str, str] = MappingProxyType(
-    {
-        "steer_offset": "rad",
-        "steer_gain": "1",
-        "steer_delay": "s",
-        "steer_play": "rad",
-        "rate_offset": "rad/s",
-        "rate_gain": "1",
-        "misalignment": "rad",
-        "time_base_delay": "s",
-        "articulation_offset": "rad",
-        "acceleration_offset": "m/s^2",
-        "acceleration_gain": "1",
-        "acceleration_delay": "s",
-        "accelerometer_position": "m",
-        "accelerometer_height": "m",
-        "bank": "rad",
-    }
-)
+SENSOR_PRIORS: Mapping[str, str] = sensor_error_settings() | {"time_base_delay": "s", "bank": "rad"}
 """Sensor errors, and the bank of the road, whose prior sigma can be chosen, with the SI unit."""
 
 _NONE: Mapping[str, float] = MappingProxyType({})
@@ -114,9 +98,7 @@ class IdentifyOptions:
     passes: int | None = None
     check: bool = True
 
-    def settings(
-        self, vehicle: Vehicle, suspension: Identification | None = None
-    ) -> tuple[Vehicle, OneStage | TwoStage]:
+    def settings(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, CommonSettings]:
         """Vehicle and settings.
 
         Args:

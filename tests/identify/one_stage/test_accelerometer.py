@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.diagnose.cautions import identification_cautions
-from fifthwheel.identify import Identification, OneStage, TwoStage, identify
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.design import assess_information
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance

@@ -33,7 +33,9 @@ def test_the_set_may_shrink_once_and_then_only_grows(stable: bool, monkeypatch: 
     monkeypatch.setattr(_Estimator, "_problem", problem)
     monkeypatch.setattr(_Estimator, "_initial", lambda *_: np.array([0.0 if stable else 0.5]))
     monkeypatch.setattr(_Estimator, "_uninformed", uninformed)
-    monkeypatch.setattr(_Estimator, "_minimise", lambda *_: SimpleNamespace(z=np.array([1.0])))
+    monkeypatch.setattr(
+        _Estimator, "_minimise", lambda _, problem, __: SimpleNamespace(objective=problem, z=np.array([1.0]))
+    )
     dataset = SimpleNamespace(logs=())
     estimator = _Estimator(
         dataset=dataset, settings=OneStage(), outputs=(), model=None, estimated=("a", "b", "c"), start={}

@@ -8,17 +8,17 @@ import pytest
 from fifthwheel.identify.doubts import Doubt, DoubtKind, ScoreTest
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}
-STIFFNESS = Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, **BOUNDS)
-HEIGHT = Unknown(name="height", centre=1.0, scale=0.6, **BOUNDS)
-OFFSET = Unknown(name="offset", centre=0.0, scale=0.004, nuisance=True, per_log=True, **BOUNDS)
-MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, considered=True, **BOUNDS)
-DELAY = Unknown(name="delay", centre=0.0, scale=0.01, nuisance=True, considered=True, **BOUNDS)
-COG = Unknown(name="cog", centre=0.0, scale=0.2, considered=True, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
+STIFFNESS = Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, kind=UnknownKind.PARAMETER, **BOUNDS)
+HEIGHT = Unknown(name="height", centre=1.0, scale=0.6, kind=UnknownKind.PARAMETER, **BOUNDS)
+OFFSET = Unknown(name="offset", centre=0.0, scale=0.004, kind=UnknownKind.SENSOR, per_log=True, **BOUNDS)
+MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.CONSIDERED, **BOUNDS)
+DELAY = Unknown(name="delay", centre=0.0, scale=0.01, kind=UnknownKind.CONSIDERED, **BOUNDS)
+COG = Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.CONSIDERED, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
 UNKNOWNS = (STIFFNESS, HEIGHT, OFFSET, MASS, DELAY, COG)
 NAMES = ("stiffness", "height", "offset@0", "mass", "delay", "cog", "offset@1")
 SIGMA = np.array([0.2, 0.5, 0.4, 1.0, 1.0, 1.0, 0.8])

@@ -1,5 +1,7 @@
 """Gauss-Newton steps within a trust region, on problems with a known minimum."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,9 +28,7 @@ def cost(z: Array) -> float:
 
 def search(start: list[float], lower: float = -9.0, upper: float = 9.0, limit: int = 200) -> tuple[Array, bool]:
     minimum = minimise(
-        expand,
-        cost,
-        lambda z: None,
+        SimpleNamespace(expand=expand, cost=cost),
         np.array(start),
         lower=np.full(2, lower),
         upper=np.full(2, upper),
@@ -62,9 +62,7 @@ def test_stops_at_an_infinite_cost() -> None:
         return np.inf if z[0] > 2 else float((z[0] - 3) ** 2) / 2
 
     minimum = minimise(
-        lambda z: Quadratic(walled(z), z - 3, np.eye(1)),
-        walled,
-        lambda z: None,
+        SimpleNamespace(expand=lambda z: Quadratic(walled(z), z - 3, np.eye(1)), cost=walled),
         np.zeros(1),
         lower=np.full(1, -9.0),
         upper=np.full(1, 9.0),

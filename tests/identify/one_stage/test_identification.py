@@ -14,7 +14,7 @@ from fifthwheel.identify.one_stage.identification import (
     _without_number,
 )
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict
 
 FRONT, REAR, AXIS = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "tractor.roll_axis_height"
@@ -35,10 +35,8 @@ def test_the_number_of_a_log_is_shown_if_there_are_several(name: str, single: st
     assert _without_number(name, False) == several
 
 
-def unknown(name: str, *, considered: bool = False, suspect: bool = False) -> Unknown:
-    return Unknown(
-        name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, considered=considered, suspect=suspect
-    )
+def unknown(name: str, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
+    return Unknown(name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, kind=kind)
 
 
 def test_an_uncertain_parameter_is_estimated_if_the_logs_inform_on_it() -> None:
@@ -48,7 +46,7 @@ def test_an_uncertain_parameter_is_estimated_if_the_logs_inform_on_it() -> None:
         estimate = _uncertain_estimate(u, 2.2, sigma, settings)
         assert (estimate.verdict, estimate.value) == (verdict, 2.2)
         assert estimate.sigma == pytest.approx(sigma * 0.1 * 2.2)
-        assert _uncertain_estimate(unknown(AXIS, considered=True), 2.2, sigma, settings).verdict is Verdict.FIXED
+        assert _uncertain_estimate(unknown(AXIS, UnknownKind.CONSIDERED), 2.2, sigma, settings).verdict is Verdict.FIXED
 
 
 def test_the_variance_budget_is_the_squared_correlation() -> None:
@@ -57,11 +55,8 @@ def test_the_variance_budget_is_the_squared_correlation() -> None:
     jacobian = rng.normal(size=(50, 4))
     names = (FRONT, REAR, AXIS, "mass_scale")
     posterior = Posterior.from_information(names, jacobian.T @ jacobian / 20, considered=names[2:])
-    problem = SimpleNamespace(
-        unknowns=[
-            unknown(FRONT), unknown(REAR), unknown(AXIS, considered=True), unknown("mass_scale", considered=True),
-        ]
-    )  # fmt: skip
+    considered = [unknown(name, UnknownKind.CONSIDERED) for name in names[2:]]
+    problem = SimpleNamespace(unknowns=[unknown(FRONT), unknown(REAR), *considered])
     budget = _variance_budget(problem, posterior, names[:2])
     H = jacobian.T @ jacobian / 20
     P = np.linalg.inv(np.eye(2) + H[:2, :2])
@@ -71,7 +66,7 @@ def test_the_variance_budget_is_the_squared_correlation() -> None:
         expected = dict(zip(names[2:], shifts**2 / variance, strict=True))
         assert budget[name] == pytest.approx(expected)
         assert list(budget[name].values()) == sorted(expected.values(), reverse=True)
-    problem.unknowns[3] = replace(problem.unknowns[3], suspect=True)
+    problem.unknowns[3] = replace(problem.unknowns[3], kind=UnknownKind.SUSPECT)
     assert {tuple(terms) for terms in _variance_budget(problem, posterior, names[:2]).values()} == {(AXIS,)}
 
 

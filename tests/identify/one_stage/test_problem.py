@@ -153,9 +153,8 @@ def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     clean = problem(truck, [record], OneStage(initial_payload_height=None))
     gyro[::97] += 2.0
     spiked = problem(truck, [record.with_signals({"yaw_rate.tractor": gyro})], OneStage(initial_payload_height=None))
-    for p in (clean, spiked):
-        for _ in range(8):
-            p.update_noise(np.zeros(len(p.names)), autocorrelated=False)
+    for _ in range(8):
+        clean, spiked = (p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=False) for p in (clean, spiked))
     estimate, expected = (p.logs[0].noise["yaw_rate.tractor"] for p in (spiked, clean))
     assert expected == pytest.approx(0.000016, rel=0.15)
     assert expected < estimate < 1.5 * expected
@@ -170,19 +169,22 @@ def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
     for size in (0.0, 0.01):
         noisy = record.with_signals({name: record.signals[name] + size * slow})
         p = problem(truck, [noisy], OneStage(form="prediction_error", initial_payload_height=None))
-        p.update_noise(np.zeros(len(p.names)), autocorrelated=True)
+        p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
         factors.append(p.logs[0].autocorrelation_factor[name])
         assert not p.logs[0].noise_models
     assert 1 <= factors[0] < 2.5
     assert factors[1] > 5
 
 
-def test_update_noise_leaves_the_given_logs_alone(truck: Vehicle) -> None:
+def test_a_problem_does_not_change(truck: Vehicle) -> None:
     settings = OneStage(initial_payload_height=None)
     first = problem(truck, [simulate(truck, count=1, seed=4)], settings)
     given = first.logs[0].noise["yaw_rate.tractor"]
-    second = Problem(first.model, first.vehicle, first.logs, first.unknowns, settings)
-    second.update_noise(np.zeros(len(second.names)), autocorrelated=True)
+    z = np.zeros(len(first.names))
+    cost = first.cost(z)
+    second = first.with_residual_noise(z, autocorrelated=True)
+    assert first.cost(z) == cost != second.cost(z)
+    assert Problem(first.model, first.vehicle, first.logs, first.unknowns, settings).cost(z) == cost
     assert second.logs[0].noise["yaw_rate.tractor"] != given
     assert second.variance(0)[0] == second.logs[0].effective_variance(second.model.outputs[0])
     assert first.logs[0].noise["yaw_rate.tractor"] == given

@@ -9,7 +9,7 @@ import pytest
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.doubts import DoubtKind, ScoreTest, score_tests
 from fifthwheel.identify.one_stage.stiffness_variation import VARIATION, WINDOW, StiffnessVariation
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.manoeuvres import course
 from fifthwheel.plant import Plant, Properties, article_sensors
 from fifthwheel.vehicle import Vehicle
@@ -21,8 +21,10 @@ PRIOR = 0.3
 
 def stand_in(**consider: float) -> Any:
     """What `StiffnessVariation` needs of a problem."""
-    stiffness = Unknown(name=NAMES[0], centre=4e5, scale=PRIOR, lower=1e5, upper=1e6, logarithmic=True)
-    gain = Unknown(name=NAMES[1], centre=1.0, scale=0.1, lower=0.5, upper=2.0)
+    stiffness = Unknown(
+        name=NAMES[0], centre=4e5, scale=PRIOR, lower=1e5, upper=1e6, logarithmic=True, kind=UnknownKind.PARAMETER
+    )
+    gain = Unknown(name=NAMES[1], centre=1.0, scale=0.1, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
     return SimpleNamespace(names=NAMES, unknowns=(stiffness, gain), settings=OneStage(consider=consider))
 
 

@@ -14,7 +14,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
-from fifthwheel.identify.unknowns.unknown import scaling
+from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.simulate import simulate
@@ -78,7 +78,9 @@ def test_sigma_includes_considered_parameters(truck: Vehicle) -> None:
     """Trucks that differ from the vehicle file within its uncertainty: the errors agree with sigma."""
     steered = truck.with_logged_steering(simulate(truck, count=1).signals, "record")
     uncertain = [
-        u for u in one_stage_unknowns(steered, GYROS, OneStage(), extended=False) if u.considered or u.uncertain
+        u
+        for u in one_stage_unknowns(steered, GYROS, OneStage())
+        if u.logarithmic and u.kind in (UnknownKind.CONSIDERED, UnknownKind.UNCERTAIN)
     ]
     normalised = []
     for seed in range(8):

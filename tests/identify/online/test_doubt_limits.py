@@ -9,18 +9,18 @@ from fifthwheel.filters.relinearised import Estimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.evidence import find_doubts, score_tests
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}
 ESTIMATED = (
-    Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, **BOUNDS),
-    Unknown(name="offset", centre=0.0, scale=0.004, nuisance=True, **BOUNDS),
-    Unknown(name="height", centre=1.0, scale=0.6, **BOUNDS),
+    Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, kind=UnknownKind.PARAMETER, **BOUNDS),
+    Unknown(name="offset", centre=0.0, scale=0.004, kind=UnknownKind.SENSOR, **BOUNDS),
+    Unknown(name="height", centre=1.0, scale=0.6, kind=UnknownKind.PARAMETER, **BOUNDS),
 )
 CONSIDERED = (
-    Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, considered=True, **BOUNDS),
-    Unknown(name="cog", centre=0.0, scale=0.2, considered=True, moves={"x": 2.0, "y": -1.0}, **BOUNDS),
+    Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.CONSIDERED, **BOUNDS),
+    Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.CONSIDERED, moves={"x": 2.0, "y": -1.0}, **BOUNDS),
 )
 PROBLEM = SimpleNamespace(estimated=ESTIMATED, considered=CONSIDERED, parameters=("stiffness", "height"))
 PZ, B = np.diag([0.03, 0.15, 0.2]), np.array([[0.1, 0.0], [0.0, 0.1], [0.0, 0.2]])

@@ -2,8 +2,10 @@
 
 import pytest
 
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify import OneStage, TwoStage
+from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
     SOFTENING,
@@ -18,9 +20,8 @@ from fifthwheel.identify.unknowns.parameters import (
     stage_2_names,
     suspects,
     time_base_delays,
-    two_stage_unknowns,
 )
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
 
 HEIGHT = "semitrailer.payload.height"
@@ -77,10 +78,12 @@ def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
     unknowns = one_stage_unknowns(truck, RATES, settings)
     names = [u.name for u in unknowns]
     assert len(set(names)) == len(names)
-    estimated = [u.name for u in unknowns if not (u.uncertain or u.considered or u.nuisance)]
+    estimated = [
+        u.name for u in unknowns if not (u.kind is UnknownKind.UNCERTAIN or not u.is_estimated or u.is_sensor_error)
+    ]
     assert estimated == estimated_parameters(truck, settings) == [*stage_1_names(truck), *stage_2_names(truck)]
-    assert {u.name.rpartition(".")[2] for u in unknowns if u.uncertain} == {"relaxation_length"}
-    assert {u.name.rpartition(".")[2] for u in unknowns if u.considered} == {"roll_damping"}
+    assert {u.name.rpartition(".")[2] for u in unknowns if u.kind is UnknownKind.UNCERTAIN} == {"relaxation_length"}
+    assert {u.name.rpartition(".")[2] for u in unknowns if not u.is_estimated} == {"roll_damping"}
     assert "tractor.yaw_inertia" not in names
 
 
@@ -88,7 +91,7 @@ def test_body_below_an_estimated_payload_is_not_considered(truck: Vehicle) -> No
     """Its CoG height would be the payload height again; named by its full path it is considered."""
 
     def considered(settings: OneStage) -> set[str]:
-        return {u.name for u in one_stage_unknowns(truck, RATES, settings) if u.considered}
+        return {u.name for u in one_stage_unknowns(truck, RATES, settings) if not u.is_estimated}
 
     assert "tractor.sprung.cog_height" in considered(OneStage())
     assert "semitrailer.sprung.cog_height" not in considered(OneStage())
@@ -99,7 +102,7 @@ def test_body_below_an_estimated_payload_is_not_considered(truck: Vehicle) -> No
 def test_priors(truck: Vehicle) -> None:
     """Standard deviation and slope agree with the transformation z -> p."""
     for settings in (TwoStage(), TwoStage(logarithmic=False)):
-        for u in two_stage_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
+        for u in parameter_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
             expected = settings.height_prior if u.name == HEIGHT else settings.prior * truck.parameters()[u.name]
             assert u.prior_sigma == pytest.approx(expected)
             assert u.slope(u.centre) == pytest.approx(expected)
@@ -116,7 +119,7 @@ def test_sensor_errors(truck: Vehicle) -> None:
 
 def test_two_stages_fix_only_what_they_estimate(truck: Vehicle) -> None:
     with pytest.raises(VehicleError, match=r"tractor\.mass: cannot be fixed"):
-        two_stage_unknowns(truck, stage_1_names(truck), TwoStage(fixed=("tractor.mass",)))
+        parameter_unknowns(truck, stage_1_names(truck), TwoStage(fixed=("tractor.mass",)))
 
 
 def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
@@ -148,12 +151,12 @@ def test_considered_groups_are_scaled(truck: Vehicle) -> None:
     """`consider` gives factors of the vehicle file and of the softening, and the latency of a gyro in s."""
     full = by_name(truck, OneStage())
     half = by_name(truck, OneStage(consider={"vehicle_file": 0.5, "softening": 0.5, "gyro_delay": 0.005}))
-    considered = {name: u for name, u in full.items() if u.considered and (u.moves or u.centre == 0)}
+    considered = {name: u for name, u in full.items() if not u.is_estimated and (u.moves or u.centre == 0)}
     assert {f"{rate}.delay" for rate in RATES} | {"mass_scale", "tractor.front.softening"} <= set(considered)
     for name, u in considered.items():
         for path, slope in u.slopes.items():
             assert half[name].slopes[path] * half[name].scale == pytest.approx(slope * u.scale / 2), name
-    assert not [u for u in by_name(truck, OneStage(consider={})).values() if u.considered]
+    assert not [u for u in by_name(truck, OneStage(consider={})).values() if not u.is_estimated]
 
 
 def test_an_exact_sensor_has_no_latency(truck: Vehicle) -> None:
@@ -175,7 +178,7 @@ def test_play_is_not_negative(truck: Vehicle) -> None:
     play = by_name(truck, OneStage())["steer.tractor.front.play"]
     assert (play.lower, play.centre) == (0.0, 0.0)
     assert play.upper > 0
-    assert not play.considered
+    assert play.is_estimated
 
 
 def test_delays_of_time_bases(truck: Vehicle) -> None:
@@ -197,7 +200,7 @@ def test_delays_of_time_bases(truck: Vehicle) -> None:
 
 def test_suspects_are_considered_in_score_tests_only() -> None:
     (scale,) = suspects()
-    assert (scale.considered, scale.suspect, scale.centre) == (True, True, 0.0)
+    assert (scale.kind, scale.is_estimated, scale.centre) == (UnknownKind.SUSPECT, False, 0.0)
     assert dict(scale.slopes) == {"time_base.scale": 1.0}
 
 
@@ -226,8 +229,8 @@ def test_each_sensor_error_has_the_prior_of_its_setting(truck: Vehicle, name: st
     """And bounds at eight times its standard deviation."""
     setting, mean, per_log, both = SENSOR_PRIORS[name]
     unknown = by_name(truck, OneStage(**{setting: 0.0123}), OUTPUTS)[name]
-    assert (unknown.scale, unknown.centre, unknown.per_log, unknown.nuisance) == (0.0123, mean, per_log, True)
-    assert (unknown.logarithmic, unknown.considered, unknown.uncertain) == (False, False, False)
+    assert (unknown.scale, unknown.centre, unknown.per_log, unknown.logarithmic) == (0.0123, mean, per_log, False)
+    assert (unknown.kind, unknown.is_sensor_error) == (UnknownKind.SENSOR, True)
     bounds = (0.0 if name.endswith("play") else mean - 8 * 0.0123, mean + 8 * 0.0123)
     assert (unknown.lower, unknown.upper) == pytest.approx(bounds)
     two_stage = {u.name: u for u in sensor_error_unknowns(truck, OUTPUTS, TwoStage())}
@@ -238,14 +241,11 @@ def test_each_sensor_error_has_the_prior_of_its_setting(truck: Vehicle, name: st
 
 def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
     steered = truck.with_logged_steering({STEER}, "")
-    names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if u.nuisance and not u.considered}
+    names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if u.kind is UnknownKind.SENSOR}
     roll = {f"roll_rate.tractor.{kind}" for kind in ("gain", "misalignment")}
     places = {f"{ACCELERATION}.{kind}" for kind in ("position", "height")}
     assert names == set(SENSOR_PRIORS) | roll | places
-    simple = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage(), extended=False)}
-    extended = {f"{STEER}.play", f"{ACCELERATION}.delay", f"{GYRO}.misalignment", "mass_scale", f"{GYRO}.delay"}
-    assert not extended & simple
-    assert extended <= {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage())}
+    assert {"mass_scale", f"{GYRO}.delay"} <= {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage())}
 
 
 def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
@@ -280,8 +280,9 @@ def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
     assert (separate[body].scale, separate["semitrailer.sprung.cog_height"].scale) == (0.55, 0.21)
     own = by_name(truck, OneStage(priors={"semitrailer.yaw_inertia": 0.05}))
     assert own["semitrailer.yaw_inertia"].scale == 0.05
-    assert not own["semitrailer.yaw_inertia"].uncertain
-    assert by_name(truck, OneStage(priors={"roll_damping": 0.05}))["semitrailer.roll_damping"].uncertain
+    assert own["semitrailer.yaw_inertia"].kind is UnknownKind.PARAMETER
+    damping = by_name(truck, OneStage(priors={"roll_damping": 0.05}))["semitrailer.roll_damping"]
+    assert damping.kind is UnknownKind.UNCERTAIN
 
 
 def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> None:
@@ -290,12 +291,12 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
     settings = TwoStage(
         prior=0.2, height_prior=0.5, initial_sigma=0.02, initial_height_sigma=0.1, random_walk=0.004, height_walk=0.025
     )
-    stiffness, height = two_stage_unknowns(truck, names, settings)
+    stiffness, height = parameter_unknowns(truck, names, settings)
     assert (stiffness.start, stiffness.walk) == pytest.approx((0.1, 0.02))
     assert (height.start, height.walk) == pytest.approx((0.2, 0.05))
-    usual = two_stage_unknowns(truck, names, TwoStage())
+    usual = parameter_unknowns(truck, names, TwoStage())
     assert {(u.start, u.walk) for u in usual} == {(1.0, 0.0)}
-    linear = two_stage_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
+    linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
-    fixed = two_stage_unknowns(truck, names, TwoStage(fixed=names[:1]))
+    fixed = parameter_unknowns(truck, names, TwoStage(fixed=names[:1]))
     assert [u.name for u in fixed] == [HEIGHT]

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fifthwheel.channels import SignalName
 from fifthwheel.logs.mapping.name_rules import classify_column, classify_columns, normalised_name
-from fifthwheel.names import SignalName
 from fifthwheel.record.signal_names import si_unit, split_header
 from fifthwheel.units import factor
 
@@ -286,7 +286,7 @@ def test_a_channel_is_mapped_to_its_signal(column, unit, signal):
 )
 def test_quantity_and_vehicle_unit_of_a_name(column, unit, quantity, trailing):
     hint = classify_column(column, unit)
-    assert (hint.quantity, hint.trailing) == (quantity, trailing)
+    assert (hint.channel.quantity, hint.trailing) == (quantity, trailing)
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ from typing import Any, Protocol
 from nicegui import events, ui
 
 from fifthwheel.app import layout
+from fifthwheel.channels import SignalName
 from fifthwheel.errors import printable
 from fifthwheel.formatting import percent
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.mapping.survey import ColumnContent
-from fifthwheel.logs.signal_map import Channel
-from fifthwheel.names import SignalName
+from fifthwheel.logs.signal_map import SignalSource
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.workflow import ChannelEvidence, SignalEvidence
 
@@ -42,7 +42,7 @@ class Editor(Protocol):
         """Remove a signal."""
 
 
-def row(editor: Editor, signal: str, channel: Channel, *parts: Callable[[str], object]) -> None:
+def row(editor: Editor, signal: str, channel: SignalSource, *parts: Callable[[str], object]) -> None:
     """The fields of a signal.
 
     Args:
@@ -78,7 +78,7 @@ def row(editor: Editor, signal: str, channel: Channel, *parts: Callable[[str], o
             part(signal)
 
 
-def _column(editor: Editor, signal: str, channel: Channel) -> None:
+def _column(editor: Editor, signal: str, channel: SignalSource) -> None:
     names = _with_numbers(editor)
     options = names if channel.column in names else [channel.column, *names]
     field = ui.select(options, value=channel.column, label="Column", with_input=True)
@@ -99,7 +99,7 @@ async def _changed(editor: Editor, signal: str, key: str, event: events.ValueCha
     await editor.change(signal, **{key: value})
 
 
-def _unit_in_log(editor: Editor, channel: Channel) -> str | None:
+def _unit_in_log(editor: Editor, channel: SignalSource) -> str | None:
     content = editor.columns.get(channel.columns[0])
     return content.column.unit if content is not None else None
 

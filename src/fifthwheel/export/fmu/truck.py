@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import casadi as ca
 
 from fifthwheel import dynamics
+from fifthwheel.channels import LATERAL_VELOCITY, MODELLED
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK, equations
-from fifthwheel.dynamics.sensors import NEEDS_COUPLING, QUANTITIES
 from fifthwheel.dynamics.state_space import MAX_SPEED
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError, SignalError
@@ -37,10 +37,10 @@ def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
     """Every quantity of every unit that a sensor could measure."""
     units = [unit.name for unit in vehicle.units]
     return tuple(
-        f"{quantity}.{unit}"
-        for quantity in QUANTITIES
-        for unit in (units[1:] if quantity in NEEDS_COUPLING else units)
-        if quantity != "lateral_velocity"  # speed times sideslip
+        f"{channel.quantity}.{unit}"
+        for channel in MODELLED
+        for unit in (units[1:] if channel.model and channel.model.behind_coupling else units)
+        if channel is not LATERAL_VELOCITY  # speed times sideslip
     )
 
 

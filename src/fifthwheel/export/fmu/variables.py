@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from fifthwheel.names import SignalName
+from fifthwheel.channels import SignalName
 
 
 class Role(StrEnum):

@@ -9,6 +9,7 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel._types import Array
+from fifthwheel.channels import ARTICULATION, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
@@ -20,7 +21,6 @@ from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.linear import steer_record
-from fifthwheel.names import SignalName
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -209,7 +209,7 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
     """The given channels or the default ones, in the order of `possible_channels`; a fit must be able to use them."""
     possible = possible_channels(vehicle, channels)
     if not channels:
-        return tuple(name for name in possible if SignalName.of(name).quantity != "articulation")
+        return tuple(name for name in possible if not is_of(name, ARTICULATION))
     for name in channels:
         if name not in possible:
             raise SignalError(f"{name}: not a channel that a fit uses; choose from {', '.join(possible)}")

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import LATERAL_ACCELERATION, STEER, is_of
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, with_every_sample
 from fifthwheel.identify.noise_model import NoiseModel
@@ -26,7 +27,6 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
-from fifthwheel.names import ACCELEROMETER
 
 PULSE_SIZE = 1e-5
 """Steer angle of the pulse, rad.
@@ -39,7 +39,7 @@ NOT_LINEAR = (".softening", ".play")
 
 def along_run(name: str) -> bool:
     """Whether the derivatives with respect to an unknown are computed along the complete run."""
-    return name.endswith(NOT_LINEAR) or (name.startswith(("steer.", ACCELEROMETER)) and name.endswith(".delay"))
+    return name.endswith(NOT_LINEAR) or (is_of(name, STEER, LATERAL_ACCELERATION) and name.endswith(".delay"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

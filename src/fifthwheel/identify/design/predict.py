@@ -6,7 +6,7 @@ have are computed once for each run; the effect of another channel, a fixed para
 small matrices. All weights of Huber's loss are 1. The model is assumed to be exact.
 """
 
-from collections.abc import Collection, Container, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import IDENTIFIED, LATERAL_ACCELERATION, measured_signals
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify.dataset import LogData, lateral_accelerations
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
@@ -88,12 +89,12 @@ class PredictedPosterior:
         return [result.names[j] for j in places]
 
 
-def possible_channels(vehicle: Vehicle, logged: Container[str] = ()) -> tuple[str, ...]:
+def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str, ...]:
     """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, and those lateral
     accelerations that are logged."""
     units = [unit.name for unit in vehicle.units]
-    yaw = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
-    return (*yaw, *[f"roll_rate.{u}" for u in units], *lateral_accelerations(logged, vehicle))
+    usual = {f"{c.quantity}.{u}" for c in IDENTIFIED if c is not LATERAL_ACCELERATION for u in units}
+    return measured_signals({*usual, *logged}, units)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,7 +118,7 @@ class InformationPredictor:
 
     @classmethod
     def of(
-        cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float], logged: Container[str] = ()
+        cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float], logged: Iterable[str] = ()
     ) -> "InformationPredictor":
         """Set up the problem.
 
@@ -229,9 +230,9 @@ class InformationPredictor:
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
-        considered = [u.name for u in self.unknowns if u.considered and u.name in names]
+        considered = [u.name for u in self.unknowns if not u.is_estimated and u.name in names]
         considered = [name for name in considered if name not in self.estimated]
-        of_vehicle = {u.name for u in self.unknowns if not u.nuisance}
+        of_vehicle = {u.name for u in self.unknowns if not u.is_sensor_error}
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
         all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
         estimated = [name for name in self.estimated if name in names]
@@ -282,7 +283,7 @@ def _stable_start(
 ) -> tuple[dict[str, float], Vehicle]:
     """z where a fit starts, and the vehicle there: an unstable vehicle gets stiffer axles behind the first."""
     _, *behind_first = [f"{path}.cornering_stiffness" for path in parameters.group_paths(vehicle)]
-    axles = [u for u in unknowns if u.name in behind_first and not u.considered]
+    axles = [u for u in unknowns if u.name in behind_first and u.is_estimated]
     limit = min((np.log(u.upper / u.centre) / u.scale for u in axles), default=0.0)
     z, start = 0.0, vehicle
     while not all(is_stable(start, speed) for speed in speeds):

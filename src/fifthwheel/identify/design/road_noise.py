@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import ARTICULATION, ROLL_RATE, YAW_RATE, SignalName, is_of
 from fifthwheel.identify.noise_model import NoiseModel, fit_spectrum
-from fifthwheel.names import SignalName
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle, laden
 
@@ -65,12 +65,12 @@ def road_density(vehicle: Vehicle, channel: str, speed: float, frequency: Array,
     """
     signal, omega = SignalName.of(channel), 2 * np.pi * frequency
     road = road_roll_density(frequency, speed, roughness)
-    if signal.quantity == "roll_rate":
+    if is_of(channel, ROLL_RATE):
         unit = vehicle.unit(signal.unit)
         return np.asarray(
             road * np.abs(omega * _roll_response(vehicle, unit, omega) * _average(unit, omega / speed)) ** 2
         )
-    if signal.quantity in ("yaw_rate", "articulation"):
+    if is_of(channel, YAW_RATE, ARTICULATION):
         return np.asarray(road * np.abs(_yaw_response(vehicle, channel, speed, omega)) ** 2)
     return np.zeros_like(frequency)
 
@@ -117,7 +117,7 @@ def _yaw_response(vehicle: Vehicle, channel: str, speed: float, omega: Array) ->
     )
     state = {name: x[:, i, 0] for i, name in enumerate(names)}
     signal, units = SignalName.of(channel), [unit.name for unit in vehicle.units]
-    if signal.quantity == "articulation":
-        return np.asarray(state[channel])
+    if is_of(channel, ARTICULATION):
+        return np.asarray(state[f"articulation.{signal.unit}"])
     behind: Sequence[str] = units[1 : units.index(signal.unit) + 1]
     return np.asarray(state[f"yaw_rate.{units[0]}"] + sum(1j * omega * state[f"articulation.{u}"] for u in behind))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, is_of, is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
@@ -33,8 +34,8 @@ from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen, wi
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
-from fifthwheel.names import SignalName, is_sensor_error
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -160,8 +161,8 @@ class _Estimator:
         initial, early = self._initial(problem), problem.shortened(EARLY_SAMPLES)
         uninformed = {} if initial.any() else self._uninformed(early, initial, noise_only=True)
         for attempt in itertools.count():
-            problem = self._problem(problem.logs, uninformed)
-            minimum = self._minimise(problem, progress)
+            minimum = self._minimise(self._problem(problem.logs, uninformed), progress)
+            problem = minimum.objective
             latest = self._uninformed(problem, minimum.z)
             if attempt:
                 latest = uninformed | latest
@@ -172,7 +173,6 @@ class _Estimator:
             dataset=self.dataset,
             settings=self.settings,
             estimated=self.estimated,
-            problem=problem,
             minimum=minimum,
             uninformed=latest,
         )
@@ -181,7 +181,7 @@ class _Estimator:
         """The problem in which uninformed parameters are considered, at the value of the vehicle file."""
         given = parameters.given_parameters(self.dataset.vehicle, self.settings)
         unknowns = [
-            replace(u, centre=given[u.name], considered=True) if u.name in uninformed else u
+            replace(u, centre=given[u.name], kind=UnknownKind.CONSIDERED) if u.name in uninformed else u
             for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
         ]
         time_bases = {name: base for record in self.dataset.records for name, base in record.time_bases.items()}
@@ -223,7 +223,7 @@ class _Estimator:
             z[indices] += STIFFENING
         return z
 
-    def _minimise(self, problem: Problem, progress: Progress) -> Minimum:
+    def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior.
 
         With adapted noise in several fits: the first takes residuals as white and updates the noise at every step, and
@@ -233,18 +233,19 @@ class _Estimator:
         z, tolerances = self._initial(problem), ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
         if not self.settings.adapt_noise:
             return self._fit(problem, z, "fit", progress)
-        early = problem.shortened(EARLY_SAMPLES)
-        white = functools.partial(early.update_noise, autocorrelated=False)
         late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
-        z = self._fit(early, z, "fit", progress, tolerance=WHITE_TOLERANCE, accept=white, fixed=late).z
+        first = problem.shortened(EARLY_SAMPLES)
+        early = self._fit(first, z, "fit", progress, tolerance=WHITE_TOLERANCE, reweighted=_white, fixed=late)
         for tolerance in tolerances[:-1]:
-            early.update_noise(z, autocorrelated=True)
-            z = self._fit(early, z, TITLE, progress, tolerance=tolerance).z
-        if early is not problem:  # the parts begin later than the segments
+            corrected = early.objective.with_residual_noise(early.z, autocorrelated=True)
+            early = self._fit(corrected, early.z, TITLE, progress, tolerance=tolerance)
+        z = early.z
+        if first is problem:
+            problem = early.objective
+        else:  # the parts begin later than the segments
             for indices in itertools.chain(*problem.layout.initial_states):
                 z[indices] = 0.0
-        problem.update_noise(z, autocorrelated=True)
-        return self._fit(problem, z, TITLE, progress)
+        return self._fit(problem.with_residual_noise(z, autocorrelated=True), z, TITLE, progress)
 
     def _fit(
         self,
@@ -254,35 +255,39 @@ class _Estimator:
         progress: Progress,
         *,
         tolerance: float = ROUND_TOLERANCES[-1],
-        accept: Callable[[Array], None] = lambda _: None,
+        reweighted: Callable[[Problem, Array], Problem] = lambda problem, _: problem,
         fixed: NDArray[np.bool_] | None = None,
-    ) -> Minimum:
+    ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
         Args:
             title: of the progress.
             tolerance: of `minimise`; one above that of the last fit limits the number of steps.
-            accept: called with every accepted point.
+            reweighted: as in `minimise`.
             fixed: which unknowns keep their prior mean (k,).
         """
         lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
         iterations = self.settings.iterations
         minimum = minimise(
-            problem.expand,
-            problem.cost,
-            accept,
+            problem,
             z,
             lower=lower,
             upper=upper,
             iterations=EARLY_ITERATIONS if tolerance > ROUND_TOLERANCES[-1] else iterations,
             tolerance=tolerance,
+            reweighted=reweighted,
             progress=functools.partial(progress, title),
         )
         progress(title, iterations, iterations)
         return minimum
 
 
+def _white(problem: Problem, z: Array) -> Problem:
+    """The problem with white noise of the variances that the residuals at z have."""
+    return problem.with_residual_noise(z, autocorrelated=False)
+
+
 def _is_early(name: str) -> bool:
     """Whether a sensor error is estimated from the first fit on: offsets, and gain and delay of the steering."""
-    steer = SignalName.of(name).quantity == "steer"
+    steer = is_of(name, STEER)
     return is_sensor_error(name, "offset") or (steer and not is_sensor_error(name, "play"))

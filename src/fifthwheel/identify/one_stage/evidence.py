@@ -19,7 +19,7 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 
 
@@ -52,10 +52,10 @@ def _unusual_estimates(solution: Solution, linearisation: Linearisation) -> Iter
     for name, u in _unknowns(solution).items():
         i = solution.problem.names.index(name)
         deviation = float(solution.minimum.z[i])
-        if u.nuisance and not u.considered and abs(deviation) > UNUSUAL_SENSOR_ERROR:
+        if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
             kind = DoubtKind.SENSOR
             parameters = _moved(solution, linearisation, covariance[:, i] / covariance[i, i] * deviation)
-        elif u.logarithmic and not u.considered and abs(deviation) > UNUSUAL_ESTIMATE and name != FRICTION:
+        elif u.logarithmic and u.is_estimated and abs(deviation) > UNUSUAL_ESTIMATE and name != FRICTION:
             kind, parameters = DoubtKind.ESTIMATE, (name,)
         else:
             continue

@@ -17,6 +17,7 @@ from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.gauss_newton import minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.result import Fit
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle import Vehicle
 
 LAWS: tuple[TyreLaw, ...] = ("linear", "saturating")
@@ -34,16 +35,16 @@ def saturating_fits(
         log: with the noise of its channels.
         identified_on: whether the vehicle was identified on this log.
     """
-    unknowns = [u if u.per_log else replace(u, centre=values[u.name], considered=True) for u in problem.unknowns]
+    unknowns = [
+        u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED) for u in problem.unknowns
+    ]
     outputs, white, start = problem.model.outputs, replace(log, noise_models={}), dict[str, float]()
     for law in LAWS:
         settings = replace(problem.settings, tyres=law)
         alone = Problem(fit_model(vehicle, outputs, settings), vehicle, [white], unknowns, settings)
         lower, upper = alone.bounds
         minimum = minimise(
-            alone.expand,
-            alone.cost,
-            lambda _: None,
+            alone,
             np.array([start.get(name, 0.0) for name in alone.names]),
             lower=lower,
             upper=upper,

@@ -7,7 +7,7 @@ the predicted decrease of the cost. The unknowns are in units of their prior sig
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +30,24 @@ class Quadratic(NamedTuple):
     hessian: Array  # (k, k), positive definite
 
 
+class Objective(Protocol):
+    """A cost and its quadratic model, as functions of z (k,)."""
+
+    def cost(self, z: Array, /) -> float:
+        """The cost; infinite or NaN where it is not defined."""
+
+    def expand(self, z: Array, /) -> Quadratic:
+        """The quadratic model of the cost about a point."""
+
+
+ObjectiveT = TypeVar("ObjectiveT", bound=Objective)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Minimum:
+class Minimum(Generic[ObjectiveT]):
     """Result of the search."""
 
+    objective: ObjectiveT  # of the last step
     z: Array  # (k,)
     model: Quadratic  # about z
     converged: bool
@@ -41,45 +55,44 @@ class Minimum:
 
 
 def minimise(
-    expand: Callable[[Array], Quadratic],
-    cost: Callable[[Array], float],
-    accept: Callable[[Array], None],
+    objective: ObjectiveT,
     z: Array,
     *,
     lower: Array,
     upper: Array,
     iterations: int,
     tolerance: float = 0.02,
+    reweighted: Callable[[ObjectiveT, Array], ObjectiveT] = lambda objective, _: objective,
     progress: Callable[[int, int], None] = lambda *_: None,
-) -> Minimum:
+) -> Minimum[ObjectiveT]:
     """Search a minimum of a cost from z.
 
     Args:
-        expand: the quadratic model of the cost about a point.
-        cost: the cost; infinite or NaN where it is not defined.
-        accept: called with every accepted point; it may change the cost (its weights, its noise).
+        objective: the cost.
         z: initial point (k,).
         lower, upper: bounds of z (k,).
         iterations: largest number of steps.
         tolerance: converged when a full step would decrease the cost by less than its square, which moves no unknown by
             more than 1.4 times this fraction of its standard deviation.
+        reweighted: the objective for the next step, such as one with other weights, from the last one and each accepted
+            point.
         progress: called with the number of steps done and the largest number of steps.
     """
-    radius, steps, model = INITIAL_RADIUS, 0, expand(z)
+    radius, steps, model = INITIAL_RADIUS, 0, objective.expand(z)
     while steps < iterations:
         progress(steps, iterations)
         steps += 1
         gradient, hessian = model.gradient, model.hessian
         full_step = newton_step(z, gradient, hessian, lower, upper)
         if full_step @ hessian @ full_step <= 2 * tolerance**2:
-            return Minimum(z=z, model=model, converged=True, steps=steps)
+            return Minimum(objective=objective, z=z, model=model, converged=True, steps=steps)
         step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
         if not interior:
             free, step = ~_held(z, gradient, lower, upper), np.zeros_like(z)
             step[free], _ = trust_region_step(gradient[free], hessian[np.ix_(free, free)], radius)
             step = np.clip(z + step, lower, upper) - z
         predicted_decrease = -(gradient @ step + step @ hessian @ step / 2)
-        decrease = model.cost - cost(z + step)
+        decrease = model.cost - objective.cost(z + step)
         usable = predicted_decrease > 0 and np.isfinite(decrease)
         ratio = decrease / predicted_decrease if usable else -1.0
         if ratio < 0.25:
@@ -88,11 +101,11 @@ def minimise(
             radius *= 2
         if ratio > SMALLEST_RATIO:
             z = z + step
-            accept(z)
-            model = expand(z)
+            objective = reweighted(objective, z)
+            model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break
-    return Minimum(z=z, model=model, converged=False, steps=steps)
+    return Minimum(objective=objective, z=z, model=model, converged=False, steps=steps)
 
 
 def newton_step(z: Array, gradient: Array, hessian: Array, lower: Array, upper: Array) -> Array:

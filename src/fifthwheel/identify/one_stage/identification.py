@@ -21,7 +21,7 @@ from fifthwheel.identify.one_stage.solution import Linearisation, Solution
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
@@ -36,9 +36,9 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
-    model_unknowns = [u for u in problem.unknowns if not u.nuisance and not u.moves and u.name in given]
+    model_unknowns = [u for u in problem.unknowns if not u.is_sensor_error and not u.moves and u.name in given]
     vehicle_values = {u.name: shared[u.name] for u in model_unknowns if u.name in own}
-    sensor_errors = [u for u in problem.unknowns if u.nuisance and not u.considered]
+    sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
     evaluation = evaluate_fits(dataset, logs, _fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     converged = minimum.converged and evaluation.trusted
     estimated, uncertain = [], []
@@ -78,7 +78,7 @@ def _fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
     """The fits of a log by the identified vehicle."""
     problem, law = solution.problem, solution.settings.tyre_law
     values = problem.values(solution.minimum.z, 0)
-    sensors = {u.name: values[u.name] for u in problem.unknowns if u.nuisance and not u.considered and not u.per_log}
+    sensors = {u.name: values[u.name] for u in problem.unknowns if u.kind is UnknownKind.SENSOR and not u.per_log}
     model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
 
     def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
@@ -142,7 +142,7 @@ def _without_number(name: str, single_log: bool) -> str:
 def _uncertain_estimate(unknown: Unknown, value: float, sigma_z: float, settings: OneStage) -> Estimate:
     """The estimate of an uncertain or considered parameter."""
     informed = sigma_z < settings.excited
-    verdict = Verdict.FIXED if unknown.considered else Verdict.CONVERGED if informed else Verdict.NOT_EXCITED
+    verdict = Verdict.FIXED if not unknown.is_estimated else Verdict.CONVERGED if informed else Verdict.NOT_EXCITED
     return estimates.parameter_estimate(unknown, value, sigma_z, verdict)
 
 
@@ -162,7 +162,7 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
     return replace(summary, bank=bank)
 
 
-def _covariance(problem: Problem, minimum: Minimum, posterior: Posterior) -> Uncertainty:
+def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterior) -> Uncertainty:
     """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
 
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
@@ -199,7 +199,7 @@ def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence
     The squared correlation: considered unknowns keep their prior, and the estimate depends on them linearly.
     """
     P, names = posterior.covariance, posterior.names
-    sources = [(u.name, names.index(u.name)) for u in problem.unknowns if u.considered and not u.suspect]
+    sources = [(u.name, names.index(u.name)) for u in problem.unknowns if u.kind is UnknownKind.CONSIDERED]
     budget = {}
     for i, name in ((names.index(name), name) for name in estimated):
         fractions = {source: float(P[i, j] ** 2 / (P[i, i] * P[j, j])) for source, j in sources if i != j}

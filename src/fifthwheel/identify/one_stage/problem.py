@@ -22,6 +22,7 @@ Derivatives. e and s are differentiated exactly along every unknown (`filters.ta
 to the gradient of J, and to the Hessian I + H with H the Fisher information of the logs (Gauss-Newton).
 """
 
+import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -33,10 +34,11 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent, variances
-from fifthwheel.filters.dual import Scaling
 from fifthwheel.filters.initial_state import initial_factor, initial_state
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
@@ -47,8 +49,7 @@ from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import model_parameters
-from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import SignalName, is_sensor_error
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
 from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -87,9 +88,9 @@ class _SegmentRun:
 
 
 class Problem:
-    """The cost of the unknowns over all logs of one vehicle.
+    """The cost of the unknowns over all logs of one vehicle, for the noise of the channels in `logs`.
 
-    `logs` holds the logs with the noise of each channel. `update_noise` replaces them; nothing else changes a problem.
+    A problem does not change; `with_residual_noise` gives one with other noise.
 
     Args:
         model: with every parameter free, in the order of `dynamics.all_parameters`.
@@ -170,18 +171,18 @@ class Problem:
     @property
     def nuisances(self) -> tuple[int, ...]:
         """Indices of the sensor errors and the initial states."""
-        parameters = {u.name for u in self.unknowns if not u.nuisance}
+        parameters = {u.name for u in self.unknowns if not u.is_sensor_error}
         return tuple(i for i, name in enumerate(self.names) if name not in parameters)
 
     @property
     def considered(self) -> tuple[str, ...]:
         """Names of the considered unknowns."""
-        return tuple(u.name for u in self.unknowns if u.considered)
+        return tuple(u.name for u in self.unknowns if not u.is_estimated)
 
     @property
     def suspects(self) -> tuple[int, ...]:
         """Indices of the unknowns that only score tests consider."""
-        names = {u.name for u in self.unknowns if u.suspect}
+        names = {u.name for u in self.unknowns if u.kind is UnknownKind.SUSPECT}
         return tuple(i for i, name in enumerate(self.names) if name in names)
 
     @property
@@ -191,7 +192,7 @@ class Problem:
         for indices in self.layout.unknowns:
             lower[indices] = self.scaling.to_z(self.scaling.lower)
             upper[indices] = self.scaling.to_z(self.scaling.upper)
-            considered = indices[[u.considered for u in self.unknowns]]
+            considered = indices[[not u.is_estimated for u in self.unknowns]]
             lower[considered] = upper[considered] = 0.0
         return lower, upper
 
@@ -270,7 +271,7 @@ class Problem:
             p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
             indices = np.zeros(0, dtype=np.int64)
         else:
-            selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or not u.considered]
+            selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or u.is_estimated]
             unknowns = [self.unknowns[a] for a in selected]
             slope = self.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
@@ -300,8 +301,8 @@ class Problem:
             for u in self._speed_range
         )
 
-    def update_noise(self, z: Array, *, autocorrelated: bool) -> None:
-        """Replace the noise of each channel in `logs` by that of its residuals at z.
+    def with_residual_noise(self, z: Array, *, autocorrelated: bool) -> "Problem":
+        """The problem with the noise of each channel that its residuals at z have.
 
         Residuals beyond the limit for outliers count as lying on it.
 
@@ -309,9 +310,11 @@ class Problem:
             autocorrelated: residuals are not taken as white: the output-error form fits a noise model to them, the
                 prediction-error form enlarges their variance by an autocorrelation factor.
         """
-        self.logs = tuple(self._with_residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
+        problem = copy.copy(self)  # what is cached does not depend on the noise
+        problem.logs = tuple(self._residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
+        return problem
 
-    def _with_residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
+    def _residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
         segments = [list(self.blocks(z, i, j, directions="none", whitened=False)) for j in range(len(log.segments))]
@@ -346,7 +349,7 @@ class Problem:
     @cached_property
     def _input_errors(self) -> tuple[str, ...]:
         """Names of the estimated delays, plays and gains of the steering, which change the inputs."""
-        steer = [u.name for u in self.unknowns if SignalName.of(u.name).quantity == "steer"]
+        steer = [u.name for u in self.unknowns if is_of(u.name, STEER)]
         return (*self._delays, *[name for name in steer if not is_sensor_error(name, "offset")])
 
     @cached_property
@@ -357,8 +360,8 @@ class Problem:
     @cached_property
     def _delays(self) -> tuple[str, ...]:
         """Names of the delays of steer angles that are estimated; these shift the inputs."""
-        estimated = [name for u in self.unknowns if not u.considered for name in u.slopes]
-        steer = [name for name in estimated if SignalName.of(name).quantity == "steer"]
+        estimated = [name for u in self.unknowns if u.is_estimated for name in u.slopes]
+        steer = names_of(STEER, estimated)
         return tuple(dict.fromkeys(name for name in steer if is_sensor_error(name, "delay")))
 
     @cached_property
@@ -440,7 +443,7 @@ def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Ind
 def _part(segment: Record, fraction: float) -> Record:
     """The part of a segment with the largest variance of speed times steer angle, which the yaw rate follows."""
     length = max(math.ceil(fraction * len(segment)), math.ceil(SHORTEST_PART * segment.rate))
-    steers = [name for name in segment.signals if SignalName.of(name).quantity == "steer"]
+    steers = names_of(STEER, segment.signals)
     if length >= len(segment) or not steers:
         return segment
     steered = segment.input("speed") * segment.input(steers[0])

@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution, linearise
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import is_sensor_error
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -73,11 +73,11 @@ def shared_information(solution: Solution, linearisation: Linearisation) -> Shar
     """
     problem, z = solution.problem, solution.minimum.z
     index = {name: i for i, name in enumerate(problem.names)}
-    considered = [u for u in problem.unknowns if u.considered and u.name not in solution.estimated and not u.suspect]
+    considered = [u for u in problem.unknowns if u.kind is UnknownKind.CONSIDERED and u.name not in solution.estimated]
     unknowns = [
         u
         for u in problem.unknowns
-        if not (u.per_log or u.suspect or u in considered)
+        if not (u.per_log or u.kind is UnknownKind.SUSPECT or u in considered)
         and not (u.name in solution.estimated and lacks_roll_rate(u.name, problem.model.outputs))
     ]
     shared, of_vehicle = ([index[u.name] for u in group] for group in (unknowns, considered))

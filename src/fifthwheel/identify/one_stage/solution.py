@@ -33,10 +33,14 @@ class Solution:
     settings: OneStage
     estimated: tuple[str, ...]
     """Names of the estimated parameters."""
-    problem: Problem
-    minimum: Minimum
+    minimum: Minimum[Problem]
     uninformed: Mapping[str, Verdict]
     """Parameters that keep the value of the vehicle file, because the logs do not determine them."""
+
+    @property
+    def problem(self) -> Problem:
+        """With the noise of its residuals."""
+        return self.minimum.objective
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from fifthwheel.identify.doubts import (
 from fifthwheel.identify.online.innovations import InnovationStatistics
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 
 def find_doubts(
@@ -77,7 +77,7 @@ def _unusual_estimates(problem: OnlineProblem, estimate: Estimate) -> Iterator[D
     covariance = estimate.Pz + estimate.B @ estimate.B.T
     for i, u in enumerate(problem.estimated):
         deviation = float(estimate.z[i])
-        if u.nuisance and abs(deviation) > UNUSUAL_SENSOR_ERROR:
+        if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
             kind = DoubtKind.SENSOR
             parameters = _moved(problem, estimate, covariance[:, i] / covariance[i, i] * deviation)
         elif u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE:

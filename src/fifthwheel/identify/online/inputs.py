@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from fifthwheel.checks.samples import LIMITS
+from fifthwheel.checks.samples import MAX_SPEED
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.observe import Status
 
@@ -51,7 +51,7 @@ class HeldInputs:
         A spike of an input moves the state and its sensitivities alike, so that the filter would learn from it.
         """
         settings = self.settings
-        if abs(value) > (settings.max_steer if i else LIMITS["speed"].magnitude):
+        if abs(value) > (settings.max_steer if i else MAX_SPEED):
             return False
         change = abs(value - self._values[i])
         return change <= (settings.max_steer_rate * age if i else settings.max_speed_change) or age > settings.hold

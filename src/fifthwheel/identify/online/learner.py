@@ -24,7 +24,7 @@ from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import Status
@@ -172,13 +172,13 @@ class Learner:
         """The estimated and the uncertain parameters, without the considered ones."""
         indirect = self._live.problem.not_identifiable
         return tuple(
-            value for u, value in self._estimates() if not (u.nuisance or (u.considered and u.name not in indirect))
+            value for u, value in self._estimates() if not u.is_sensor_error and (u.is_estimated or u.name in indirect)
         )
 
     @property
     def sensors(self) -> tuple[LearnedValue, ...]:
         """Offsets, gains and delays of the sensors."""
-        return tuple(value for u, value in self._estimates() if u.nuisance)
+        return tuple(value for u, value in self._estimates() if u.is_sensor_error)
 
     def __getitem__(self, name: str) -> LearnedValue:
         """The estimate of an unknown by name; KeyError if there is none."""
@@ -203,7 +203,7 @@ class Learner:
         estimates = []
         for i, u in enumerate(problem.unknowns):
             numbers = (float(p[i]), float(sigma[i]))
-            if not (u.nuisance or u.uncertain) and lacks_roll_rate(u.name, measured):
+            if not u.is_sensor_error and u.kind is not UnknownKind.UNCERTAIN and lacks_roll_rate(u.name, measured):
                 verdict = Verdict.NOT_IDENTIFIABLE
             elif not z_sigma[i] < problem.settings.excited:
                 verdict = Verdict.NOT_EXCITED
@@ -218,7 +218,9 @@ class Learner:
         values = {
             value.name: value.value
             for u, value in self._estimates()
-            if not (u.nuisance or u.considered) and (u.uncertain or value.verdict not in unknown)
+            if not u.is_sensor_error
+            and u.is_estimated
+            and (u.kind is UnknownKind.UNCERTAIN or value.verdict not in unknown)
         }
         return self._live.problem.vehicle.replace(values)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.filters import Noise, joint, variances
@@ -20,7 +21,6 @@ from fifthwheel.identify.online.problem import OnlineProblem, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import steady_slopes
 from fifthwheel.identify.online.steering import Steering
-from fifthwheel.names import SignalName
 from fifthwheel.observe import Status
 from fifthwheel.observe.observer_step import reported_signals
 

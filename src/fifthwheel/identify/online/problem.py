@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fifthwheel import dynamics
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import (
@@ -18,8 +19,7 @@ from fifthwheel.identify.unknowns.parameters import (
     model_parameters,
     one_stage_unknowns,
 )
-from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import SignalName
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
 from fifthwheel.vehicle import Vehicle
 
 
@@ -58,17 +58,17 @@ class OnlineProblem:
     @property
     def estimated(self) -> tuple[Unknown, ...]:
         """The unknowns that are not considered."""
-        return tuple(u for u in self.unknowns if not u.considered)
+        return tuple(u for u in self.unknowns if u.is_estimated)
 
     @property
     def considered(self) -> tuple[Unknown, ...]:
         """The unknowns that keep their prior mean."""
-        return tuple(u for u in self.unknowns if u.considered)
+        return tuple(u for u in self.unknowns if not u.is_estimated)
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the estimated parameters, without sensor errors."""
-        return tuple(u.name for u in self.estimated if not u.nuisance)
+        return tuple(u.name for u in self.estimated if not u.is_sensor_error)
 
     def given(self, outputs: Sequence[str]) -> dict[str, float]:
         """Every parameter of a model with these outputs, at the values of the vehicle, SI."""
@@ -103,11 +103,11 @@ class OnlineProblem:
         not_identifiable = frozenset(name for name in estimated if lacks_roll_rate(name, outputs))
         values = given_parameters(vehicle, settings)
         unknowns = [
-            replace(u, centre=values[u.name], considered=True) if u.name in not_identifiable else u
+            replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED) if u.name in not_identifiable else u
             for u in one_stage_unknowns(vehicle, outputs, settings)
         ]
-        unknowns.sort(key=lambda u: u.considered)
-        if all(u.considered for u in unknowns):
+        unknowns.sort(key=lambda u: not u.is_estimated)
+        if all(not u.is_estimated for u in unknowns):
             raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
         return cls(
             vehicle_file=vehicle_file,

@@ -11,6 +11,7 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._html import block
 from fifthwheel._types import Array
+from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
@@ -19,10 +20,9 @@ from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import plots, storage, summary
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
-from fifthwheel.identify.settings import CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.settings import CommonSettings, OneStage, settings_class
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import ACCELEROMETER, SignalName, is_sensor_error
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.plots import Plot
@@ -286,9 +286,7 @@ class Identification:
                     for k, fit in enumerate(contents["fit"])
                 ],
             ),
-            settings=storage.parts(TwoStage if contents["method"] == "two-stage" else OneStage, [contents["settings"]])[
-                0
-            ],
+            settings=storage.parts(settings_class(contents["method"]), [contents["settings"]])[0],
             rounds=int(contents["rounds"]),
             notes=tuple(map(str, contents["notes"])),
             version=str(contents["version"]),
@@ -331,23 +329,22 @@ def _unknowns(identification: Identification, log: str | None) -> dict[str, floa
     settings = identification.settings
     if not settings.nuisances:
         return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
-    prior = settings.bank_prior if isinstance(settings, OneStage) else INITIAL_SIGMA["bank"]
+    prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
     mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
     own = [error for error in identification.sensors if error.log is not None and error.log == log]
 
-    def offset(quantity: str, prior: float) -> float:
+    def offset(channel: Channel, prior: float) -> float:
         offsets = [error for error in own if is_sensor_error(error.name, "offset")]
-        sigmas = [error.sigma for error in offsets if SignalName.of(error.name).quantity == quantity]
+        sigmas = [error.sigma for error in offsets if is_of(error.name, channel)]
         known = identification.covariance is not None and sigmas
         return 0.0 if known else max(sigmas, default=prior)
 
-    other = ObserverSettings.acceleration_offset
-    acceleration = settings.acceleration_offset_prior if isinstance(settings, OneStage) else other
+    acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)
     return {
         "bank_mean": mean,
         "bank": bank,
-        "steer_offset": offset("steer", settings.steer_offset_prior),
-        "acceleration_offset": offset(ACCELEROMETER, acceleration),
+        "steer_offset": offset(STEER, settings.steer_offset_prior),
+        "acceleration_offset": offset(LATERAL_ACCELERATION, acceleration),
     }
 
 

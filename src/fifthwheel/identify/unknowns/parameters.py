@@ -4,18 +4,28 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from fifthwheel import dynamics
+from fifthwheel.channels import (
+    PLACE_KINDS,
+    ROLL_RATE,
+    YAW_RATE,
+    SensorErrorName,
+    SignalName,
+    channel_of,
+    is_of,
+    names_of,
+)
 from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage, TwoStage
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage
 from fifthwheel.identify.unknowns.unknown import (
-    BOUND_FACTOR,
     Unknown,
+    UnknownKind,
     considered_unknown,
     error_unknown,
     height_unknown,
     logarithmic_unknown,
 )
-from fifthwheel.names import ACCELEROMETER, PLACE_KINDS, ParameterPath, SensorErrorName, SignalName, ends_with
+from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
@@ -45,47 +55,6 @@ def stage_1_names(vehicle: Vehicle) -> tuple[str, ...]:
 def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
     """Payload height of every unit with a payload."""
     return tuple(f"{unit.name}.payload.height" for unit in vehicle.units if unit.payload is not None)
-
-
-def two_stage_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
-    """The unknowns for those of the named parameters that are not fixed.
-
-    Args:
-        vehicle: its values are the prior means.
-        names: among those of `stage_1_names` and `stage_2_names`.
-
-    Raises:
-        VehicleError: the settings fix a parameter that no stage estimates.
-    """
-    values = vehicle.parameters()
-    possible = stage_1_names(vehicle) + stage_2_names(vehicle)
-    for name in settings.fixed:
-        if name not in possible:
-            raise VehicleError(
-                f"{name}: cannot be fixed, because two stages do not estimate it; they estimate {', '.join(possible)}"
-            )
-    return [_two_stage_unknown(name, values[name], settings) for name in names if name not in settings.fixed]
-
-
-def _two_stage_unknown(name: str, value: float, settings: TwoStage) -> Unknown:
-    if ParameterPath.of(name).is_payload_height:
-        return height_unknown(
-            name,
-            value,
-            settings,
-            start=(settings.initial_height_sigma or settings.height_prior) / settings.height_prior,
-            walk=settings.height_walk / settings.height_prior,
-        )
-    return Unknown(
-        name=name,
-        centre=value,
-        scale=settings.prior if settings.logarithmic else settings.prior * value,
-        lower=value / BOUND_FACTOR,
-        upper=value * BOUND_FACTOR,
-        logarithmic=settings.logarithmic,
-        start=(settings.initial_sigma or settings.prior) / settings.prior,
-        walk=settings.random_walk / settings.prior,
-    )
 
 
 def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
@@ -130,13 +99,14 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
     return [name for name in names if name not in fixed]
 
 
-def lacks_roll_rate(name: str, channels: Container[str]) -> bool:
+def lacks_roll_rate(name: str, channels: Iterable[str]) -> bool:
     """Whether a parameter is identifiable only from a roll rate that is not among the channels.
 
     Yaw rates contain some information on it, but the effect is smaller than the error of any linear model.
     """
     unit = ParameterPath.of(name).unit
-    return any(ends_with(name, key) for key in ROLL_PARAMETERS) and f"roll_rate.{unit}" not in channels
+    measured = any(SignalName.of(channel).unit == unit for channel in names_of(ROLL_RATE, channels))
+    return any(ends_with(name, key) for key in ROLL_PARAMETERS) and not measured
 
 
 def unit_of_unknown(unknown: str) -> str:
@@ -171,16 +141,13 @@ def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> 
     return list(dict.fromkeys(paths))
 
 
-def one_stage_unknowns(
-    vehicle: Vehicle, outputs: Sequence[str], settings: OneStage, *, extended: bool = True
-) -> list[Unknown]:
+def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
     """All unknowns of one stage but the initial states: estimated, uncertain and considered parameters, sensor errors.
 
     Args:
         vehicle: its values are the prior means.
         outputs: measured signals.
         settings: of the identification.
-        extended: also the considered changes of the vehicle file and model errors; see `settings.MODEL_ERRORS`.
 
     Raises:
         VehicleError: a name in the settings is unknown, a parameter is estimated and considered, or an estimated
@@ -197,17 +164,12 @@ def one_stage_unknowns(
         *_estimated_unknowns(vehicle, estimated, settings),
         *_vehicle_file_unknowns(vehicle, estimated, settings),
     ]
-    if extended:
-        unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
-    unknowns += sensor_error_unknowns(vehicle, outputs, settings)
-    if settings.nuisances:
-        unknowns += [error_unknown(f"{name}.gain", settings.rate_gain_prior, centre=1.0) for name in _gyros(outputs)]
-    if settings.nuisances and extended:
-        unknowns += [error_unknown(f"{name}.misalignment", settings.misalignment_prior) for name in _gyros(outputs)]
-        plays = [error_unknown(f"{name}.play", settings.steer_play_prior) for name in vehicle.steer_signals()]
-        unknowns += [replace(play, lower=0.0) for play in plays]
-    unknowns += _accelerometer_errors(vehicle, outputs, settings, extended=extended) if settings.nuisances else []
-    return [*unknowns, *_model_errors(vehicle, outputs, settings)] if extended else unknowns
+    unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
+    return [
+        *unknowns,
+        *sensor_error_unknowns(vehicle, outputs, settings),
+        *_model_errors(vehicle, outputs, settings),
+    ]
 
 
 def time_base_delays(
@@ -236,41 +198,42 @@ def time_base_delays(
 
 def suspects() -> list[Unknown]:
     """Unknowns of an extended model that are exact as a rule, and whose change the residuals show."""
-    return [replace(considered_unknown("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}), suspect=True)]
+    return [considered_unknown("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}, UnknownKind.SUSPECT)]
 
 
-def _gyros(outputs: Sequence[str]) -> list[str]:
-    return [name for name in outputs if SignalName.of(name).quantity in ("yaw_rate", "roll_rate")]
+def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
+    """Prior mean and standard deviation of a sensor error, SI; None where the settings estimate no such error.
 
-
-def accelerometer_prior(vehicle: Vehicle, name: str, kind: str, settings: OneStage) -> tuple[float, float]:
-    """Prior mean and standard deviation of an error of the lateral accelerometer with this name, SI.
-
-    What the vehicle file states of its place replaces the standard deviation of the settings.
+    What the vehicle file states of the place of a sensor replaces the standard deviation of the settings.
     """
-    if kind in PLACE_KINDS:
-        unit = vehicle.unit(SignalName.of(name).unit)
-        prior = getattr(settings, f"accelerometer_{kind}_prior")
-        sigma = vehicle.stated.get(f"{unit.name}.accelerometer.{kind}", prior)
-        return getattr(unit.accelerometer_place, kind), sigma
-    return (1.0 if kind == "gain" else 0.0), getattr(settings, f"acceleration_{kind}_prior")
+    error = SensorErrorName.of(name)
+    channel = channel_of(error.signal) if error else None
+    kind = channel.error(error.kind) if error and channel else None
+    sigma = getattr(settings, f"{kind.setting}_prior", None) if kind else None
+    if error is None or sigma is None:
+        return None
+    if error.kind in PLACE_KINDS:
+        unit = vehicle.unit(SignalName.of(error.signal).unit)
+        stated = vehicle.stated.get(f"{unit.name}.accelerometer.{error.kind}", sigma)
+        return getattr(unit.accelerometer_place, error.kind), stated
+    return float(error.kind == "gain"), sigma
 
 
-def _accelerometer_errors(
-    vehicle: Vehicle, outputs: Sequence[str], settings: OneStage, *, extended: bool
-) -> list[Unknown]:
-    """Offset, gain, position, height and, in an extended model, delay of every lateral accelerometer.
+def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: CommonSettings) -> list[Unknown]:
+    """The errors of the steer angles and of the measured signals; none if the settings say so.
 
-    They are estimated, not considered: the channel itself contains information on them, and no other channel depends on
-    them. An exact place is no unknown.
+    An error that is exact, with a sigma of 0, is no unknown. Errors are estimated and not considered: the channel
+    itself contains information on them.
     """
-    kinds = ("offset", "gain", *(("delay",) if extended else ()), *PLACE_KINDS)
     unknowns = []
-    for name in (name for name in outputs if SignalName.of(name).quantity == ACCELEROMETER):
-        for kind in kinds:
-            mean, sigma = accelerometer_prior(vehicle, name, kind, settings)
-            if sigma:
-                unknowns.append(error_unknown(f"{name}.{kind}", sigma, centre=mean, per_log=kind == "offset"))
+    for name in (*vehicle.steer_signals(), *outputs) if settings.nuisances else ():
+        channel = channel_of(name)
+        for kind in channel.errors if channel else ():
+            prior = prior_of_sensor_error(vehicle, f"{name}.{kind.kind}", settings)
+            if prior and prior[1]:
+                mean, sigma = prior
+                unknown = error_unknown(f"{name}.{kind.kind}", sigma, centre=mean, per_log=kind.per_log)
+                unknowns.append(replace(unknown, lower=mean) if kind.positive else unknown)
     return unknowns
 
 
@@ -310,7 +273,8 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
         unknowns.append(considered_unknown(f"{path}.softening", slope * factor))
     latency = settings.consider.get("gyro_delay", 0.0)
     if latency and settings.nuisances:
-        unknowns += [replace(considered_unknown(f"{name}.delay", latency), nuisance=True) for name in _gyros(outputs)]
+        gyros = [name for name in outputs if is_of(name, YAW_RATE, ROLL_RATE)]
+        unknowns += [considered_unknown(f"{name}.delay", latency) for name in gyros]
     return unknowns
 
 
@@ -368,31 +332,6 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             if considered and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
                 sigma = vehicle.stated[name] / value
             if sigma:
-                unknowns.append(
-                    logarithmic_unknown(name, value, sigma, uncertain=not considered, considered=considered)
-                )
-    return unknowns
-
-
-def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: CommonSettings) -> list[Unknown]:
-    """Offset, gain and delay of every steer angle, and the offset of every gyro and articulation sensor.
-
-    None if the settings say so.
-    """
-    if not settings.nuisances:
-        return []
-    unknowns = []
-    for name in vehicle.steer_signals():
-        unknowns += [
-            error_unknown(f"{name}.offset", settings.steer_offset_prior, per_log=True),
-            error_unknown(f"{name}.gain", settings.steer_gain_prior, centre=1.0),
-            error_unknown(f"{name}.delay", settings.steer_delay_prior),
-        ]
-    priors = {
-        "yaw_rate": settings.rate_offset_prior,
-        "roll_rate": settings.rate_offset_prior,
-        "articulation": settings.articulation_offset_prior,
-    }
-    for name in (name for name in outputs if SignalName.of(name).quantity in priors):
-        unknowns.append(error_unknown(f"{name}.offset", priors[SignalName.of(name).quantity], per_log=True))
+                kind = UnknownKind.CONSIDERED if considered else UnknownKind.UNCERTAIN
+                unknowns.append(logarithmic_unknown(name, value, sigma, kind))
     return unknowns

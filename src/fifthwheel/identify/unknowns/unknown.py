@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from types import MappingProxyType
 
 import numpy as np
 
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import VehicleError
-from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.settings import CommonSettings
 
 HEIGHT_BOUNDS = (0.01, 3.5)
@@ -16,6 +18,16 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
+
+
+class UnknownKind(Enum):
+    """What an identification does with an unknown."""
+
+    PARAMETER = "parameter"  # of the vehicle, its tyres or the road: estimated, with a verdict
+    UNCERTAIN = "uncertain"  # a parameter that the vehicle file states with a sigma: estimated too
+    SENSOR = "sensor"  # an error of a sensor: estimated
+    CONSIDERED = "considered"  # not estimated, but part of every sigma
+    SUSPECT = "suspect"  # considered in score tests only: it is not part of any sigma
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,15 +39,20 @@ class Unknown:
     scale: float  # prior standard deviation: of ln p if logarithmic, else of p
     lower: float  # bounds of p
     upper: float
+    kind: UnknownKind
     logarithmic: bool = False
-    nuisance: bool = False  # a sensor error
     per_log: bool = False  # each log has its own
-    uncertain: bool = False  # an uncertain parameter of the vehicle file, estimated too
-    considered: bool = False  # not estimated, but part of every sigma
-    suspect: bool = False  # considered only in score tests: it is not part of any sigma
     moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
-    start: float = 1.0  # standard deviation of z at the start of the dual filter
-    walk: float = 0.0  # standard deviation that z gains per sample in the dual filter
+
+    @property
+    def is_estimated(self) -> bool:
+        """Whether the logs change it; otherwise it keeps its prior mean."""
+        return self.kind not in (UnknownKind.CONSIDERED, UnknownKind.SUSPECT)
+
+    @property
+    def is_sensor_error(self) -> bool:
+        """Whether it is an error of a sensor or of a time base."""
+        return is_sensor_error(self.name)
 
     @property
     def prior_sigma(self) -> float:
@@ -60,22 +77,25 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
     )
 
 
-def considered_unknown(name: str, sigma: float, moves: Mapping[str, float] = MappingProxyType({})) -> Unknown:
-    """A considered unknown that is 0 in the model."""
+def considered_unknown(
+    name: str,
+    sigma: float,
+    moves: Mapping[str, float] = MappingProxyType({}),
+    kind: UnknownKind = UnknownKind.CONSIDERED,
+) -> Unknown:
+    """A considered unknown, or a suspect, that is 0 in the model."""
     return Unknown(
         name=name,
         centre=0.0,
         scale=sigma,
         lower=-BOUND_SIGMAS * sigma,
         upper=BOUND_SIGMAS * sigma,
-        considered=True,
+        kind=kind,
         moves=moves,
     )
 
 
-def height_unknown(
-    name: str, value: float, settings: CommonSettings, *, start: float = 1.0, walk: float = 0.0
-) -> Unknown:
+def height_unknown(name: str, value: float, settings: CommonSettings) -> Unknown:
     """A payload height, m; a value of the settings replaces that of the vehicle."""
     initial = settings.initial_payload_height
     lower, upper = HEIGHT_BOUNDS
@@ -85,14 +105,11 @@ def height_unknown(
         scale=settings.height_prior,
         lower=lower,
         upper=upper,
-        start=start,
-        walk=walk,
+        kind=UnknownKind.PARAMETER,
     )
 
 
-def logarithmic_unknown(
-    name: str, value: float, sigma: float, *, uncertain: bool = False, considered: bool = False
-) -> Unknown:
+def logarithmic_unknown(name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
     """A parameter above 0, with sigma as a fraction of its value.
 
     Raises:
@@ -109,8 +126,7 @@ def logarithmic_unknown(
         lower=value / BOUND_FACTOR,
         upper=value * BOUND_FACTOR,
         logarithmic=True,
-        uncertain=uncertain,
-        considered=considered,
+        kind=kind,
     )
 
 
@@ -122,6 +138,6 @@ def error_unknown(name: str, prior: float, *, centre: float = 0.0, per_log: bool
         scale=prior,
         lower=centre - BOUND_SIGMAS * prior,
         upper=centre + BOUND_SIGMAS * prior,
-        nuisance=True,
+        kind=UnknownKind.SENSOR,
         per_log=per_log,
     )

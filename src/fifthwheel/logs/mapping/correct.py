@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from fifthwheel.channels.inputs import UNDERSTEER
 from fifthwheel.checks.findings import Fault, Finding
-from fifthwheel.checks.kinematics import UNDERSTEER, relations
+from fifthwheel.checks.kinematics import relations
 from fifthwheel.checks.plausibility import MIN_SPEED, check
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.assemble import assemble
-from fifthwheel.logs.signal_map import Channel, SignalMap, TimeColumn
+from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
 from fifthwheel.logs.source import LogSource
 from fifthwheel.record.record import Record
 from fifthwheel.record.signal_names import si_unit
@@ -72,13 +73,15 @@ def at_coarse_rate(proposed: SignalMap) -> SignalMap:
     return proposed.model_copy(update={"time": time})
 
 
-def _scale(signal: str, channel: Channel, log_unit: str | None) -> float:
+def _scale(signal: str, channel: SignalSource, log_unit: str | None) -> float:
     """SI value of the signal for a column value of one."""
     si = si_unit(signal) or "1"
     return channel.sign * channel.gain * factor(channel.unit or log_unit or si, si)
 
 
-def _corrected(finding: Finding, channel: Channel, record: Record, wheelbase: float) -> tuple[Channel, str] | None:
+def _corrected(
+    finding: Finding, channel: SignalSource, record: Record, wheelbase: float
+) -> tuple[SignalSource, str] | None:
     """The channel without the fault and the correction in words; None where it takes the user to decide."""
     match finding.fault:
         case Fault.SWAPPED_SIGN:
@@ -92,7 +95,9 @@ def _corrected(finding: Finding, channel: Channel, record: Record, wheelbase: fl
             return None
 
 
-def _steering_wheel(name: str, channel: Channel, record: Record, wheelbase: float) -> tuple[Channel, str] | None:
+def _steering_wheel(
+    name: str, channel: SignalSource, record: Record, wheelbase: float
+) -> tuple[SignalSource, str] | None:
     """The channel with the gain that wheelbase and yaw rate show, in degrees if the gain is above 60.
 
     The understeer gradient is unknown, so a range of ratios is possible; the value in it nearest to a typical ratio is

@@ -4,18 +4,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fifthwheel.channels import ARTICULATION, CHANNELS, STEER, Channel
 from fifthwheel.errors import UnitError
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import QUANTITIES
 from fifthwheel.units import factor
-
-SIGNAL_QUANTITIES = (
-    *("speed", "steer", "yaw_rate", "roll_rate", "articulation", "lateral_acceleration"),
-    *("wheel_speed", "roll", "axle_load"),
-)
-"""Quantities that a proposal maps to signals."""
-REFERENCE_QUANTITIES = ("sideslip", "lateral_velocity")
-"""Quantities that a proposal maps to reference signals."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +15,7 @@ class ColumnHint:
     """What the name and the unit of a column indicate."""
 
     column: str
-    quantity: str
+    channel: Channel
     trailing: bool | None
     """Whether it belongs to a towed unit; None where the name does not say."""
     steering_wheel: bool = False
@@ -39,20 +31,20 @@ class ColumnHint:
 
     def signal(self, units: Sequence[str]) -> str | None:
         """The signal of a vehicle with these units, front to rear; None where a proposal does not use the quantity."""
-        if self.quantity not in (*SIGNAL_QUANTITIES, *REFERENCE_QUANTITIES):
+        if self.channel.proposed is None:
             return None
-        if self.quantity == "speed":
-            return "speed"
-        unit = self._unit(units)
-        if self.quantity == "steer":
-            return f"steer.{unit}.front" if unit == units[0] else f"steer.{unit}"
-        if self.quantity in ("wheel_speed", "axle_load") and self.side:
-            return f"{self.quantity}.{unit}.{self.side}"
-        return f"{self.quantity}.{unit}"
+        quantity, unit = self.channel.quantity, self._unit(units)
+        if self.channel.of == "vehicle":
+            return quantity
+        if self.channel is STEER:
+            return f"{quantity}.{unit}.front" if unit == units[0] else f"{quantity}.{unit}"
+        if self.channel.of == "part" and self.side:
+            return f"{quantity}.{unit}.{self.side}"
+        return f"{quantity}.{unit}"
 
     def _unit(self, units: Sequence[str]) -> str:
         """The unit that the name contains, else the one with its number, else the last one for a towed unit."""
-        is_articulation = self.quantity == "articulation" and len(units) > 1
+        is_articulation = self.channel is ARTICULATION and len(units) > 1
         named = [unit for unit in units[is_articulation:] if f"_{unit}_" in self.words]
         if len(named) == 1:
             return named[0]
@@ -69,49 +61,14 @@ _NEVER = re.compile(
     "|pressure|power|voltage|fluid|vz|enable|enabled|active|mode|switch|button|lamp|warning|available)_|_current_$"
 )
 """Words of other channels: set values, states, accuracies, signs, forces."""
-_RATE = "(ang[a-z]*|rotation[a-z]*)_?(vel[a-z]*|rate)"
-_ACC = "acc(el|eleration)?(_hor|_body)?"
-_VEL = "_vel[a-z]*(_hor|_body)?"
-_RULES: tuple[tuple[str, str, str], ...] = (
-    ("axle_load", "axle_(weight|load)|achslast", ""),
-    ("wheel_speed", "(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_", "steer|lenk|_ang|_rot"),
-    (
-        "speed",
-        "(vehicle|_veh|_car|ground|gps|gnss)_?(speed|spd|vel)|_(speed|velocity|spd|vel|geschwindigkeit)(_?[23]d)?_$"
-        f"|long(itudinal)?_?vel|{_VEL}_(forwards?|x)_|_(forwards?|x)_?vel|_v_?(x|ist|fzg|veh|ego|long|signal)?_$"
-        "|_tacho_|_v_?x_(vehicle|veh|car|ego|cog)",
-        "_lat(eral)?_|_side|_vert|_north|_east|_down|_up_|_[yz]_|_ang|_rot|yaw|gier|roll|wank|pitch|nick|steer|lenk"
-        "|_eng(ine)?_|_motor_|shaft|_fan_|_pump_|turbo|_wind_|cruise|_gear|frame",
-    ),
-    ("steer_rate", "(steer|lenk|_swa_).*(rate|geschw|vel|speed)", ""),
-    (
-        "steer",
-        "steer|lenk(rad)?_?w|_lenk(ung|rad)?_$|hand_?wheel|(road|front)_?wheel_?ang|rad_?einschlag|_swa_|_(sas|lws|lwi)_(.*_)?(ang|winkel)"
-        "|_delta(_(front|vorne?|f|fl|fr|l|r|h|sw|1))?_$",
-        "_[lr]_?[2-9]_",
-    ),
-    ("articulation_rate", "(articulat|hitch|knick).*(rate|vel|geschw)|_art_?r_h_", ""),
-    ("articulation", "articulat|hitch|knick|coupling_angle|_gamma_|_art_h_", ""),
-    ("yaw_acceleration", "yaw_?acc|gier_?beschl", ""),
-    ("yaw_rate", "yaw_?(rate|vel)|gier_?(rate|geschw|winkelgeschw)|_psi_?(p|dot)_", ""),
-    ("yaw_rate", f"gyr[a-z]*?_?z_|_(gz|wz|avz|omega_?z)_|_{_RATE}_(z|down|up)_|_rate_(body|hor)_z_", ""),
-    ("roll_rate", "roll_?(rate|vel)|wank_?(rate|geschw|winkelgeschw)|_phi_?(p|dot)_", ""),
-    ("roll_rate", f"gyr[a-z]*?_?x_|_(gx|wx|avx|omega_?x)_|_{_RATE}_(x|forward)_|_rate_(body|hor)_x_", ""),
-    ("pitch_rate", "pitch_?(rate|vel)|nick_?(rate|geschw)|gyr[a-z]*?_?y_|_(gy|wy|avy|omega_?y)_", ""),
-    ("pitch_rate", f"_{_RATE}_(y|lat[a-z]*)_|_rate_(body|hor)_y_", ""),
-    ("lateral_acceleration", f"lat(eral)?_?acc|{_ACC}_?(y|lat[a-z]*)_?\\d?_|_a_?y(_|\\d)|_y_?acc|quer_?beschl", "_ang"),
-    ("longitudinal_acceleration", f"long(itudinal)?_?acc|{_ACC}_?(x|long[a-z]*|forward)_?\\d?_|_a_?x(_|\\d)", "_ang"),
-    ("longitudinal_acceleration", "_x_?acc|laengs_?beschl", "_ang"),
-    ("vertical_acceleration", f"vert(ical)?_?acc|{_ACC}_?(z|vert[a-z]*|down)_?\\d?_|_a_?z(_|\\d)|_z_?acc", "_ang"),
-    ("lateral_velocity", f"lat(eral)?_?vel|{_VEL}_(y|lat[a-z]*|side[a-z]*)_|_y_?vel|_v_?y_|quer_?geschw", "_ang|frame"),
-    ("sideslip", "side_?slip|slip_?angle|angle_?slip|schwimm|_beta_", "_(front|rear|left|right)_|rate"),
-    ("roll", "_roll(_?angle)?_|wank_?winkel|_phi_", "_[alr]\\d_"),
-    ("pitch", "_pitch(_?angle)?_|nick_?winkel|_theta_", ""),
-    ("yaw", "_(yaw|heading|psi)(_?angle)?_|gier_?winkel", ""),
-    ("yaw_rate", "_(yaw|gier)_", "_[alr]\\d_"),
-    ("roll_rate", "_(roll|wank)_", "_[alr]\\d_"),
-)
-"""Quantity, the pattern of its names in English and German, and what must not occur in them; special ones first."""
+_RULES = [
+    (channel, rule)
+    for generic in (False, True)
+    for channel in CHANNELS.values()
+    for rule in channel.patterns
+    if rule.generic == generic
+]
+"""In the order in which they are tried."""
 
 _UNIT_ENDINGS = {
     **dict.fromkeys(("km_h", "kmh", "kph"), "km/h"),
@@ -161,21 +118,21 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
     words, last_part = f"_{base}_", f"_{normalised_name(re.split('[./]', name)[-1])}_"
     if _NEVER.search(last_part):
         return None
-    for quantity, pattern, excluded in _RULES:
-        if not re.search(pattern, words) or (excluded and re.search(excluded, words)):
+    for channel, rule in _RULES:
+        if not re.search(rule.pattern, words) or (rule.excluded and re.search(rule.excluded, words)):
             continue
-        if not _fits(unit or ending, quantity):
+        if not _fits(unit or ending, channel):
             continue
         is_steering_wheel = bool(_STEERING_WHEEL.search(words)) and not _ROAD_WHEEL.search(words)
         place, number = f"{words}{normalised_name(source)}_", _unit_number(words)
         return ColumnHint(
             column=column,
-            quantity=quantity,
+            channel=channel,
             trailing=_is_trailing(place, number),
             words=place,
             number=number,
             unit=ending,
-            steering_wheel=quantity == "steer" and is_steering_wheel,
+            steering_wheel=channel is STEER and is_steering_wheel,
             side=".".join(side for side, tokens in _SIDES.items() if tokens & set(base.split("_"))),
         )
     return None
@@ -222,14 +179,14 @@ def normalised_name(name: str) -> str:
     return re.sub("[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
-def _fits(unit: str | None, quantity: str) -> bool:
+def _fits(unit: str | None, channel: Channel) -> bool:
     """Whether a quantity can have a unit; a column without a unit can be any quantity."""
     if unit is None or unit.strip() in ("", "-", "1"):
         return True
     if unit.strip() == "%":
         return False
     try:
-        factor(unit, QUANTITIES[quantity])
+        factor(unit, channel.unit)
     except UnitError:
         return False
     return True

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from fifthwheel.channels import AXLE_LOAD, STEER, SignalName, is_of
 from fifthwheel.checks.findings import Finding
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError, printable, printable_lines
 from fifthwheel.logs.assemble import assemble, time_column
 from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
-from fifthwheel.logs.mapping.name_rules import REFERENCE_QUANTITIES, ColumnHint, classify_columns
+from fifthwheel.logs.mapping.name_rules import ColumnHint, classify_columns
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
-from fifthwheel.logs.signal_map import Channel, SignalMap, TimeColumn
+from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
 from fifthwheel.logs.source import LogSource
-from fifthwheel.names import SignalName
 from fifthwheel.record.record import Record
 
 _MIN_TOWED_LAG = 0.1
@@ -69,8 +69,8 @@ def propose_map(
         if signal not in reasons and hints:
             best = max(hints, key=lambda hint: _rank(hint, survey.contents[hint.column]))
             log_unit = survey.contents[best.column].column.unit
-            part = reference if best.quantity in REFERENCE_QUANTITIES else signals
-            part[signal] = Channel(column=best.column, unit=None if log_unit else best.unit)
+            part = reference if best.channel.proposed == "reference" else signals
+            part[signal] = SignalSource(column=best.column, unit=None if log_unit else best.unit)
             unit = log_unit or best.unit
             reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}"
         others[signal] = [hint.column for hint in hints if hint is not best]
@@ -145,7 +145,7 @@ def _candidates(
         signal = hint.signal(units)
         if signal is None or not survey.contents[name].alive or name in mapped:
             continue
-        if hint.quantity == "axle_load" and not hint.trailing:
+        if hint.channel is AXLE_LOAD and not hint.trailing:
             axle_loads.append(name)
         else:
             candidates.setdefault(signal, []).append(hint)
@@ -163,7 +163,7 @@ def _assign_towed_gyro(
     gyros = [hint for hint in candidates.get(leading, []) if hint.trailing is None]
     if towed in candidates or len(gyros) < 2 or len(units) < 2:
         return None
-    channels = {f"yaw_rate.gyro{k}": Channel(column=hint.column) for k, hint in enumerate(gyros)}
+    channels = {f"yaw_rate.gyro{k}": SignalSource(column=hint.column) for k, hint in enumerate(gyros)}
     try:
         record = assemble(log, at_coarse_rate(SignalMap(signals=channels)), name=log.name)
     except SignalError:
@@ -208,7 +208,7 @@ def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, f
 
 def _missing(proposed: SignalMap, units: Sequence[str]) -> list[str]:
     """Sentences on the signals that an estimator needs and the map does not have."""
-    steered = any(SignalName.of(name).quantity == "steer" for name in proposed.signals)
+    steered = any(is_of(name, STEER) for name in proposed.signals)
     needed = [] if "speed" in proposed.signals else ["speed"]
     needed += [] if steered else [f"steer.{units[0]}.front"]
     needed += [] if f"yaw_rate.{units[0]}" in proposed.signals else [f"yaw_rate.{units[0]}"]

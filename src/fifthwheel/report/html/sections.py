@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.diagnose import whiteness
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.information_summary import information_summary
@@ -20,7 +21,7 @@ from fifthwheel.diagnose.state_summary import (
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, with_sigma
 from fifthwheel.identify import Fit, Identification
-from fifthwheel.names import is_sensor_error, split_log
+from fifthwheel.names import split_log
 from fifthwheel.observe import States
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.information_summary import ParameterInformation
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.formatting import fixed, kmh, percent, relative, seconds, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
-from fifthwheel.names import SensorErrorName
 from fifthwheel.record import Record
 from fifthwheel.report.provenance import Provenance
 from fifthwheel.report.text.conclusion import Conclusion

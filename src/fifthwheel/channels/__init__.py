@@ -1,0 +1,179 @@
+"""Channels: the quantities that signals have. Each is one object with all that the package knows of it.
+
+Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write a module in this
+room and add its `Channel` to `_ALL`, and to `MEASURED` if estimators compare it with the model.
+"""
+
+from collections.abc import Container, Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple, Self
+
+from fifthwheel.channels.articulation import ARTICULATION
+from fifthwheel.channels.channel import Channel, ErrorKind, Limit
+from fifthwheel.channels.inputs import SPEED, STEER
+from fifthwheel.channels.lateral_acceleration import LATERAL_ACCELERATION
+from fifthwheel.channels.lateral_motion import LATERAL_VELOCITY, SIDESLIP
+from fifthwheel.channels.load_transfer import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER
+from fifthwheel.channels.names import SignalName
+from fifthwheel.channels.others import (
+    ARTICULATION_RATE,
+    AXLE_LOAD,
+    BANK,
+    COMPUTED,
+    COUPLING_FORCE,
+    LONGITUDINAL_ACCELERATION,
+    PITCH,
+    PITCH_RATE,
+    SLIP_ANGLE,
+    STEER_RATE,
+    VERTICAL_ACCELERATION,
+    WHEEL_SPEED,
+    YAW,
+    YAW_ACCELERATION,
+)
+from fifthwheel.channels.roll_rate import ROLL, ROLL_RATE
+from fifthwheel.channels.yaw_rate import YAW_RATE
+
+_ALL = (
+    *(AXLE_LOAD, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
+    *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
+    *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
+    *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *COMPUTED),
+)
+"""In the order in which their patterns are compared with the name of a column: special ones first."""
+CHANNELS: Mapping[str, Channel] = {channel.quantity: channel for channel in _ALL}
+"""By quantity."""
+INPUTS = (SPEED, STEER)
+"""Of the model, which needs them at every instant."""
+MEASURED = (YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION)
+"""Measurements that an observer compares with the model, in its order."""
+IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION)
+"""Those that an identification compares with the model, in its order."""
+MODELLED = tuple(channel for channel in _ALL if channel.model and channel.of == "unit")
+"""What the model gives for a sensor on a unit."""
+PLACE_KINDS = ("position", "height")
+"""Errors of a sensor whose output depends on its place: where it is, absolute."""
+_ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "play": "rad", "position": "m", "height": "m"}
+_ERROR_KINDS = ("offset", *_ERROR_UNITS)
+
+
+def channel_of(name: str) -> Channel | None:
+    """The channel of a signal or of a state with this name; None for another name."""
+    return CHANNELS.get(SignalName.of(name).quantity)
+
+
+def is_of(name: str, *channels: Channel) -> bool:
+    """Whether a signal is of one of the channels.
+
+    >>> is_of("steer.tractor.front", SPEED, STEER)
+    True
+    """
+    return channel_of(name) in channels
+
+
+def names_of(channel: Channel, names: Iterable[str]) -> list[str]:
+    """Those of the signals that are of a channel."""
+    return [name for name in names if channel_of(name) is channel]
+
+
+def is_input(name: str) -> bool:
+    """Whether a signal is an input of the model."""
+    return is_of(name, *INPUTS)
+
+
+def measured_signals(
+    logged: Container[str] | Iterable[str], units: Sequence[str], channels: Sequence[Channel] = IDENTIFIED
+) -> tuple[str, ...]:
+    """Those of the signals that are measurements on a vehicle with these units: by channel, then unit front to rear.
+
+    A unit may have several sensors of a channel.
+    """
+    names = sorted(logged)  # type: ignore[arg-type]
+    return tuple(
+        name
+        for channel in channels
+        for i, unit in enumerate(units)
+        for name in names_of(channel, names)
+        if SignalName.of(name).unit == unit and (i or not (channel.model and channel.model.behind_coupling))
+    )
+
+
+class SensorErrorName(NamedTuple):
+    """The signal and the kind of a sensor error.
+
+    >>> SensorErrorName.of("steer.tractor.front.offset")
+    SensorErrorName(signal='steer.tractor.front', kind='offset')
+    """
+
+    signal: str
+    kind: str
+    """offset, gain, delay, misalignment or play; where a sensor has a place also position or height."""
+
+    @classmethod
+    @lru_cache(maxsize=4096)
+    def of(cls, name: str) -> Self | None:
+        """Parse a name without its log; None where it does not name a sensor error."""
+        signal, _, kind = name.rpartition(".")
+        if kind in PLACE_KINDS:
+            channel = channel_of(signal)
+            return cls(signal, kind) if channel and channel.error(kind) else None
+        return cls(signal, kind) if kind in _ERROR_KINDS else None
+
+    @property
+    def unit(self) -> str | None:
+        """SI unit of the error; None for the offset of an unknown quantity."""
+        channel = channel_of(self.signal)
+        return _ERROR_UNITS.get(self.kind) or (channel.unit if channel else None)
+
+
+def is_sensor_error(name: str, kind: str | None = None) -> bool:
+    """Whether a name, with or without its log, is that of a sensor error, of one kind if given.
+
+    >>> is_sensor_error("steer.tractor.front.offset@bend"), is_sensor_error("steer.tractor.front.gain", "delay")
+    (True, False)
+    """
+    error = SensorErrorName.of(name.partition("@")[0])
+    return error is not None and kind in (None, error.kind)
+
+
+def sensor_error_settings() -> dict[str, str]:
+    """SI unit of every kind of sensor error by the name of its setting: {"steer_offset": "rad", ...}."""
+    return {error.setting: _ERROR_UNITS.get(error.kind, channel.unit) for channel in _ALL for error in channel.errors}
+
+
+__all__ = [
+    "ARTICULATION",
+    "AXLE_LOAD",
+    "BANK",
+    "CHANNELS",
+    "COUPLING_FORCE",
+    "IDENTIFIED",
+    "INPUTS",
+    "LATERAL_ACCELERATION",
+    "LATERAL_VELOCITY",
+    "LOAD_TRANSFER",
+    "MEASURED",
+    "MODELLED",
+    "PLACE_KINDS",
+    "PREDICTED_LOAD_TRANSFER",
+    "ROLL",
+    "ROLL_RATE",
+    "SIDESLIP",
+    "SPEED",
+    "STEER",
+    "WHEEL_SPEED",
+    "YAW",
+    "YAW_RATE",
+    "Channel",
+    "ErrorKind",
+    "Limit",
+    "SensorErrorName",
+    "SignalName",
+    "channel_of",
+    "is_input",
+    "is_of",
+    "is_sensor_error",
+    "measured_signals",
+    "names_of",
+    "sensor_error_settings",
+]

@@ -1,0 +1,237 @@
+"""`Channel`: everything that the package knows of one measured or computed quantity; a module of this room for each."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from fifthwheel._types import Array
+
+Symbol = Any
+"""A symbolic expression (`casadi.SX`)."""
+
+
+class Instant(Protocol):
+    """What a model provides at one instant, symbolic (`dynamics.sensors.SensorInputs`); i is the index of a unit."""
+
+    @property
+    def p(self) -> Mapping[str, Symbol]:
+        """Parameters of the vehicle and of the sensors, by name."""
+
+    @property
+    def vehicle(self) -> Any:
+        """`Vehicle`, for its structure."""
+
+    @property
+    def motion(self) -> Any:
+        """`dynamics.chain.Motion`: v, u, r, roll, roll_rate, heading of each unit, and the bank."""
+
+    @property
+    def acceleration(self) -> tuple[Symbol, ...]:
+        """Of each unit: (a, r'[, p']), a = v' + u r, m/s^2 and rad/s^2."""
+
+    @property
+    def roll(self) -> bool:
+        """Whether the model has roll."""
+
+    @property
+    def rate_of(self) -> Callable[[Symbol], Symbol]:
+        """Derivative of an expression with respect to time."""
+
+    def coupling_force(self, i: int) -> Symbol:
+        """Side force of the coupling in front of unit i on this unit, N."""
+
+    def load_transfer(self, name: str) -> Symbol:
+        """Load transfer ratio of the axle group of a signal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorModel:
+    """What a sensor measures, as an expression of the motion; without the errors of the sensor."""
+
+    value: Callable[[Instant, int, str], Symbol]
+    """From the instant, the index of the unit and the name of the signal, SI."""
+    has_place: bool = False
+    """Whether it depends on the place of the sensor: parameters <signal>.position, x on the unit, and <signal>.height
+    above the ground, m."""
+    rate: Callable[[Instant, int, Symbol], Symbol] | None = None
+    """Derivative of the value with respect to time, for the delay of a sensor; None: such a sensor has no delay."""
+    cross_axis: Callable[[Instant, int], Symbol] | None = None
+    """What a misaligned gyro measures too; None: such a sensor has no misalignment."""
+    behind_coupling: bool = False
+    """Whether only units behind a coupling have the quantity."""
+    needs_roll: bool = False
+    """Whether only the yaw-roll model has the quantity."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """What a heavy vehicle can do, SI."""
+
+    magnitude: float
+    """Never exceeded."""
+    jump: float
+    """Never exceeded within 0.1 s; a larger change is a spike."""
+    turn: float = np.inf
+    """Change within a second that distinguishes a turn from straight-line driving."""
+    may_be_constant: bool = False
+    """Whether the value may be constant in a turn."""
+
+
+class Turn(NamedTuple):
+    """The motion of a vehicle at N regular instants, from its speed and the yaw rate of the leading unit."""
+
+    speed: Array
+    """(N,) m/s"""
+    yaw_rate: Array
+    """(N,) rad/s, of the leading unit."""
+    own_yaw_rate: Array
+    """(N,) rad/s, of the unit of the signal, if it is measured."""
+    is_towed: bool
+    """Whether the unit of the signal is not the leading one."""
+    towed_length: float
+    """m, typical, of a towed unit from coupling to axles."""
+    wheelbase: float
+    """m, of the leading unit."""
+    step: float
+    """s"""
+
+    @property
+    def towed_yaw_rate(self) -> Array:
+        """(N,) rad/s, of a typical towed unit: L/u r2' + r2 = r."""
+        return self.lagged(self.yaw_rate, self.towed_length / self.speed)
+
+    def lagged(self, values: Array, time_constant: Array | float) -> Array:
+        """First-order lag of values (N,) with a time constant, (N,) or one, s."""
+        state, result = float(values[0]), np.empty(values.size)
+        weights = np.broadcast_to(self.step / (time_constant + self.step), values.size)
+        for k, (value, weight) in enumerate(zip(values.tolist(), weights.tolist(), strict=True)):
+            state += weight * (value - state)
+            result[k] = state
+        return result
+
+
+class GainFault(NamedTuple):
+    """A fault that a ratio of the signal to the expected one between two numbers indicates."""
+
+    fault: str
+    """One of `checks.Fault`."""
+    above: float
+    below: float
+    if_excited: bool = False
+    """Whether both must vary clearly."""
+
+
+DEGREES = (GainFault("degrees", -1, 1 / 20), GainFault("degrees", 20, np.inf))
+"""A gain below 1 means that the leading yaw rate is in degrees."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnRelation:
+    """How a signal follows from the leading yaw rate in a turn, and which deviations from it are faults."""
+
+    expected: Callable[[Turn], Array]
+    """The signal (N,), SI."""
+    least_sigma: float
+    """Standard deviation above which the signal shows turns and not only noise, SI."""
+    gain_faults: tuple[GainFault, ...]
+    """The first that applies counts, if both are correlated."""
+    largest_offset: float = np.inf
+    """Offset above which a warning is given, SI."""
+    longest_lead: float = np.inf
+    """s; a signal that leads the expected one by more is that of another unit."""
+    lag: float = 0.0
+    """s, by which the expected signal lags this one."""
+    part: str | None = None
+    """The part of a unit to which the relation applies; None for all."""
+    has_other_causes: bool = False
+    """Whether more than turns excites the signal: then only an inverted sign and a wrong gain are faults."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exchange:
+    """When the same quantity of two units counts as exchanged."""
+
+    margin: float
+    """Least gain in the logarithm of the residual variances, summed over both channels."""
+    least_explained: float
+    """Least fraction of the variance of each channel that the prediction of the other one explains."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateNoise:
+    """Noise of a quantity that is a state of the model, SI."""
+
+    process: float
+    """Variance per second of the process noise, for the estimation of parameters."""
+    observer_process: float
+    """The same for the observation of states: equation (14) of Cheng and Cebon (2011), 1e-8 rad^2 per step of 10 ms,
+    with sideslip converted to lateral velocity."""
+    initial_sigma: float
+    """Standard deviation about the steady value at the first sample, without steering."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorKind:
+    """One kind of error of a sensor, <signal>.<kind>, which an identification estimates."""
+
+    kind: str
+    """offset, gain, delay, misalignment, play, position or height."""
+    setting: str
+    """Its prior standard deviation is the field <setting>_prior of the settings; settings without it have no such
+    error."""
+    per_log: bool = False
+    """Whether each log has its own."""
+    positive: bool = False
+    """Whether it is not below 0."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamePattern:
+    """A regular expression for names of columns, in small letters with "_" before, between and after the words."""
+
+    pattern: str
+    excluded: str = ""
+    """What must not occur in the name."""
+    generic: bool = False
+    """Whether it is tried only after the patterns of all channels, because other names contain it too."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Channel:
+    """One quantity."""
+
+    quantity: str
+    """First word of the names of its signals, quantity.unit[.part]."""
+    unit: str
+    """SI unit."""
+    of: Literal["vehicle", "unit", "part"] = "unit"
+    """What has the quantity: the whole vehicle, a unit, or an axle or axle group of a unit. A unit may have several
+    sensors; then their names differ by the part."""
+    patterns: tuple[NamePattern, ...] = ()
+    """Of names of columns in English and German."""
+    proposed: Literal["signal", "reference"] | None = None
+    """Whether a proposed signal map has it, and where."""
+    limit: Limit | None = None
+    turn: TurnRelation | None = None
+    noise: tuple[float, float] | None = None
+    """Variance of a sensor's noise on the first unit, and on the units behind it, SI squared."""
+    discrepancy: float = 0.0
+    """Standard deviation of the part of the signal that the linear model does not describe, SI, with the time constant
+    of some seconds: of the nonlinear truck (`plant`) in everyday driving, by the noise model that an identification
+    fits (`identify.noise_model`)."""
+    shows_clock: bool = False
+    """Whether the drift of its clock is measured (`time_bases.rates`)."""
+    exchange: Exchange | None = None
+    state: StateNoise | None = None
+    model: SensorModel | None = None
+    errors: tuple[ErrorKind, ...] = ()
+    """Of its sensors, in the order in which they are estimated."""
+
+    def __repr__(self) -> str:
+        return f"Channel({self.quantity!r})"
+
+    def error(self, kind: str) -> ErrorKind | None:
+        """The kind of error with this name."""
+        return next((error for error in self.errors if error.kind == kind), None)

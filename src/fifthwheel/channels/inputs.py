@@ -1,0 +1,62 @@
+"""The inputs of the model: speed of the vehicle, and angles of steered wheels."""
+
+import numpy as np
+
+from fifthwheel.channels.channel import DEGREES, Channel, ErrorKind, GainFault, Limit, NamePattern, TurnRelation
+
+UNDERSTEER = 0.004
+"""s^2/m; understeer gradient of a heavy truck; measured values lie between 0.002 and 0.008."""
+VELOCITY_WORDS = "_vel[a-z]*(_hor|_body)?"
+
+SPEED = Channel(
+    quantity="speed",
+    unit="m/s",
+    of="vehicle",
+    patterns=(
+        NamePattern(
+            pattern="(vehicle|_veh|_car|ground|gps|gnss)_?(speed|spd|vel)"
+            "|_(speed|velocity|spd|vel|geschwindigkeit)(_?[23]d)?_$"
+            f"|long(itudinal)?_?vel|{VELOCITY_WORDS}_(forwards?|x)_|_(forwards?|x)_?vel"
+            "|_v_?(x|ist|fzg|veh|ego|long|signal)?_$|_tacho_|_v_?x_(vehicle|veh|car|ego|cog)",
+            excluded="_lat(eral)?_|_side|_vert|_north|_east|_down|_up_|_[yz]_|_ang|_rot|yaw|gier|roll|wank|pitch|nick"
+            "|steer|lenk|_eng(ine)?_|_motor_|shaft|_fan_|_pump_|turbo|_wind_|cruise|_gear|frame",
+        ),
+    ),
+    proposed="signal",
+    limit=Limit(magnitude=45.0, jump=2.0, may_be_constant=True),
+)
+
+STEER = Channel(
+    quantity="steer",
+    unit="rad",
+    of="part",
+    patterns=(
+        NamePattern(
+            pattern="steer|lenk(rad)?_?w|_lenk(ung|rad)?_$|hand_?wheel|(road|front)_?wheel_?ang|rad_?einschlag|_swa_"
+            "|_(sas|lws|lwi)_(.*_)?(ang|winkel)|_delta(_(front|vorne?|f|fl|fr|l|r|h|sw|1))?_$",
+            excluded="_[lr]_?[2-9]_",
+        ),
+    ),
+    proposed="signal",
+    limit=Limit(magnitude=1.2, jump=0.15, turn=0.01),
+    turn=TurnRelation(
+        expected=lambda turn: turn.yaw_rate * (turn.wheelbase + UNDERSTEER * turn.speed**2) / turn.speed,
+        least_sigma=0.003,
+        gain_faults=(
+            GainFault("steering wheel", 7, 38),
+            GainFault("steering wheel", 300, np.inf),
+            *DEGREES,
+            GainFault("gain", -1, 0.35, if_excited=True),
+            GainFault("gain", 2.2, np.inf, if_excited=True),
+        ),
+        largest_offset=0.02,
+        lag=0.25,
+        part="front",
+    ),
+    errors=(
+        ErrorKind(kind="offset", setting="steer_offset", per_log=True),
+        ErrorKind(kind="gain", setting="steer_gain"),
+        ErrorKind(kind="delay", setting="steer_delay"),
+        ErrorKind(kind="play", setting="steer_play", positive=True),
+    ),
+)

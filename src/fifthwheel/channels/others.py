@@ -1,0 +1,101 @@
+"""Quantities that logs and references have, and that estimators do not use as measurements."""
+
+from fifthwheel.channels.channel import Channel, Limit, NamePattern, SensorModel, StateNoise
+from fifthwheel.channels.lateral_acceleration import ACCELERATION_WORDS
+from fifthwheel.channels.yaw_rate import AXIS_WORDS
+
+AXLE_LOAD = Channel(
+    quantity="axle_load",
+    unit="N",
+    of="part",
+    patterns=(NamePattern(pattern="axle_(weight|load)|achslast"),),
+    proposed="signal",
+    limit=Limit(magnitude=5e5, jump=1e5, may_be_constant=True),
+)
+WHEEL_SPEED = Channel(
+    quantity="wheel_speed",
+    unit="m/s",
+    of="part",
+    patterns=(
+        NamePattern(
+            pattern="(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_", excluded="steer|lenk|_ang|_rot"
+        ),
+    ),
+    proposed="signal",
+    limit=Limit(magnitude=45.0, jump=2.0, may_be_constant=True),
+)
+STEER_RATE = Channel(
+    quantity="steer_rate",
+    unit="rad/s",
+    of="part",
+    patterns=(NamePattern(pattern="(steer|lenk|_swa_).*(rate|geschw|vel|speed)"),),
+)
+ARTICULATION_RATE = Channel(
+    quantity="articulation_rate",
+    unit="rad/s",
+    patterns=(NamePattern(pattern="(articulat|hitch|knick).*(rate|vel|geschw)|_art_?r_h_"),),
+)
+YAW_ACCELERATION = Channel(
+    quantity="yaw_acceleration", unit="rad/s^2", patterns=(NamePattern(pattern="yaw_?acc|gier_?beschl"),)
+)
+PITCH_RATE = Channel(
+    quantity="pitch_rate",
+    unit="rad/s",
+    patterns=(
+        NamePattern(pattern="pitch_?(rate|vel)|nick_?(rate|geschw)|gyr[a-z]*?_?y_|_(gy|wy|avy|omega_?y)_"),
+        NamePattern(pattern=f"_{AXIS_WORDS}_(y|lat[a-z]*)_|_rate_(body|hor)_y_"),
+    ),
+)
+LONGITUDINAL_ACCELERATION = Channel(
+    quantity="longitudinal_acceleration",
+    unit="m/s^2",
+    patterns=(
+        NamePattern(
+            pattern=f"long(itudinal)?_?acc|{ACCELERATION_WORDS}_?(x|long[a-z]*|forward)_?\\d?_|_a_?x(_|\\d)",
+            excluded="_ang",
+        ),
+        NamePattern(pattern="_x_?acc|laengs_?beschl", excluded="_ang"),
+    ),
+    limit=Limit(magnitude=12.0, jump=3.0),
+)
+VERTICAL_ACCELERATION = Channel(
+    quantity="vertical_acceleration",
+    unit="m/s^2",
+    patterns=(
+        NamePattern(
+            pattern=f"vert(ical)?_?acc|{ACCELERATION_WORDS}_?(z|vert[a-z]*|down)_?\\d?_|_a_?z(_|\\d)|_z_?acc",
+            excluded="_ang",
+        ),
+    ),
+)
+PITCH = Channel(quantity="pitch", unit="rad", patterns=(NamePattern(pattern="_pitch(_?angle)?_|nick_?winkel|_theta_"),))
+YAW = Channel(quantity="yaw", unit="rad", patterns=(NamePattern(pattern="_(yaw|heading|psi)(_?angle)?_|gier_?winkel"),))
+SLIP_ANGLE = Channel(
+    quantity="slip_angle",
+    unit="rad",
+    of="part",
+    state=StateNoise(process=0.0, observer_process=0.0, initial_sigma=0.002),
+)
+BANK = Channel(
+    quantity="bank",
+    unit="rad",
+    state=StateNoise(process=2e-3**2, observer_process=2e-3**2, initial_sigma=0.03),
+)
+COUPLING_FORCE = Channel(
+    quantity="coupling_force",
+    unit="N",
+    model=SensorModel(value=lambda now, i, _: now.coupling_force(i), behind_coupling=True),
+)
+COMPUTED = (
+    Channel(quantity="time", unit="s", of="vehicle"),
+    Channel(quantity="longitudinal_velocity", unit="m/s"),
+    Channel(quantity="roll_acceleration", unit="rad/s^2"),
+    Channel(quantity="sideslip_rate", unit="rad/s"),
+    Channel(quantity="longitudinal_force", unit="N", of="part"),
+    Channel(quantity="lateral_force", unit="N", of="part"),
+    Channel(quantity="vertical_force", unit="N", of="part"),
+    Channel(quantity="position_x", unit="m"),
+    Channel(quantity="position_y", unit="m"),
+    Channel(quantity="curvature", unit="1/m"),
+)
+"""Quantities that only simulations and references have."""

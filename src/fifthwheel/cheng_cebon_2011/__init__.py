@@ -1,0 +1,13 @@
+"""The article: C. Cheng and D. Cebon (2011), Vehicle System Dynamics 49. Its method and its results, reproduced.
+
+settings, unknowns, dual, stage, posterior, estimator   the identification in two stages by a dual Kalman filter
+published, experiments, outcomes, comparison, ...       every published number beside ours, and its Figures 4 to 9
+"""
+
+from fifthwheel.cheng_cebon_2011.estimator import identify_two_stage
+from fifthwheel.cheng_cebon_2011.settings import TwoStage, article
+from fifthwheel.identify.identify import method
+
+__all__ = ["TwoStage", "article", "identify_two_stage"]
+
+method.register(TwoStage, lambda _: identify_two_stage)

@@ -1,0 +1,205 @@
+"""The posterior at the estimate of two stages, from the Fisher information of the logs on all unknowns together.
+
+The dual filter runs once more with fixed parameters. For each sample and channel it gives an innovation e, its variance
+s^2 and the gradient g of the prediction with respect to z. With the prior z ~ N(0, I):
+
+    information        H = I + sum g g' / s^2            covariance     P = H^-1
+    scores             sum over channels of g e / s^2    sandwich       P (I + M) P
+    roll bias score    b                                 bias           P b
+
+M is the long-run covariance of the sum of the scores (Newey and West 1987). Where the innovations are white, M = H - I
+and both covariances agree. b is the score that the yaw model collects on a vehicle that rolls.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.dual import DualState
+from fifthwheel.cheng_cebon_2011.settings import TwoStage
+from fifthwheel.cheng_cebon_2011.stage import filter_noise, initial_state_with_sensitivity, shift_delays
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.simulation import free_response
+from fifthwheel.filters.initial_state import steady_initial_state
+from fifthwheel.filters.scaling import Scaling
+from fifthwheel.filters.step_rows import corrected_inputs, step_rows
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.residuals import long_run_covariance
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+SINGULAR = 1e14
+"""Condition number of the information from which it counts as singular: the vehicle is unstable at these values."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoStagePosterior:
+    """Covariances of all k unknowns in units of z, whose prior is N(0, I); the unknowns of log i are "name@i"."""
+
+    names: tuple[str, ...]
+    covariance: Array  # (k, k) P
+    sandwich: Array  # (k, k) the same from autocorrelated scores
+    bias: Array  # (k,) shift of each unknown by the missing roll; zero if the model has roll
+    unstable: bool  # the vehicle is unstable at these values; the covariances are those of the prior
+
+    def excited(self, name: str, limit: float) -> bool:
+        """Whether the logs bring the sigma of an unknown below `limit` times its prior sigma, if the model is right.
+
+        True for an unknown that is not part of this posterior, and for all if the vehicle is unstable.
+        """
+        if self.unstable or name not in self.names:
+            return True
+        i = self.names.index(name)
+        return bool(self.covariance[i, i] < limit**2)
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each z (k,): the larger of both covariances, and the bias."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), np.diag(self.sandwich)) + self.bias**2)
+
+
+def evaluate_posterior(
+    model: ChainModel,
+    vehicle: Vehicle,
+    logs: Sequence[LogData],
+    unknowns: Sequence[Unknown],
+    *,
+    values: Mapping[str, float],
+    settings: TwoStage,
+    gated: bool = True,
+) -> TwoStagePosterior:
+    """Posterior at the estimate, given all logs.
+
+    Args:
+        model: in which all unknowns are free.
+        vehicle: with the axles locked whose steer angle is not logged.
+        logs: with their own sensor errors and the noise of every channel.
+        unknowns: in the order of the model.
+        values: of the unknowns that all logs share, SI.
+        settings: of the identification.
+        gated: False counts every measurement, even those that the gate rejects; before an estimation these may be most.
+    """
+    names = [u.name for u in unknowns if not u.per_log]
+    names += [f"{u.name}@{i}" for i in range(len(logs)) for u in unknowns if u.per_log]
+    k = len(names)
+    information, score_covariance, bias_score = np.eye(k), np.eye(k), np.zeros(k)
+    for i, log in enumerate(logs):
+        indices = [names.index(f"{u.name}@{i}" if u.per_log else u.name) for u in unknowns]
+        frozen = _FixedFilter(
+            model=model, vehicle=vehicle, unknowns=tuple(unknowns), shared=values, log=log, settings=settings
+        )
+        for segment in log.segments:
+            scores, gram = frozen.scores(segment, gated=gated)
+            lags = max(int(settings.correlation_time * segment.rate), 1)
+            information[np.ix_(indices, indices)] += gram
+            score_covariance[np.ix_(indices, indices)] += long_run_covariance(scores, lags)
+            if not model.roll:
+                bias_score[indices] += frozen.roll_bias_score(segment)
+    unstable = not np.linalg.cond(information) < SINGULAR
+    if unstable:
+        information, score_covariance, bias_score = np.eye(k), np.eye(k), np.zeros(k)
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return TwoStagePosterior(
+        names=tuple(names),
+        covariance=covariance,
+        sandwich=covariance @ score_covariance @ covariance,
+        bias=covariance @ bias_score,
+        unstable=unstable,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FixedFilter:
+    """The dual filter with fixed parameters over the segments of one log; n unknowns, m channels."""
+
+    model: ChainModel
+    vehicle: Vehicle
+    unknowns: tuple[Unknown, ...]
+    shared: Mapping[str, float]
+    log: LogData
+    settings: TwoStage
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the unknowns."""
+        return [u.name for u in self.unknowns]
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Of the unknowns in this log, SI."""
+        return {**{u.name: u.centre for u in self.unknowns}, **self.shared, **self.log.errors}
+
+    @cached_property
+    def scaling(self) -> Scaling:
+        """The transformation between z and the values of the unknowns."""
+        return scaling(self.unknowns)
+
+    def run(self, segment: Record) -> tuple[Array, Array, Array]:
+        """Innovations, weights 1 / s^2 (zero where rejected) and gradients: (M, m), (M, m), (M, m, n)."""
+        n = len(self.names)
+        z = self.scaling.to_z(np.array([self.values[name] for name in self.names]))
+        rows = step_rows(self.model, self.vehicle, segment, errors=self.values)
+        x0, P0, sensitivity = initial_state_with_sensitivity(
+            self.vehicle, self.names, self.scaling, z, rows, roll=self.model.roll
+        )
+        filtered = dual.run_dual(
+            self.model,
+            rows.rows,
+            c=self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs)),
+            noise=filter_noise(self.model, self.log, self.settings),
+            scaling=shift_delays(self.scaling, self.names, self.values),
+            start=DualState(x=x0, P=P0, z=z, Pz=np.zeros((n, n)), sensitivity=sensitivity),
+        )
+        return filtered.innovation, filtered.accepted / filtered.innovation_variance, filtered.sensitivity
+
+    def scores(self, segment: Record, *, gated: bool) -> tuple[Array, Array]:
+        """Scores (N, n) of the samples and their information (n, n).
+
+        The gradients are those of the predicted segment. Along the measured segment they would contain the noise of the
+        sensors, which looks like excitation: on a straight road there is nothing else.
+        """
+        innovation, weight, _ = self.run(segment)
+        _, ungated_weight, gradient = self.run(self.predicted(segment, roll=self.model.roll))
+        if not gated:
+            weight = ungated_weight
+        scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
+        rows = (np.sqrt(weight)[..., None] * gradient).reshape(-1, gradient.shape[-1])
+        return scores[(weight > 0).any(axis=1)], rows.T @ rows
+
+    def roll_bias_score(self, segment: Record) -> Array:
+        """Score (n,) that the yaw model collects on a vehicle that rolls.
+
+        The difference of the scores on segments predicted with and without roll, both at the estimate and without
+        noise.
+        """
+        scores = []
+        for roll in (True, False):
+            innovation, weight, gradient = self.run(self.predicted(segment, roll=roll))
+            scores.append(np.einsum("km,kmn->n", innovation * weight, gradient))
+        return np.asarray(scores[0] - scores[1])
+
+    def predicted(self, segment: Record, *, roll: bool) -> Record:
+        """The segment as the model predicts it at the estimate: without noise, the same samples missing."""
+        parameters = set(self.vehicle.parameters())
+        vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in parameters})
+        model = dynamics.model(vehicle, self.model.outputs, roll=roll)
+        inputs = {name: segment.input(name) for name in model.inputs}
+        first = {name: float(v[0]) for name, v in inputs.items()}
+        x0, _ = steady_initial_state(vehicle, first, self.values, roll=roll)
+        values = dynamics.all_parameters(vehicle, model.outputs) | self.values
+        values |= {name: 0.0 for name in values if is_sensor_error(name, "delay")}  # applied to the inputs
+        corrected = corrected_inputs(segment, model.inputs, self.values)
+        _, outputs = free_response(model, values, segment.time, corrected, x0)
+        measured = {
+            name: np.where(np.isfinite(segment.signals[name]), outputs[:, i], np.nan)
+            for i, name in enumerate(model.outputs)
+            if name in segment.signals
+        }
+        return replace(segment, signals=inputs | measured, reference={})

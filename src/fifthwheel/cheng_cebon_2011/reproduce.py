@@ -1,0 +1,194 @@
+"""The reproduction: simulate the trucks, identify over the seeds on all cores, write tables and figures."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from fifthwheel._atomic import atomic_write
+from fifthwheel.cheng_cebon_2011 import figures, raw_results, table
+from fifthwheel.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
+from fifthwheel.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome, outcome
+from fifthwheel.cheng_cebon_2011.published import RESULTS
+from fifthwheel.errors import FifthwheelError, VehicleError
+from fifthwheel.studies.pool import run_all
+from fifthwheel.studies.result_table import write_table
+from fifthwheel.vehicle import Vehicle, get
+
+_FIGURES = [f"figure_{number}.{kind}" for number in range(4, 10) for kind in ("png", "svg")]
+FILES = ("reproduction.md", "reproduction.csv", "parameters.parquet", "histories.parquet", *_FIGURES)
+"""Files of a reproduction."""
+ARMS = ("article", "default", "default, front fixed")
+"""Names of the arms; section 4 without errors has all of them."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with a title, the steps done and all steps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extent:
+    """How much is computed."""
+
+    seeds: int = 20
+    """Seeds of every arm of every experiment."""
+    repetitions: int = 12
+    """Lane changes; the article needs more than 10."""
+    variant_seeds: Mapping[str, int]
+    """Seeds of every variant, by arm; empty for no variants."""
+
+
+FULL = Extent(variant_seeds={"article": 3, "default": 1})
+QUICK = Extent(seeds=3, repetitions=6, variant_seeds={})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduction:
+    """Results, and the files that contain them."""
+
+    experiments: Mapping[str, Experiment]
+    outcomes: tuple[Outcome, ...]
+    rows: tuple[Row, ...]
+    variants: tuple[VariantErrors, ...]
+    files: tuple[Path, ...]
+
+
+def reproduce(
+    out: Path,
+    *,
+    quick: bool = False,
+    seeds: int | None = None,
+    arms: Sequence[str] = (),
+    vehicle: Vehicle | None = None,
+    progress: Progress = lambda *_: None,
+) -> Reproduction:
+    """Reproduce sections 3 and 4 of the article on the nonlinear truck.
+
+    Args:
+        out: folder for reproduction.md, reproduction.csv, the figures, parameters.parquet with the estimates of every
+            seed and histories.parquet with the time histories of seed 0; created if it is missing.
+        quick: fewer seeds, fewer lane changes and no variants, so more random error.
+        seeds: number of seeds of every experiment; by default 20, or 3 with `quick`.
+        arms: names of the arms to compute; by default all.
+        vehicle: a truck in place of that of section 3. Then section 4 and the variants are left out, and nothing is
+            compared with published numbers.
+        progress: called while the trucks are simulated and identified.
+
+    Raises:
+        FifthwheelError: MuJoCo or matplotlib is not installed; an arm does not exist; seeds are below 1.
+        VehicleError: the vehicle does not have the parameters of the article's truck.
+    """
+    for module in ("mujoco", "matplotlib"):
+        try:
+            __import__(module)
+        except ImportError:
+            raise FifthwheelError(
+                f"the reproduction needs {module}, which is not installed; pip install 'fifthwheel[studies]'"
+            ) from None
+    if unknown := [arm for arm in arms if arm not in ARMS]:
+        raise FifthwheelError(f"arms: no arm {unknown[0]!r}; choose from {', '.join(map(repr, ARMS))}")
+    if seeds is not None and seeds < 1:
+        raise FifthwheelError(f"seeds: expected 1 or more, got {seeds}")
+    if vehicle is not None:
+        _require_article_parameters(vehicle)
+    extent = QUICK if quick else FULL
+    extent = replace(extent, seeds=seeds or extent.seeds)
+    if vehicle is not None:
+        extent = replace(extent, variant_seeds={})
+    experiments, changed = simulate(extent, progress, arms, vehicle)
+    outcomes = identify_all(experiments, changed, extent, progress)
+    rows = compare(experiments, outcomes)
+    variant_errors = compare_variants(changed, outcomes)
+    remarks = list(table.REMARKS)
+    if quick:
+        remarks.insert(
+            0,
+            f"A quick run with {extent.seeds} seeds and {extent.repetitions} lane changes, without variants: its"
+            " results have a larger random error than those of a full run.",
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    texts = {
+        "reproduction.md": table.markdown(rows, variant_errors, remarks),
+        "reproduction.csv": table.as_csv(rows),
+    }
+    for name, text in texts.items():
+        with atomic_write(out / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    tables = {
+        "parameters.parquet": raw_results.parameters(experiments | changed, outcomes),
+        "histories.parquet": raw_results.histories(experiments | changed, outcomes),
+    }
+    for name, raw in tables.items():
+        write_table(raw, out / name)
+    drawn = figures.draw(experiments, outcomes, out)
+    return Reproduction(
+        experiments=experiments,
+        outcomes=tuple(o for o in outcomes if o.experiment in experiments),
+        rows=tuple(rows),
+        variants=tuple(variant_errors),
+        files=(*(out / name for name in (*texts, *tables)), *drawn),
+    )
+
+
+def _require_article_parameters(vehicle: Vehicle) -> None:
+    """Raise a VehicleError where a truck does not have the parameters that the article estimates."""
+    values = vehicle.parameters() | vehicle.derived()
+    missing = [p.quantity for p in RESULTS if p.case == "simulation" and p.quantity not in values]
+    if missing:
+        raise VehicleError(
+            f"{missing[0]}: not in {vehicle.name}; the reproduction needs a tractor and a laden semitrailer with the"
+            " names of `fifthwheel vehicle cheng_cebon_2011`; use study() for other vehicles"
+        )
+
+
+def simulate(
+    extent: Extent, progress: Progress, arms: Sequence[str] = (), vehicle: Vehicle | None = None
+) -> tuple[dict[str, Experiment], dict[str, Experiment]]:
+    """The experiments of the article and the variants of section 3, by name, with their runs and the chosen arms."""
+    n = extent.repetitions
+    selected = variants(get("cheng_cebon_2011")) if extent.variant_seeds else ()
+    makers: list[Callable[[], Experiment]] = [
+        partial(section_3, repetitions=n, truck=vehicle),
+        partial(section_3, repetitions=n, truck=vehicle, point=True),
+    ]
+    if vehicle is None:
+        makers += [partial(section_4, repetitions=n), partial(section_4, repetitions=n, errors=True)]
+    total = len(makers) + len(selected)
+    experiments: list[Experiment] = []
+    for make in makers:
+        progress("simulating", len(experiments), total)
+        experiments.append(make())
+    changed: list[Experiment] = []
+    for variant in selected:
+        progress("simulating", len(experiments) + len(changed), total)
+        changed.append(with_variant(experiments[0], variant, repetitions=n))
+    progress("simulating", total, total)
+    return _with_arms(experiments, arms), _with_arms(changed, arms)
+
+
+def _with_arms(experiments: Sequence[Experiment], arms: Sequence[str]) -> dict[str, Experiment]:
+    """Experiments by name with some of their arms, all if none is given; without those that have none of them."""
+    chosen = [replace(e, arms=tuple(arm for arm in e.arms if not arms or arm.name in arms)) for e in experiments]
+    return {e.name: e for e in chosen if e.arms}
+
+
+def _identify(experiments: Mapping[str, Experiment], task: tuple[str, int, int]) -> Outcome:
+    name, arm_index, seed = task
+    return outcome(experiments[name], arm_index, seed, keep=seed == 0)
+
+
+def identify_all(
+    experiments: dict[str, Experiment], changed: dict[str, Experiment], extent: Extent, progress: Progress
+) -> list[Outcome]:
+    """Every outcome in the order of experiments, arms and seeds."""
+    tasks = [
+        (name, i, seed)
+        for name, experiment in (experiments | changed).items()
+        for i, arm in enumerate(experiment.arms)
+        for seed in range(extent.seeds if name in experiments else extent.variant_seeds[arm.name])
+    ]
+    done: dict[tuple[str, int, int], Outcome] = {}
+    for task, result in run_all(_identify, experiments | changed, tasks):
+        done[task] = result
+        progress("identifying", len(done), len(tasks))
+    return [done[task] for task in tasks]

@@ -1,0 +1,87 @@
+"""Settings of the identification in two stages, and those of the article."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from fifthwheel.errors import SignalError
+from fifthwheel.identify.settings import CommonSettings, require_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoStage(CommonSettings):
+    """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.TwoStage(fixed=("tractor.front.cornering_stiffness",)).preset
+        'default'
+    """
+
+    method = "two-stage"
+
+    initial_sigma: float | None = None
+    """Initial standard deviation in the filter, P_p(0), as a fraction of the initial value; None takes the prior."""
+    initial_height_sigma: float | None = None
+    """The same for a payload height, m."""
+    logarithmic: bool = True
+    """Estimate the logarithm of a stiffness or inertia, so that it stays positive."""
+    passes: int = 40
+    """Largest number of passes through the logs in each stage."""
+    rounds: int = 10
+    """Largest number of rounds through both stages. From the second round on stage 1 uses the yaw-roll model."""
+    average: bool = False
+    """Take as estimate the average since the parameter has settled (the article's rule) and not the last value. The
+    last value uses all data."""
+    consistent: bool = True
+    """Include the uncertainty of the state in the innovation variance of the parameter filter."""
+    coupled: bool = True
+    """Correct the state when a parameter is corrected."""
+    random_walk: float = 0.0
+    """Standard deviation that a parameter gains per sample, as a fraction of its initial value (the article's Q_p)."""
+    height_walk: float = 0.0
+    """The same for a payload height, m."""
+    restart: bool = True
+    """Start every pass with the prior covariance, so that no sample counts twice; the article continues with the
+    covariance of the last pass."""
+    forgetting: float = 1.0
+    """The article's lambda: factor by which the random walk shrinks at every sample."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "passes", "rounds")
+        if not 0 < self.forgetting <= 1:
+            raise SignalError(f"forgetting: expected a number above 0 and at most 1, got {self.forgetting}")
+
+
+def article(**changes: Any) -> TwoStage:
+    """The settings of the article, sections 3.1 to 3.3, with `changes`.
+
+    Published: Q_x = 0; Q_p of 0.1 % of the nominal value (0.005 m for the height), shrunk by lambda at every step; the
+    average once within 1 %. Not published: P_p(0), here Q_p after its name "initial parameter covariance", and bounds.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.article().forgetting
+        0.999
+    """
+    preset = TwoStage(
+        preset="article",
+        initial_sigma=0.001,
+        initial_height_sigma=0.005,
+        logarithmic=False,
+        passes=1,
+        rounds=1,
+        average=True,
+        consistent=False,
+        coupled=False,
+        random_walk=0.001,
+        height_walk=0.005,
+        restart=False,
+        forgetting=0.999,
+        relaxation=False,
+        nuisances=False,
+        adapt_noise=False,
+        process_noise=0.0,
+        gate=1e6,
+    )
+    return replace(preset, **changes)

@@ -1,0 +1,361 @@
+"""One stage of the identification in two stages: the dual filter, in several passes through all logs.
+
+A pass starts at the estimate z_b of the last pass, about which the filter linearises, with the prior covariance. That
+centres the prior on z_b instead of on 0. The information form of the result, P^-1 z = P_0^-1 z_b + (data), shows that
+the prior mean is restored by z - P P_0^-1 z_b; the active unknowns of the default settings have P_0 = I, and the
+correction is z - P z_b. So neither a sample nor the prior counts twice, whatever the number of passes. If consecutive
+passes move in opposite directions, the length of the step is halved.
+
+The article carries the covariance on from pass to pass (`TwoStage.restart`) and has no correction.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
+from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState
+from fifthwheel.cheng_cebon_2011.settings import TwoStage
+from fifthwheel.cheng_cebon_2011.unknowns import DualUnknown
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters import Noise, variances
+from fifthwheel.filters.initial_state import initial_state, steady_initial_state
+from fifthwheel.filters.scaling import Scaling
+from fifthwheel.filters.step_rows import StepRows, step_rows
+from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.residuals import autocorrelation_factor
+from fifthwheel.identify.settings import Progress
+from fifthwheel.identify.unknowns.unknown import scaling
+from fifthwheel.vehicle import Vehicle
+
+FEWEST_INNOVATIONS = 20
+"""A channel with at most so many accepted innovations keeps its noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageResult:
+    """The result of a stage."""
+
+    values: dict[str, float]  # of the unknowns that all logs share, SI
+    logs: tuple[LogData, ...]  # with their own sensor errors and noise
+    history: ParameterHistory
+    settled: bool  # whether the last pass changed no parameter
+    accepted: tuple[Array, ...]  # of each log: (N, m), 1 where the last pass used a measurement
+
+
+def stage_model(vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[DualUnknown], *, roll: bool) -> ChainModel:
+    """The model in which all unknowns are free."""
+    return dynamics.model(vehicle, outputs, roll=roll, free=[u.name for u in unknowns])
+
+
+def initial_state_with_sensitivity(
+    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, rows: StepRows, *, roll: bool
+) -> tuple[Array, Array, Array]:
+    """Initial state (n,), its covariance (n, n), and its derivative dx/dz (n, n_p) by forward differences.
+
+    Args:
+        names: of the n_p unknowns.
+        scaling: from z to their values.
+        z: (n_p,).
+        rows: of the segment.
+        roll: whether the model has roll.
+    """
+
+    def values(z: Array) -> dict[str, float]:
+        return dict(zip(names, scaling.to_p(z).tolist(), strict=True))
+
+    x0, P0 = initial_state(vehicle, rows.first, values(z), roll=roll, steer_sigma=rows.steer_sigma)
+    step = 1e-5
+    shifted = [
+        steady_initial_state(vehicle, rows.first, values(z + step * row), roll=roll)[0] for row in np.eye(len(z))
+    ]
+    return x0, P0, (np.column_stack(shifted) - x0[:, None]) / step
+
+
+def run_stage(
+    model: ChainModel,
+    vehicle: Vehicle,
+    logs: Sequence[LogData],
+    unknowns: Sequence[DualUnknown],
+    *,
+    active: Sequence[str],
+    start: Mapping[str, float],
+    settings: TwoStage,
+    passes: int,
+    progress: Progress = lambda *_: None,
+    title: str = "",
+) -> StageResult:
+    """Estimate the active unknowns; the others keep their values.
+
+    Args:
+        model: in which all unknowns are free.
+        vehicle: with the axles locked whose steer angle is not logged.
+        logs: with the noise of every channel.
+        unknowns: in the order of the model.
+        active: names of those that are estimated.
+        start: values of the unknowns that all logs share.
+        settings: of the identification.
+        passes: largest number of passes through the logs.
+        progress: called before each pass and at the end.
+        title: for `progress`.
+    """
+    stage = _Stage(model=model, vehicle=vehicle, unknowns=tuple(unknowns), active=frozenset(active), settings=settings)
+    state = stage.initial(start, logs)
+    for number in range(passes):
+        progress(title, number, passes)
+        state = stage.run_pass(state)
+        if stage.settled(state):
+            break
+    progress(title, passes, passes)
+    return StageResult(
+        values=state.values,
+        logs=state.logs,
+        history=stage.history(state),
+        settled=stage.settled(state),
+        accepted=state.accepted,
+    )
+
+
+def shift_delays(scaling: Scaling, names: Sequence[str], errors: Mapping[str, float]) -> Scaling:
+    """The scaling for rows to which the delays in `errors` have been applied: the model has the remainder."""
+    centre = scaling.centre.copy()
+    for i, name in enumerate(names):
+        if is_sensor_error(name, "delay"):
+            centre[i] -= errors.get(name, 0.0)
+    return replace(scaling, centre=centre)
+
+
+def filter_noise(model: ChainModel, log: LogData, settings: TwoStage) -> Noise:
+    """Process noise, and the effective noise variance of each channel of a log."""
+    # at least 1e-9 of the default: a covariance that decays to denormal numbers is slow to compute
+    factor = max(settings.process_noise, 1e-9)
+    return Noise(
+        process=variances.process_covariance(model.states, variances.PROCESS_VARIANCE, factor),
+        measurement=np.array([log.effective_variance(name) for name in model.outputs]),
+        gate=settings.gate,
+    )
+
+
+def has_changed(change: ArrayLike, value: ArrayLike, sigma: ArrayLike, settings: TwoStage) -> bool:
+    """Whether any change exceeds both a tenth of sigma and a tenth of the tolerance."""
+    allowed = 0.1 * np.maximum(sigma, settings.tolerance * np.abs(value))
+    return bool((np.abs(change) > allowed).any())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rows:
+    """Estimates of the n parameters of a stage after each of N samples, for the history."""
+
+    time: Array  # (N,) s
+    z: Array  # (N, n)
+    variance: Array  # (N, n) of z
+
+
+@dataclass(frozen=True, kw_only=True)
+class _State:
+    """All that a stage has estimated between two passes; n_p unknowns."""
+
+    z: Array  # (n_p,)
+    Pz: Array  # (n_p, n_p)
+    walk: float = 1.0  # factor that forgetting has left of the random walk
+    values: dict[str, float]  # of the unknowns that all logs share
+    logs: tuple[LogData, ...]
+    accepted: tuple[Array, ...] = ()  # of each log in the last pass
+    before: Array  # (n_p,) z at the start of the last pass
+    step: Array  # (n_p,) undamped step of the last pass
+    damping: float = 1.0  # fraction of a step that is taken
+    rows: tuple[_Rows, ...] = ()
+    starts: tuple[int, ...] = ()  # first row of each pass
+
+    @property
+    def elapsed(self) -> float:
+        """Time of the last row, s."""
+        return float(self.rows[-1].time[-1]) if self.rows else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Stage:
+    """What stays the same during a stage."""
+
+    model: ChainModel
+    vehicle: Vehicle
+    unknowns: tuple[DualUnknown, ...]
+    active: frozenset[str]
+    settings: TwoStage
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the unknowns."""
+        return [u.name for u in self.unknowns]
+
+    @cached_property
+    def scaling(self) -> Scaling:
+        """The transformation between z and the values of the unknowns."""
+        return scaling(self.unknowns)
+
+    @cached_property
+    def is_active(self) -> NDArray[np.bool_]:
+        """Which unknowns are estimated (n_p,)."""
+        return np.array([u.name in self.active for u in self.unknowns], dtype=np.bool_)
+
+    @cached_property
+    def per_log(self) -> NDArray[np.bool_]:
+        """Which unknowns each log has for itself (n_p,)."""
+        return np.array([u.per_log for u in self.unknowns], dtype=np.bool_)
+
+    @cached_property
+    def is_estimated(self) -> NDArray[np.bool_]:
+        """Which unknowns are active parameters, not sensor errors (n_p,)."""
+        return self.is_active & ~np.array([u.is_sensor_error for u in self.unknowns], dtype=np.bool_)
+
+    @cached_property
+    def constants(self) -> Array:
+        """Values of the parameters of the model that are not free."""
+        return self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs))
+
+    def initial(self, start: Mapping[str, float], logs: Sequence[LogData]) -> _State:
+        """The state before the first pass."""
+        z = self._z(start, logs[0])
+        return _State(z=z, Pz=self._prior(), values=dict(start), logs=tuple(logs), before=z, step=np.zeros(len(z)))
+
+    def _prior(self) -> Array:
+        """Covariance at the start of a pass; zero for unknowns that are not active."""
+        start = [u.start**2 if active else 0.0 for u, active in zip(self.unknowns, self.is_active, strict=True)]
+        return np.diag(start)
+
+    def _z(self, values: Mapping[str, float], log: LogData) -> Array:
+        """z (n_p,) of shared values and the sensor errors of a log; the prior mean of all else."""
+        merged = {**{u.name: u.centre for u in self.unknowns}, **values, **log.errors}
+        return self.scaling.to_z(np.array([merged[name] for name in self.names]))
+
+    def run_pass(self, state: _State) -> _State:
+        """All logs once, in order; see the module docstring."""
+        restart, active = self.settings.restart, self.is_active
+        current = replace(
+            state,
+            Pz=self._prior() if restart else state.Pz,
+            logs=(),
+            accepted=(),
+            before=state.z,
+            starts=(*state.starts, sum(len(rows.time) for rows in state.rows)),
+        )
+        for log in state.logs:
+            current = self._run_log(current, log)
+        z, step, damping = current.z, state.step, state.damping
+        if restart:
+            z = z - current.Pz @ np.where(active & ~self.per_log, state.z, 0.0)
+            step = np.where(self.per_log, 0.0, z - state.z)
+            if step @ state.step < 0:
+                damping /= 2
+            z = np.where(self.per_log, z, state.z + damping * step)
+        z, shared = self._within_bounds(z, active & ~self.per_log)
+        last = self._rows(np.array([current.elapsed]), z[None], np.diag(current.Pz)[None])
+        return replace(
+            current, z=z, values=state.values | shared, step=step, damping=damping, rows=(*current.rows, last)
+        )
+
+    def _run_log(self, state: _State, log: LogData) -> _State:
+        """One log: the unknowns that belong to it start from their prior, all others from the previous log."""
+        specific = self.per_log & self.is_active
+        Pz = state.Pz.copy()
+        Pz[specific, :] = Pz[:, specific] = 0.0
+        Pz[specific, specific] = 1.0
+        state = replace(state, z=np.where(self.per_log, self._z(state.values, log), state.z), Pz=Pz)
+        start = np.where(specific, state.z, 0.0)
+        innovations, accepted = [], []
+        for segment in log.segments:
+            rows = step_rows(self.model, self.vehicle, segment, errors={**state.values, **log.errors})
+            filtered = self._filter(state, log, rows)
+            samples, end = rows.sample_indices, filtered.end
+            time = rows.time[samples] - rows.time[0] + state.elapsed
+            history = self._rows(time, filtered.z[samples], filtered.z_variance[samples])
+            state = replace(state, z=end.z, Pz=end.Pz, walk=end.walk, rows=(*state.rows, history))
+            innovations.append(filtered.innovation[samples] / np.sqrt(filtered.innovation_variance[samples]))
+            accepted.append(filtered.accepted[samples])
+        z, errors = self._within_bounds(state.z - state.Pz @ start, specific)
+        used = np.concatenate(accepted)
+        log = self._with_innovation_noise(
+            replace(log, errors={**log.errors, **errors}), np.concatenate(innovations), used
+        )
+        return replace(state, z=z, logs=(*state.logs, log), accepted=(*state.accepted, used))
+
+    def _filter(self, state: _State, log: LogData, rows: StepRows) -> DualFiltered:
+        """The dual filter over one segment, from the state and covariance of the parameters before it."""
+        x0, P0, sensitivity = initial_state_with_sensitivity(
+            self.vehicle, self.names, self.scaling, state.z, rows, roll=self.model.roll
+        )
+        return dual.run_dual(
+            self.model,
+            rows.rows,
+            c=self.constants,
+            noise=filter_noise(self.model, log, self.settings),
+            scaling=shift_delays(self.scaling, self.names, state.values),
+            start=DualState(x=x0, P=P0, z=state.z, Pz=state.Pz, sensitivity=sensitivity, walk=state.walk),
+            coupling=self._coupling(rows),
+        )
+
+    def _coupling(self, rows: StepRows) -> DualCoupling:
+        """Random walk and forgetting per second; the settings have them per sample."""
+        step = float(np.median(np.diff(rows.time[rows.sample_indices])))
+        walk = np.array([u.walk**2 if active else 0.0 for u, active in zip(self.unknowns, self.is_active, strict=True)])
+        return DualCoupling(
+            consistent=self.settings.consistent,
+            coupled=self.settings.coupled,
+            random_walk=walk / step,
+            forgetting=-np.log(self.settings.forgetting) / step,
+        )
+
+    def _within_bounds(self, z: Array, which: NDArray[np.bool_]) -> tuple[Array, dict[str, float]]:
+        """z with some unknowns moved inside their bounds, and their values by name."""
+        p = np.clip(self.scaling.to_p(z), self.scaling.lower, self.scaling.upper)
+        values = {name: float(value) for name, value, flag in zip(self.names, p, which, strict=True) if flag}
+        return np.where(which, self.scaling.to_z(p), z), values
+
+    def _with_innovation_noise(self, log: LogData, innovation: Array, accepted: Array) -> LogData:
+        """The log with noise and autocorrelation factor of each channel by its normalised innovations (N, m)."""
+        if not self.settings.adapt_noise:
+            return log
+        rate = 1 / np.median(np.diff(log.segments[0].time))
+        noise, factors = dict(log.noise), dict(log.autocorrelation_factor)
+        for i, name in enumerate(self.model.outputs):
+            values = innovation[accepted[:, i] > 0, i]
+            if len(values) > FEWEST_INNOVATIONS:
+                noise[name] = log.effective_variance(name) * float(np.clip(np.mean(values**2), 1e-3, 1e3))
+                factors[name] = autocorrelation_factor(values, int(self.settings.correlation_time * rate))
+        return replace(log, noise=noise, autocorrelation_factor=factors)
+
+    def _rows(self, time: Array, z: Array, variance: Array) -> _Rows:
+        """Rows for the history, of the estimated parameters only."""
+        return _Rows(time=time, z=z[:, self.is_estimated], variance=variance[:, self.is_estimated])
+
+    def settled(self, state: _State) -> bool:
+        """Whether the last pass changed no parameter."""
+        if not self.settings.restart:
+            return False
+        estimated = self.is_estimated
+        if not estimated.any():
+            return len(state.starts) > 1
+        p, p_before = self.scaling.to_p(state.before + state.step), self.scaling.to_p(state.before)
+        sigma = np.sqrt(np.diag(state.Pz)) * np.abs(self.scaling.slope(p))
+        return not has_changed((p - p_before)[estimated], p[estimated], sigma[estimated], self.settings)
+
+    def history(self, state: _State) -> ParameterHistory:
+        """Of the estimated parameters over all passes."""
+        estimated = [u for u, flag in zip(self.unknowns, self.is_estimated, strict=True) if flag]
+        scale = scaling(estimated)
+        p = scale.to_p(np.concatenate([rows.z for rows in state.rows]))
+        variance = np.concatenate([rows.variance for rows in state.rows])
+        return ParameterHistory(
+            names=tuple(u.name for u in estimated),
+            time=np.concatenate([rows.time for rows in state.rows]),
+            values=p,
+            sigma=np.sqrt(variance) * np.abs(scale.slope(p)),
+            starts=state.starts,
+        )

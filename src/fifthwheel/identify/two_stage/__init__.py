@@ -1,1 +1,0 @@
-"""Two stages: the article's dual extended Kalman filter."""

@@ -1,0 +1,180 @@
+"""Values, verdicts and settling times of two stages, for histories that are chosen."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.estimator import _estimates, _Estimator, _settling_time, _State
+from fifthwheel.cheng_cebon_2011.stage import StageResult
+from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.vehicle import Vehicle
+
+FRONT, DRIVE = "tractor.front.cornering_stiffness", "tractor.drive.cornering_stiffness"
+HEIGHT = "semitrailer.payload.height"
+BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
+
+
+def history(
+    *columns: list[float], starts: tuple[int, ...] = (0,), names: tuple[str, ...] = ("a", "b")
+) -> ParameterHistory:
+    values = np.column_stack(columns)
+    return ParameterHistory(
+        names=names[: len(columns)],
+        time=0.5 * np.arange(1.0, len(values) + 1),
+        values=values,
+        sigma=0.1 * np.arange(values.size).reshape(values.shape),
+        starts=starts,
+    )
+
+
+LATE, EARLY = 18 * [9.0] + 2 * [2.0], [9.0] + 10 * [3.0] + 9 * [3.02]
+"""Settled since row 18 of 20, the last tenth, and since row 1."""
+
+
+def after(settings: TwoStage, settled: bool, before: _State | None = None) -> _State:
+    result = StageResult(
+        values={"a": 5.0, "b": 6.0, "c": 7.0}, logs=(), history=history(LATE, EARLY), settled=settled, accepted=()
+    )
+    start = before or _State(values={}, logs=(), not_excited=frozenset(), settled={"d": True}, sigma={"d": 1.0})
+    return start.after("stage 1", result, settings)
+
+
+def test_the_state_after_a_stage() -> None:
+    """The last value or, in the article, the average since the parameter has settled; sigma of the last sample."""
+    for settled in (True, False):
+        restarting = after(TwoStage(tolerance=0.01), settled)
+        assert restarting.values == {"a": 5.0, "b": 6.0, "c": 7.0}
+        assert restarting.settled == {"a": settled, "b": settled, "d": True}
+        assert restarting.sigma == {"a": pytest.approx(3.8), "b": pytest.approx(3.9), "d": 1.0}
+        article = after(TwoStage(tolerance=0.01, average=True, restart=False), settled)
+        assert article.values == {"a": 2.0, "b": pytest.approx(np.mean(EARLY[1:])), "c": 7.0}
+        assert article.settled == {"a": True, "b": True, "d": True}
+    barely = after(TwoStage(tolerance=1e-6, restart=False), True)
+    assert barely.settled == {"a": True, "b": True, "d": True}
+    twice = after(TwoStage(), True, after(TwoStage(), True))
+    assert twice.histories["stage 1"].passes == 2
+    assert len(twice.histories["stage 1"].time) == 40
+
+
+def test_a_history_that_carries_on_settles_before_its_last_tenth() -> None:
+    result = StageResult(values={"a": 1.0}, logs=(), history=history(19 * [9.0] + [2.0]), settled=True, accepted=())
+    state = _State(values={}, logs=(), not_excited=frozenset())
+    assert state.after("stage 1", result, TwoStage(restart=False)).settled == {"a": False}
+    assert state.after("stage 1", result, TwoStage(restart=True)).settled == {"a": True}
+
+
+def test_settling_time() -> None:
+    """Of the last pass if passes start again, else of all passes; none in the last tenth."""
+    passes = history([9.0] * 3 + [2.0] * 17 + [9.0] * 5 + [2.0] * 15, starts=(0, 20))
+    assert _settling_time(passes, "a", TwoStage(restart=True)) == 0.5 * 5
+    assert _settling_time(passes, "a", TwoStage(restart=False)) == 0.5 * 25
+    assert _settling_time(history(19 * [9.0] + [2.0]), "a", TwoStage()) is None
+
+
+def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[str, tuple]:
+    """Verdict, value, initial value, sigma over the prior's, and stage of each parameter."""
+    settings = TwoStage(fixed=(DRIVE,), initial_payload_height=None)
+    stage_1 = parameter_unknowns(truck, [n for n in parameters.stage_1_names(truck) if n != DRIVE], settings)
+    stage_2 = parameter_unknowns(truck, [HEIGHT], settings)
+    names = [u.name for u in (*stage_1, *stage_2)]
+    estimator = SimpleNamespace(
+        settings=settings, dataset=SimpleNamespace(initial_vehicle=truck), stage_1=stage_1, stage_2=stage_2
+    )
+    given = truck.parameters()
+    of_stage = [history(*[[1.0] * 20] * n, names=names) for names, n in ((tuple(names[:-1]), 3), ((HEIGHT,), 1))]
+    state = SimpleNamespace(
+        values={n: 1.1 * given[n] for n in names} | changes.get("values", {}),
+        not_excited=frozenset(changes.get("not_excited", ())),
+        settled=dict.fromkeys(names, True) | changes.get("settled", {}),
+        histories={"stage 1": of_stage[0], "stage 2": of_stage[1]},
+    )
+    sigma = dict.fromkeys(names, 0.2) | changes.get("sigma", {})
+    unknowns = {u.name: u for u in (*stage_1, *stage_2)}
+    return {
+        e.name: (
+            e.verdict,
+            e.value / given[e.name],
+            e.sigma and round(e.sigma / unknowns[e.name].slope(e.value), 9),
+            e.stage,
+            e.settling_time,
+        )
+        for e in _estimates(estimator, state, sigma, trusted=trusted)
+    }
+
+
+def test_verdicts(truck: Vehicle) -> None:
+    """Converged if the estimation has, the model explains the logs, and sigma is below that of the prior."""
+    assert verdicts(truck)[FRONT] == (Verdict.CONVERGED, pytest.approx(1.1), 0.2, 1, 0.0)
+    assert verdicts(truck)[HEIGHT] == (Verdict.CONVERGED, pytest.approx(1.1), 0.2, 2, 0.0)
+    assert verdicts(truck)[DRIVE] == (Verdict.FIXED, 1.0, None, 1, None)
+    for sigma, verdict in ((BELOW, Verdict.CONVERGED), (1.0, Verdict.NOT_CONVERGED)):
+        assert verdicts(truck, sigma={FRONT: sigma})[FRONT][0] is verdict
+    for changes in ({"trusted": False}, {"settled": {FRONT: False}}):
+        assert verdicts(truck, **changes)[FRONT][0] is Verdict.NOT_CONVERGED
+    assert verdicts(truck, values={HEIGHT: 3.5})[HEIGHT][0] is Verdict.AT_BOUND
+    assert verdicts(truck, not_excited=[FRONT])[FRONT] == (Verdict.NOT_EXCITED, 1.0, 1.0, 1, None)
+
+
+@pytest.mark.parametrize("rounds", [1, 3, 9])
+def test_both_stages_are_repeated_until_no_parameter_changes(rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By more than a tenth of sigma and of the tolerance; a parameter that still changes in the last round has not
+    settled."""
+    course = {"stage 1": [4.0, 2.0, 1.5, 1.4, 1.4 + 0.9e-2], "stage 2": [1.0, 1.0, 1.0, 1.0, 1.0]}
+    calls: list[str] = []
+
+    def stage(_, state: _State, title: str, model: str, unknowns: tuple, active: list[str], progress: None) -> _State:
+        name, number = {"stage 1": "a", "stage 2": HEIGHT}[title], calls.count(title)
+        assert (model, active) == ("yaw" if not calls else "roll", [name])
+        calls.append(title)
+        value = course[title][number]
+        return replace(
+            state,
+            values={**state.values, name: value},
+            sigma={**state.sigma, name: 0.1},
+            settled={**state.settled, name: True},
+        )
+
+    monkeypatch.setattr(_Estimator, "_stage", stage)
+    a, height = (SimpleNamespace(name=name) for name in ("a", HEIGHT))
+    estimator = _Estimator(
+        dataset=None, settings=TwoStage(rounds=rounds), notes=(), stage_1=(a,), stage_2=(height,), yaw_model="yaw",
+        yaw_unknowns=(a,), model="roll", unknowns=(a, height),
+    )  # fmt: skip
+    state = estimator._stages(_State(values={}, logs=(), not_excited=frozenset()), None)
+    done = min(rounds, 5)
+    assert calls == ["stage 1", "stage 2"] * done
+    assert state.rounds == done
+    assert state.values == {"a": course["stage 1"][done - 1], HEIGHT: 1.0}
+    assert state.settled == {"a": rounds != 3, HEIGHT: True}
+
+
+def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """First with the yaw model and all measurements. A parameter may leave the set once; then the set only grows."""
+    found = iter([{"a", "b"}, {"a"}, {"c"}, set()])
+    calls: list[tuple] = []
+
+    def posterior(_, model: str, unknowns: str, state: frozenset[str], *, gated: bool = True) -> None:
+        calls.append((model, unknowns, sorted(state), gated))
+
+    monkeypatch.setattr(_Estimator, "_initial", lambda _, not_excited: not_excited)
+    monkeypatch.setattr(_Estimator, "_stages", lambda _, state, progress: state)
+    monkeypatch.setattr(_Estimator, "_posterior", posterior)
+    monkeypatch.setattr(_Estimator, "_not_excited", lambda *_: frozenset(next(found)))
+    estimator = _Estimator(
+        dataset=None, settings=TwoStage(), notes=(), stage_1=(), stage_2=(), yaw_model="yaw", yaw_unknowns="of yaw",
+        model="roll", unknowns="of roll",
+    )  # fmt: skip
+    state, _ = estimator.solve(None)
+    assert state == {"a", "c"}
+    assert calls == [
+        ("yaw", "of yaw", [], False),
+        ("roll", "of roll", ["a", "b"], True),
+        ("roll", "of roll", ["a"], True),
+        ("roll", "of roll", ["a", "c"], True),
+    ]
