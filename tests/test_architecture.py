@@ -14,6 +14,7 @@ SOURCE = Path(fifthwheel.__file__).parent
 
 ROOMS = (
     "_callable",
+    "_moved",
     "_lazy",
     "_types",
     "_addresses",

@@ -16,6 +16,7 @@ PACKAGES = (
     "time_bases",
     "observe",
     "identify",
+    "cheng_cebon_2011",
     "identify.online",
     "identify.design",
     "manoeuvres",

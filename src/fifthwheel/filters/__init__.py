@@ -4,8 +4,11 @@ kalman, joint, relinearised, smoother, tangent, update, consistency and model ac
 noise, initial_state and rows provide the noise variances, initial states and sample rows of a vehicle model.
 """
 
+from fifthwheel._moved import moved
 from fifthwheel.filters import consistency, kalman, smoother
 from fifthwheel.filters.kalman import Filtered, Noise
 from fifthwheel.filters.model import Model, sample_rows
 
 __all__ = ["Filtered", "Model", "Noise", "consistency", "kalman", "sample_rows", "smoother"]
+
+__getattr__ = moved(__name__, {"dual": "fifthwheel.cheng_cebon_2011.dual"})

@@ -5,6 +5,7 @@ achieve. The two stages of the article are in `fifthwheel.cheng_cebon_2011`.
 """
 
 from fifthwheel._callable import make_callable
+from fifthwheel._moved import moved
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.identify import identify
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
@@ -24,4 +25,5 @@ __all__ = [
     "identify",
 ]
 
+__getattr__ = moved(__name__, {name: f"fifthwheel.cheng_cebon_2011.{name}" for name in ("TwoStage", "article")})
 make_callable(__name__, identify)

@@ -1,0 +1,27 @@
+"""Public names of earlier versions work where they were, with a warning."""
+
+import importlib
+
+import pytest
+
+import fifthwheel as fw
+
+MOVED = {
+    ("fifthwheel.identify", "TwoStage"): fw.TwoStage,
+    ("fifthwheel.identify", "article"): fw.article,
+    ("fifthwheel.filters", "dual"): importlib.import_module("fifthwheel.cheng_cebon_2011.dual"),
+}
+
+
+@pytest.mark.parametrize(("module", "name"), MOVED)
+def test_a_moved_name_works_with_a_warning(module: str, name: str) -> None:
+    package = importlib.import_module(module)
+    with pytest.warns(DeprecationWarning, match=f"{module}.{name} has moved; import {name} from fifthwheel"):
+        found = getattr(package, name)
+    assert found is MOVED[module, name]
+
+
+@pytest.mark.parametrize("module", ["fifthwheel.identify", "fifthwheel.filters"])
+def test_other_names_do_not_exist(module: str) -> None:
+    with pytest.raises(AttributeError, match="no attribute 'banana'"):
+        importlib.import_module(module).banana  # noqa: B018
