@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel import dynamics
 from fifthwheel.channels import SignalName
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.cheng_cebon_2011.experiments import SPEED, point_payload
@@ -30,7 +29,8 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.identify.unknowns.parameters import longest_matching_key, one_stage_unknowns, stage_1_names
+from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
@@ -182,9 +182,9 @@ def cramer_rao_bound(case: Case) -> dict[str, float]:
     outputs = tuple(name for name in record.signals if SignalName.of(name).quantity in RATES)
     assert isinstance(case.settings, OneStage)
     settings = replace(case.settings, initial_payload_height=None, outlier=1e9)
-    model = dynamics.model(truck, outputs, roll=True, free=tuple(dynamics.all_parameters(truck, outputs)))
-    unknowns = one_stage_unknowns(truck, outputs, settings)
-    problem = Problem(model, truck, [LogData(name="bound", segments=segments_above(record, 5.0))], unknowns, settings)
+    setup = Setup.of(truck, outputs, settings)
+    unknowns = setup.unknowns
+    problem = Problem(setup, [LogData(name="bound", segments=segments_above(record, 5.0))])
     sigma = np.sqrt(np.diag(np.linalg.inv(problem.expand(np.zeros(len(problem.names))).hessian)))
     return {
         u.name: float(sigma[i] * u.scale * (1.0 if u.logarithmic else 1 / values[u.name]))

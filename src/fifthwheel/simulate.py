@@ -55,7 +55,7 @@ def simulate(
     require_vehicle(vehicle)
     if not 5 <= speed <= 40:
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model is valid at road speeds")
-    if np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=roll).A).real.max() >= 0:
+    if not dynamics.is_stable(vehicle, speed, roll=roll):
         raise VehicleError(f"{vehicle.name}: unstable at {speed:.1f} m/s; simulate it below its critical speed")
     if duration is None:
         duration = count * LaneChange().period(speed) if manoeuvre == "lane_changes" else 60.0

@@ -108,6 +108,11 @@ def modes(vehicle: Vehicle, speed: float, *, roll: bool = True) -> tuple[Mode, .
     return tuple(sorted(result, key=lambda mode: abs(mode.eigenvalue)))
 
 
+def is_stable(vehicle: Vehicle, speed: float, *, roll: bool = True) -> bool:
+    """Whether all modes decay at a speed, m/s, with fixed straight wheels; `roll` as in `matrices`."""
+    return bool(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max() < 0)
+
+
 def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0) -> float | None:
     """Lowest speed at which the vehicle is unstable with fixed straight wheels, m/s, to 1e-6 m/s.
 
@@ -119,12 +124,8 @@ def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0
     Returns:
         None if the vehicle is stable in the whole range; 2 if it is unstable at 2 m/s.
     """
-
-    def unstable(speed: float) -> bool:
-        return bool(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max() > 0)
-
     speeds = np.arange(2.0, highest + 0.5, 0.5)
-    i = next((i for i, speed in enumerate(speeds) if unstable(speed)), None)
+    i = next((i for i, speed in enumerate(speeds) if not is_stable(vehicle, speed, roll=roll)), None)
     if i is None:
         return None
     if i == 0:
@@ -132,7 +133,7 @@ def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0
     low, high = float(speeds[i - 1]), float(speeds[i])
     while high - low > 1e-6:
         middle = (low + high) / 2
-        low, high = (low, middle) if unstable(middle) else (middle, high)
+        low, high = (middle, high) if is_stable(vehicle, middle, roll=roll) else (low, middle)
     return high
 
 

@@ -22,7 +22,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
 from fifthwheel.time_bases import check_record
@@ -109,10 +109,7 @@ def prepare_dataset(
     """
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
-    if not settings.relaxation:
-        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in parameters.group_paths(vehicle)})
-    if not getattr(settings, "uniform_payload", True):
-        vehicle = vehicle.lumped()
+    vehicle = simplified(vehicle, settings)
     logged = {name for record in records for name in record.signals}
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
     notes: list[str] = []

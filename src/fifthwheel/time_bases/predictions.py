@@ -86,7 +86,7 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
         return None
     fastest = max(float(columns["speed"].max()) for columns in inputs)
     roll = any(is_of(name, ROLL_RATE, ROLL) for name in names)
-    variants = [variant for variant in variants if _is_stable(variant, fastest, roll=roll)]
+    variants = [variant for variant in variants if dynamics.is_stable(variant, fastest, roll=roll)]
     if not names or not variants or fastest > MAX_SPEED or len(record) < _START * RATE:
         return None
     if is_mostly_gaps(record):
@@ -113,10 +113,6 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
         predicted=predicted,
         generic=vehicle is None,
     )
-
-
-def _is_stable(vehicle: Vehicle, speed: float, *, roll: bool) -> bool:
-    return bool(np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=roll).A).real.max() < 0)
 
 
 def _response(vehicle: Vehicle, names: Sequence[str], time: Array, inputs: dict[str, Array], *, roll: bool) -> Array:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fifthwheel import dynamics
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design import AssessmentSettings, DesignSettings, Remedy, assess_information
@@ -16,7 +17,6 @@ from fifthwheel.identify.design.predict import (
     PredictedPosterior,
     RunInformation,
     combine_information,
-    is_stable,
 )
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies, lane_change_information
 from fifthwheel.identify.design.search import CandidateRun
@@ -208,11 +208,8 @@ def test_information_of_a_channel_that_misses_samples(truck, lanes) -> None:
     gaps = lanes.signals[other].copy()
     gaps[100:300] = np.nan
     expected = Problem(
-        predictor.model,
-        vehicle,
+        replace(predictor.setup, settings=replace(predictor.settings, outlier=np.inf)),
         [replace(log, segments=[replace(lanes, signals={**kept, other: gaps})])],
-        predictor.unknowns,
-        replace(predictor.settings, outlier=np.inf),
     )
     hessian = expected.expand(np.zeros(len(expected.names)), directions="all").hessian - np.eye(len(expected.names))
     order = [expected.names.index(name) for name in run.names]
@@ -259,7 +256,7 @@ def test_the_start_of_an_unstable_vehicle(truck, lanes) -> None:
 
     def stiffer(z: float) -> bool:
         values = {name: np.exp(0.2 * z) * vehicle.parameters()[name] for name in axles}
-        return all(is_stable(vehicle.replace(values), speed) for speed in (10.0, 20.0))
+        return all(dynamics.is_stable(vehicle.replace(values), speed) for speed in (10.0, 20.0))
 
     assert stiffer(z)
     assert not stiffer(z - 0.5)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import OneStage
+from fifthwheel.identify.one_stage import estimator as module
 from fifthwheel.identify.one_stage.estimator import _Estimator
 from fifthwheel.identify.verdict import Verdict
 
@@ -26,20 +26,20 @@ def test_the_set_may_shrink_once_and_then_only_grows(stable: bool, monkeypatch: 
         assert noise_only == problem.short
         return found[len(asked) - 1 + (not stable)]
 
-    def problem(_, logs: tuple, uninformed: dict) -> SimpleNamespace:
+    def problem(uninformed: SimpleNamespace | dict, logs: tuple) -> SimpleNamespace:
+        uninformed = {} if uninformed is setup else uninformed
         short = SimpleNamespace(logs=logs, uninformed=uninformed, short=True)
         return SimpleNamespace(logs=logs, uninformed=uninformed, short=False, shortened=lambda _: short)
 
-    monkeypatch.setattr(_Estimator, "_problem", problem)
+    setup = SimpleNamespace(considering=lambda uninformed: uninformed)
+    monkeypatch.setattr(module, "Problem", problem)
     monkeypatch.setattr(_Estimator, "_initial", lambda *_: np.array([0.0 if stable else 0.5]))
     monkeypatch.setattr(_Estimator, "_uninformed", uninformed)
     monkeypatch.setattr(
         _Estimator, "_minimise", lambda _, problem, __: SimpleNamespace(objective=problem, z=np.array([1.0]))
     )
     dataset = SimpleNamespace(logs=())
-    estimator = _Estimator(
-        dataset=dataset, settings=OneStage(), outputs=(), model=None, estimated=("a", "b", "c"), start={}
-    )
+    estimator = _Estimator(dataset=dataset, setup=setup, start={})
     solution = estimator.solve(None)
     first = [([], 0.0, True), (["a", "b"], 1.0, False)] if stable else [([], 1.0, False)]
     assert asked == [*first, (["a"], 1.0, False), (["a", "c"], 1.0, False)]

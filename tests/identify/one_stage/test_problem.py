@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from fifthwheel import dynamics
 from fifthwheel.filters import tangent
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, suspects, time_base_delays
+from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.unknowns.parameters import suspects, time_base_delays
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.record.segments import segments_above
@@ -24,10 +24,9 @@ from fifthwheel.vehicle import Vehicle
 def problem(truck: Vehicle, records: list[Record], settings: OneStage, further: Sequence[Unknown] = ()) -> Problem:
     truck = truck.with_logged_steering(records[0].signals, "the records")
     outputs = tuple(sorted((n for n in records[0].signals if "rate" in n), reverse=True))  # as in an identification
-    free = tuple(dynamics.all_parameters(truck, outputs, extended=True))
-    model = dynamics.model(truck, outputs, roll=True, bank=settings.nuisances, free=free, extended=True)
+    setup = Setup.of(truck, outputs, settings)
     logs = [LogData(name=r.name, segments=segments_above(r, 5.0)) for r in records]
-    return Problem(model, truck, logs, [*one_stage_unknowns(truck, outputs, settings), *further], settings)
+    return Problem(replace(setup, unknowns=(*setup.unknowns, *further)), logs)
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +183,7 @@ def test_a_problem_does_not_change(truck: Vehicle) -> None:
     cost = first.cost(z)
     second = first.with_residual_noise(z, autocorrelated=True)
     assert first.cost(z) == cost != second.cost(z)
-    assert Problem(first.model, first.vehicle, first.logs, first.unknowns, settings).cost(z) == cost
+    assert Problem(first.setup, first.logs).cost(z) == cost
     assert second.logs[0].noise["yaw_rate.tractor"] != given
     assert second.variance(0)[0] == second.logs[0].effective_variance(second.model.outputs[0])
     assert first.logs[0].noise["yaw_rate.tractor"] == given

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify import identify
@@ -13,6 +12,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
 from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.record import Record
@@ -34,10 +34,9 @@ def errors_and_bound(truck: Vehicle, seeds: range, settings: OneStage) -> tuple[
         errors.append([e.value / truth[e.name] - 1 for e in learn(guess, record, settings).parameters])
     record = simulate(truck, count=1, seed=0)
     steered = truck.with_logged_steering(record.signals, "record")
-    unknowns = one_stage_unknowns(steered, GYROS, settings)
-    model = dynamics.model(steered, GYROS, roll=True, free=tuple(dynamics.all_parameters(steered, GYROS)))
-    log = LogData(name="log", segments=segments_above(record, 5.0))
-    problem = Problem(model, steered, [log], unknowns, settings)
+    setup = Setup.of(steered, GYROS, settings)
+    unknowns = setup.unknowns
+    problem = Problem(setup, [LogData(name="log", segments=segments_above(record, 5.0))])
     p, scale = np.array([truth[u.name] for u in unknowns]), scaling(unknowns)
     z = np.zeros(len(problem.names))
     z[: len(p)] = scale.to_z(p)

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 import fifthwheel
+from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import ARTICULATION, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
-from fifthwheel.identify.design.predict import InformationPredictor, is_stable, possible_channels
+from fifthwheel.identify.design.predict import InformationPredictor, possible_channels
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
 from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates
@@ -161,7 +162,7 @@ def design_experiment(
     targets = dict(targets) if targets else _default_targets(vehicle, settings)
     settings = _with_targets_estimated(vehicle, targets, settings)
     truck = _prepared_vehicle(vehicle, channels, settings)
-    speeds = [speed for speed in planning.speeds if is_stable(truck, speed)]
+    speeds = [speed for speed in planning.speeds if dynamics.is_stable(truck, speed)]
     if not speeds:
         raise VehicleError(
             f"{truck.name}: unstable at {3.6 * min(planning.speeds):.0f} km/h with the values of its file; check the "

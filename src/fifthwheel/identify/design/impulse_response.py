@@ -12,7 +12,7 @@ computed along the complete run (`along_run`).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -180,7 +180,7 @@ def _derivatives(
     """Names (k,) of the unknowns, and the derivatives (k, N, m) of the logged channels."""
     record = steer_record(predictor.vehicle, speed, steer, rate, "impulse response")
     log = LogData(name=record.name, segments=[with_every_sample(record, predictor.channels)])
-    problem = Problem(predictor.model, predictor.vehicle, [log], unknowns, predictor.settings)
+    problem = Problem(replace(predictor.setup, unknowns=tuple(unknowns)), [log])
     jacobian, first = np.zeros((len(problem.names), len(record), len(logged))), 0
     channels = [predictor.channels.index(name) for name in logged]
     for block in problem.blocks(np.zeros(len(problem.names)), 0, 0):

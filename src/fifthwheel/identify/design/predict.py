@@ -13,16 +13,14 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import IDENTIFIED, LATERAL_ACCELERATION, measured_signals
-from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
@@ -101,16 +99,8 @@ def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str
 class InformationPredictor:
     """The one-stage problem of a truck at the values of its vehicle file; made by `of`."""
 
-    vehicle: Vehicle
-    settings: OneStage
-    estimated: tuple[str, ...]
-    """Paths of the estimated parameters."""
-    channels: tuple[str, ...]
-    """Every channel that a fit can use."""
-    unknowns: tuple[Unknown, ...]
-    """All unknowns but the initial states."""
-    model: ChainModel
-    """Model with every parameter free."""
+    setup: Setup
+    """With every channel that a fit can use."""
     start: Mapping[str, float]
     """z of the axles' cornering stiffness where a fit starts, if the vehicle is unstable; else empty."""
     start_vehicle: Vehicle
@@ -134,29 +124,49 @@ class InformationPredictor:
                 axles behind the first are.
         """
         settings = replace(settings, form="output_error", initial_payload_height=None, tyres="linear")
-        estimated = parameters.estimated_parameters(vehicle, settings)
-        if not estimated:
+        setup = Setup.of(vehicle, possible_channels(vehicle, logged), settings)
+        if not setup.estimated:
             raise VehicleError(
                 "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--fix)"
             )
-        channels = possible_channels(vehicle, logged)
-        unknowns = parameters.one_stage_unknowns(vehicle, channels, settings)
-        start, start_vehicle = _stable_start(vehicle, unknowns, speeds)
-        return cls(
-            vehicle=vehicle,
-            settings=settings,
-            estimated=tuple(estimated),
-            channels=channels,
-            unknowns=tuple(unknowns),
-            model=fit_model(vehicle, channels, settings),
-            start=start,
-            start_vehicle=start_vehicle,
-        )
+        z = setup.stiffened(np.zeros(len(setup.unknowns)), speeds)
+        if not setup.is_stable(z, speeds):
+            raise VehicleError(
+                f"{vehicle.name}: unstable at {max(speeds):.1f} m/s, however stiff the axles behind the first are; "
+                "check masses, axle positions and cornering stiffnesses"
+            )
+        start = {u.name: float(value) for u, value in zip(setup.unknowns, z, strict=True) if value}
+        values = setup.values(z)
+        return cls(setup=setup, start=start, start_vehicle=vehicle.replace({name: values[name] for name in start}))
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """With the values of its file."""
+        return self.setup.vehicle
+
+    @property
+    def settings(self) -> OneStage:
+        """Of the fit."""
+        return self.setup.settings
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Paths of the estimated parameters."""
+        return self.setup.estimated
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Every channel that a fit can use."""
+        return self.setup.outputs
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """All unknowns but the initial states."""
+        return self.setup.unknowns
 
     def prior_sigma(self, name: str) -> float:
         """Prior standard deviation of an unknown, SI."""
-        unknown = next(u for u in self.unknowns if u.name == split_log(name)[0])
-        return unknown.scale * (unknown.centre if unknown.logarithmic else 1.0)
+        return next(u.prior_sigma for u in self.unknowns if u.name == split_log(name)[0])
 
     def run_information(self, log: LogData, logged: Collection[str] | None = None) -> RunInformation:
         """Information of one run.
@@ -176,7 +186,7 @@ class InformationPredictor:
             noise_models=log.noise_models,
         )
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
-        problem = Problem(self.model, self.vehicle, [log], self.unknowns, self.settings)
+        problem = Problem(self.setup, [log])
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
         information = {name: np.zeros((len(z), len(z))) for name in self.channels}
         for j, samples in enumerate(presence):
@@ -247,11 +257,6 @@ class InformationPredictor:
         )
 
 
-def is_stable(vehicle: Vehicle, speed: float) -> bool:
-    """Whether the linear yaw-roll model is stable at a speed, m/s."""
-    return bool(np.linalg.eigvals(dynamics.matrices(vehicle, speed, roll=True).A).real.max() < 0)
-
-
 def combine_information(
     runs: Sequence[RunInformation], *, known: Collection[str] = (), added: Collection[str] = ()
 ) -> tuple[tuple[str, ...], Array]:
@@ -276,25 +281,6 @@ def _of_run(name: str, number: int) -> str:
     """The name of an unknown in the run with this number: "offset@0.2" becomes "offset@1.2"."""
     base, log = split_log(name)
     return name if log is None else f"{base}@{number}{log.removeprefix('0')}"
-
-
-def _stable_start(
-    vehicle: Vehicle, unknowns: Sequence[Unknown], speeds: Sequence[float]
-) -> tuple[dict[str, float], Vehicle]:
-    """z where a fit starts, and the vehicle there: an unstable vehicle gets stiffer axles behind the first."""
-    _, *behind_first = [f"{path}.cornering_stiffness" for path in parameters.group_paths(vehicle)]
-    axles = [u for u in unknowns if u.name in behind_first and u.is_estimated]
-    limit = min((np.log(u.upper / u.centre) / u.scale for u in axles), default=0.0)
-    z, start = 0.0, vehicle
-    while not all(is_stable(start, speed) for speed in speeds):
-        if z >= limit:
-            raise VehicleError(
-                f"{vehicle.name}: unstable at {max(speeds):.1f} m/s, however stiff the axles behind the first are; "
-                "check masses, axle positions and cornering stiffnesses"
-            )
-        z += 0.5
-        start = vehicle.replace({u.name: u.centre * float(np.exp(z * u.scale)) for u in axles})
-    return ({u.name: z for u in axles} if z else {}), start
 
 
 def with_every_sample(record: Record, channels: Sequence[str]) -> Record:

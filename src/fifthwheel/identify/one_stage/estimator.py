@@ -19,12 +19,10 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error
-from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset
+from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.one_stage.evidence import lateral_accelerations
-from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
@@ -33,8 +31,7 @@ from fifthwheel.identify.one_stage.solution import Solution, linearise
 from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen, with_note
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
-from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.unknown import UnknownKind
+from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -53,8 +50,6 @@ EARLY_SAMPLES = 12_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
 GRIP_MARGIN = 2.0
 """Friction at the start of the search over that which the lateral acceleration needs."""
-STIFFENING = 0.5
-"""Step by which an unstable initial vehicle is stiffened, in units of z."""
 
 
 def identify_one_stage(
@@ -108,19 +103,16 @@ def solve_one_stage(
         linear = replace(settings, tyres="linear")
         start = solve_one_stage(records, vehicle, linear, progress=progress)
     dataset = prepare_dataset(records, vehicle, settings, validate)
-    outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
-    estimated = parameters.estimated_parameters(dataset.vehicle, settings)
-    if not estimated and not settings.nuisances:
+    setup = Setup.of(dataset.vehicle, (*dataset.yaw, *dataset.roll, *dataset.lateral), settings)
+    if not setup.estimated and not settings.nuisances:
         raise VehicleError(
             "fixed: every parameter is fixed and no sensor error is estimated, so nothing is left to estimate; "
             "leave one parameter free, or estimate the sensor errors (nuisances)"
         )
+    time_bases = {name: base for record in dataset.records for name, base in record.time_bases.items()}
     estimator = _Estimator(
         dataset=dataset,
-        settings=settings,
-        outputs=outputs,
-        model=fit_model(dataset.vehicle, outputs, settings),
-        estimated=tuple(estimated),
+        setup=setup.with_time_bases(time_bases),
         start=_start_of_saturating(start) if start else {},
     )
     return estimator.solve(progress)
@@ -142,12 +134,7 @@ class _Estimator:
     """What stays the same during one identification."""
 
     dataset: Dataset
-    settings: OneStage
-    outputs: tuple[str, ...]
-    model: ChainModel
-    """See `fit_model`."""
-    estimated: tuple[str, ...]
-    """Names of the estimated parameters."""
+    setup: Setup
     start: Mapping[str, float]
     """Where the search begins, in units of the priors; 0 for other unknowns."""
 
@@ -157,11 +144,11 @@ class _Estimator:
         The first set is that at the initial values, by part of long logs; it is empty if that vehicle is unstable.
         After the first estimation a parameter may leave it; from then on the set only grows.
         """
-        problem = self._problem(self.dataset.logs, {})
+        problem = Problem(self.setup, self.dataset.logs)
         initial, early = self._initial(problem), problem.shortened(EARLY_SAMPLES)
         uninformed = {} if initial.any() else self._uninformed(early, initial, noise_only=True)
         for attempt in itertools.count():
-            minimum = self._minimise(self._problem(problem.logs, uninformed), progress)
+            minimum = self._minimise(Problem(self.setup.considering(uninformed), problem.logs), progress)
             problem = minimum.objective
             latest = self._uninformed(problem, minimum.z)
             if attempt:
@@ -171,24 +158,9 @@ class _Estimator:
             uninformed = latest
         return Solution(
             dataset=self.dataset,
-            settings=self.settings,
-            estimated=self.estimated,
             minimum=minimum,
             uninformed=latest,
         )
-
-    def _problem(self, logs: Sequence[LogData], uninformed: Mapping[str, Verdict]) -> Problem:
-        """The problem in which uninformed parameters are considered, at the value of the vehicle file."""
-        given = parameters.given_parameters(self.dataset.vehicle, self.settings)
-        unknowns = [
-            replace(u, centre=given[u.name], kind=UnknownKind.CONSIDERED) if u.name in uninformed else u
-            for u in parameters.one_stage_unknowns(self.dataset.vehicle, self.outputs, self.settings)
-        ]
-        time_bases = {name: base for record in self.dataset.records for name, base in record.time_bases.items()}
-        main = time_bases.get(self.dataset.vehicle.steer_signals()[0], "")
-        unknowns += parameters.time_base_delays(time_bases, main, self.outputs, self.settings)
-        unknowns += parameters.suspects() if self.settings.consider else []
-        return Problem(self.model, self.dataset.vehicle, logs, unknowns, self.settings)
 
     def _uninformed(self, problem: Problem, z: Array, *, noise_only: bool = False) -> dict[str, Verdict]:
         """Estimated parameters that the logs do not determine, by the information that the inputs excite.
@@ -206,22 +178,18 @@ class _Estimator:
                 excited_by_inputs[indices] = 0.0
         directions: Directions = "learned" if noise_only else "all"
         information = problem.expand(excited_by_inputs, directions=directions).hessian - np.eye(len(z))
-        considered = [name for name in problem.considered if name not in self.estimated]
+        considered = [name for name in problem.considered if name not in self.setup.estimated]
         omitted = considered if noise_only else []
         information = without(information, [*problem.suspects, *map(problem.names.index, omitted)])
         posterior = Posterior.from_information(
             problem.names, information, considered=considered, nuisances=problem.nuisances
         )
-        return uninformed_parameters(posterior, self.estimated, self.outputs, self.settings.excited)
+        setup = self.setup
+        return uninformed_parameters(posterior, setup.estimated, setup.outputs, setup.settings.excited)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
-        z = np.clip([self.start.get(name, 0.0) for name in problem.names], *problem.bounds)
-        _, *others = [f"{path}.cornering_stiffness" for path in parameters.group_paths(self.dataset.vehicle)]
-        indices = [i for i, name in enumerate(problem.names) if name in others]
-        while problem.unstable(z) and indices and z[indices[0]] < problem.bounds[1][indices[0]]:
-            z[indices] += STIFFENING
-        return z
+        return problem.stiffened(np.clip([self.start.get(name, 0.0) for name in problem.names], *problem.bounds))
 
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior.
@@ -231,7 +199,7 @@ class _Estimator:
         the parameters; each of the others fits the noise model to the residuals of the fit before, and keeps it.
         """
         z, tolerances = self._initial(problem), ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
-        if not self.settings.adapt_noise:
+        if not self.setup.settings.adapt_noise:
             return self._fit(problem, z, "fit", progress)
         late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
         first = problem.shortened(EARLY_SAMPLES)
@@ -267,7 +235,7 @@ class _Estimator:
             fixed: which unknowns keep their prior mean (k,).
         """
         lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
-        iterations = self.settings.iterations
+        iterations = self.setup.settings.iterations
         minimum = minimise(
             problem,
             z,

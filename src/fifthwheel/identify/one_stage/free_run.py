@@ -13,7 +13,6 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import channel_fits
-from fifthwheel.identify.one_stage.fit_model import fit_model
 from fifthwheel.identify.one_stage.gauss_newton import minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.result import Fit
@@ -41,7 +40,7 @@ def saturating_fits(
     outputs, white, start = problem.model.outputs, replace(log, noise_models={}), dict[str, float]()
     for law in LAWS:
         settings = replace(problem.settings, tyres=law)
-        alone = Problem(fit_model(vehicle, outputs, settings), vehicle, [white], unknowns, settings)
+        alone = Problem(replace(problem.setup, vehicle=vehicle, unknowns=tuple(unknowns), settings=settings), [white])
         lower, upper = alone.bounds
         minimum = minimise(
             alone,

@@ -32,10 +32,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
-from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
 from fifthwheel.filters.scaling import Scaling
@@ -47,12 +45,10 @@ from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.residuals import autocorrelation_factor
-from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.unknowns.parameters import model_parameters
-from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
+from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
 
 Directions = Literal["none", "learned", "all"]
 """Unknowns along which residuals are differentiated: none, all that are estimated, or the considered ones too."""
@@ -93,27 +89,18 @@ class Problem:
     A problem does not change; `with_residual_noise` gives one with other noise.
 
     Args:
-        model: with every parameter free, in the order of `dynamics.all_parameters`.
-        vehicle: the unknowns replace its values.
+        setup: vehicle, unknowns and model.
         logs: a channel without noise variance gets that of the settings or the table; all autocorrelation factors are
             set to 1.
-        unknowns: all but the initial states.
-        settings: of the identification.
     """
 
-    def __init__(
-        self,
-        model: ChainModel,
-        vehicle: Vehicle,
-        logs: Sequence[LogData],
-        unknowns: Sequence[Unknown],
-        settings: OneStage,
-    ) -> None:
-        self.model, self.vehicle, self.unknowns, self.settings = model, vehicle, tuple(unknowns), settings
+    def __init__(self, setup: Setup, logs: Sequence[LogData]) -> None:
+        self.setup, self.model, self.vehicle = setup, setup.model, setup.vehicle
+        self.unknowns, self.settings = setup.unknowns, setup.settings
         self.logs = tuple(
             replace(
-                log.with_noise(vehicle, model.outputs, settings.noise),
-                autocorrelation_factor=dict.fromkeys(model.outputs, 1.0),
+                log.with_noise(self.vehicle, self.model.outputs, self.settings.noise),
+                autocorrelation_factor=dict.fromkeys(self.model.outputs, 1.0),
             )
             for log in logs
         )
@@ -128,17 +115,17 @@ class Problem:
         if fraction >= 1:
             return self
         logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
-        return Problem(self.model, self.vehicle, logs, self.unknowns, self.settings)
+        return Problem(self.setup, logs)
 
     @property
     def output_error(self) -> bool:
         """Whether the residuals are those of the free-running model."""
         return self.settings.form == "output_error"
 
-    @cached_property
+    @property
     def scaling(self) -> Scaling:
         """The transformation between z and the values of the unknowns of one log."""
-        return scaling(self.unknowns)
+        return self.setup.scaling
 
     @cached_property
     def layout(self) -> Layout:
@@ -202,17 +189,11 @@ class Problem:
 
     def values(self, z: Array, log: int) -> dict[str, float]:
         """Values of the unknowns of one log, SI."""
-        p = np.clip(self.scaling.to_p(z[self.layout.unknowns[log]]), self.scaling.lower, self.scaling.upper)
-        return {u.name: float(value) for u, value in zip(self.unknowns, p, strict=True)}
+        return self.setup.values(z[self.layout.unknowns[log]])
 
     def model_values(self, z: Array, log: int) -> dict[str, float]:
         """Every parameter of the model for one log, SI."""
-        values, parameters = self.values(z, log), dict(self._given)
-        parameters |= {u.name: values[u.name] for u in self.unknowns if not u.moves}
-        for u in self.unknowns:
-            for name, factor in u.moves.items():
-                parameters[name] += factor * values[u.name]
-        return parameters
+        return self.setup.model_values(z[self.layout.unknowns[log]])
 
     def variance(self, log: int) -> Array:
         """Effective noise variance of every channel (m,)."""
@@ -294,12 +275,13 @@ class Problem:
 
     def unstable(self, z: Array) -> bool:
         """Whether the vehicle is unstable at the lowest or highest speed of the logs."""
-        parameters = self.vehicle.parameters()
-        vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z, 0).items() if n in parameters})
-        return any(
-            np.linalg.eigvals(dynamics.matrices(vehicle, u, roll=self.model.roll).A).real.max() >= 0
-            for u in self._speed_range
-        )
+        return not self.setup.is_stable(z[self.layout.unknowns[0]], self._speed_range)
+
+    def stiffened(self, z: Array) -> Array:
+        """z with stiffer tyres behind the first axle group, if the vehicle is unstable at z."""
+        first, z = self.layout.unknowns[0], z.copy()
+        z[first] = self.setup.stiffened(z[first], self._speed_range)
+        return z
 
     def with_residual_noise(self, z: Array, *, autocorrelated: bool) -> "Problem":
         """The problem with the noise of each channel that its residuals at z have.
@@ -335,11 +317,6 @@ class Problem:
             elif autocorrelated:
                 factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time / dt))
         return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)
-
-    @cached_property
-    def _given(self) -> dict[str, float]:
-        """All parameters of the model at the values of the vehicle."""
-        return model_parameters(self.vehicle, self.model.outputs, self.settings)
 
     @cached_property
     def _places(self) -> dict[str, int]:

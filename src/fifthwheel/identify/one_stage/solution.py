@@ -30,9 +30,6 @@ class Solution:
     """The maximum of the posterior."""
 
     dataset: Dataset
-    settings: OneStage
-    estimated: tuple[str, ...]
-    """Names of the estimated parameters."""
     minimum: Minimum[Problem]
     uninformed: Mapping[str, Verdict]
     """Parameters that keep the value of the vehicle file, because the logs do not determine them."""
@@ -41,6 +38,16 @@ class Solution:
     def problem(self) -> Problem:
         """With the noise of its residuals."""
         return self.minimum.objective
+
+    @property
+    def settings(self) -> OneStage:
+        """Of the identification."""
+        return self.problem.settings
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Names of the estimated parameters."""
+        return self.problem.setup.estimated
 
 
 @dataclass(frozen=True, kw_only=True)

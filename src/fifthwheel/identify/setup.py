@@ -1,0 +1,144 @@
+"""What an estimation knows before it sees a sample: `identify`, the `Learner` and predictions begin with a `Setup`."""
+
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+
+from fifthwheel import dynamics
+from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.filters.scaling import Scaling
+from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.identify.unknowns.parameters import (
+    estimated_parameters,
+    given_parameters,
+    group_paths,
+    one_stage_unknowns,
+    suspects,
+    time_base_delays,
+)
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
+from fifthwheel.vehicle import Vehicle
+
+STIFFENING = 0.5
+"""Step by which an unstable vehicle is stiffened, in units of z."""
+
+
+def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
+    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body."""
+    if not settings.relaxation:
+        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
+    return vehicle if getattr(settings, "uniform_payload", True) else vehicle.lumped()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setup:
+    """Vehicle, measured signals, unknowns and model of an estimation; made by `of`."""
+
+    vehicle: Vehicle
+    """Simplified as the settings demand, with the axles locked whose steer angle is not measured."""
+    settings: OneStage
+    outputs: tuple[str, ...]
+    """Measured signals that are compared with the model."""
+    estimated: tuple[str, ...]
+    """Paths of the parameters that the settings estimate."""
+    unknowns: tuple[Unknown, ...]
+    """All but the initial states."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> "Setup":
+        """The setup of a vehicle that is simplified and steered as measured.
+
+        Raises:
+            VehicleError: a name in the settings is unknown, or a parameter cannot be estimated.
+        """
+        return cls(
+            vehicle=vehicle,
+            settings=settings,
+            outputs=tuple(outputs),
+            estimated=tuple(estimated_parameters(vehicle, settings)),
+            unknowns=tuple(one_stage_unknowns(vehicle, outputs, settings)),
+        )
+
+    def with_time_bases(self, time_bases: Mapping[str, str]) -> "Setup":
+        """The setup with the delay of each further time base, and with the suspects of score tests.
+
+        Args:
+            time_bases: of signals, by their names; signals that are not listed are on the main one.
+        """
+        main = time_bases.get(self.vehicle.steer_signals()[0], "")
+        more = time_base_delays(time_bases, main, self.outputs, self.settings)
+        more += suspects() if self.settings.consider else []
+        return replace(self, unknowns=(*self.unknowns, *more))
+
+    def considering(self, names: Container[str]) -> "Setup":
+        """The setup in which some parameters are considered, at the values of the vehicle file."""
+        unknowns = [
+            replace(u, centre=self.given[u.name], kind=UnknownKind.CONSIDERED) if u.name in names else u
+            for u in self.unknowns
+        ]
+        return replace(self, unknowns=tuple(unknowns))
+
+    @cached_property
+    def given(self) -> dict[str, float]:
+        """Every parameter of vehicle and tyres before the estimation, by path, SI."""
+        return given_parameters(self.vehicle, self.settings)
+
+    @cached_property
+    def model(self) -> ChainModel:
+        """The extended yaw-roll model with every parameter free; with tyres that saturate, it brakes."""
+        tyres = self.settings.tyre_law
+        return dynamics.model(
+            self.vehicle,
+            self.outputs,
+            roll=True,
+            bank=self.settings.nuisances,
+            free=tuple(self._parameters),
+            extended=True,
+            tyres=tyres,
+            braking=tyres == "saturating",
+        )
+
+    @cached_property
+    def scaling(self) -> Scaling:
+        """The transformation between z and the values of the unknowns of one log."""
+        return scaling(self.unknowns)
+
+    def values(self, z: Array) -> dict[str, float]:
+        """Values of the unknowns of one log by name, SI; z in the order of the unknowns."""
+        p = np.clip(self.scaling.to_p(z), self.scaling.lower, self.scaling.upper)
+        return {u.name: float(value) for u, value in zip(self.unknowns, p, strict=True)}
+
+    def model_values(self, z: Array) -> dict[str, float]:
+        """Every parameter of the model by name, SI; z in the order of the unknowns."""
+        values, parameters = self.values(z), dict(self._parameters)
+        parameters |= {u.name: values[u.name] for u in self.unknowns if not u.moves}
+        for u in self.unknowns:
+            for name, factor in u.moves.items():
+                parameters[name] += factor * values[u.name]
+        return parameters
+
+    def is_stable(self, z: Array, speeds: Sequence[float]) -> bool:
+        """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""
+        own = self.vehicle.parameters()
+        vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z).items() if n in own})
+        return all(dynamics.is_stable(vehicle, speed) for speed in speeds)
+
+    def stiffened(self, z: Array, speeds: Sequence[float]) -> Array:
+        """z with stiffer tyres behind the first group, as far as the vehicle is unstable at z at one of the speeds."""
+        _, *behind_first = [f"{path}.cornering_stiffness" for path in group_paths(self.vehicle)]
+        places = [i for i, u in enumerate(self.unknowns) if u.name in behind_first and u.is_estimated]
+        limits = self.scaling.to_z(self.scaling.upper)
+        z = z.copy()
+        while not self.is_stable(z, speeds) and places and z[places[0]] < limits[places[0]]:
+            z[places] += STIFFENING
+        return z
+
+    @cached_property
+    def _parameters(self) -> Mapping[str, float]:
+        """Every parameter of the model before the estimation, by name, SI."""
+        model = dynamics.all_parameters(self.vehicle, self.outputs, extended=True, tyres=self.settings.tyre_law)
+        return MappingProxyType(model | self.given)
