@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from fifthwheel.app import exploration, inputs, runs, tables
+from fifthwheel.app import exploration, inputs, runs
 from fifthwheel.app.pages.identify import plain_name
 from fifthwheel.app.workspace import Choices, LogChoice, Workspace
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.logs import write_record
+from fifthwheel.pages import Code
+from fifthwheel.pages.html import cell
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
@@ -166,10 +168,10 @@ def test_a_changed_number_moves_the_line_of_the_sliders(kind):
 
 
 def test_texts_are_escaped():
-    html = tables.name(f"{NASTY} tractor.front.cornering_stiffness 1.5 m")
+    html = cell(Code(f"{NASTY} tractor.front.cornering_stiffness 1.5 m"))
     assert "<b>" not in html
     assert "</script>" not in html
-    assert "tractor.<wbr>front.<wbr>cornering_<wbr>stiffness 1.5 m" in html
+    assert "tractor.<wbr/>front.<wbr/>cornering_<wbr/>stiffness 1.5 m" in html
 
 
 @pytest.mark.slow

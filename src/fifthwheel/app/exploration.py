@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from fifthwheel import plot
+from fifthwheel import pages, plot
 from fifthwheel.diagnose import LogPrediction
 from fifthwheel.dynamics import linear_system
 from fifthwheel.formatting import approximate, percent, shown
@@ -49,7 +49,7 @@ def fit_plot(given: list[Fit], changed: list[Fit]) -> Plot:
     return Plot(panels=panels)
 
 
-def fit_rows(given: list[Fit], changed: list[Fit]) -> list[tuple[str, ...]]:
+def fit_table(given: list[Fit], changed: list[Fit]) -> pages.Table:
     """Signal, and explained fraction and residual of both."""
     rows = []
     for before, after in zip(given, changed, strict=True):
@@ -57,8 +57,8 @@ def fit_rows(given: list[Fit], changed: list[Fit]) -> list[tuple[str, ...]]:
             f"{percent(max(fit.explained, 0.0), round_down=True)}, {approximate(fit.rms, si_unit(fit.signal))}"
             for fit in (before, after)
         ]
-        rows.append((after.signal, *cells))
-    return rows
+        rows.append((pages.Code(after.signal), *cells))
+    return pages.Table(("Explained, residual rms", "vehicle file>", "sliders>"), rows, label="Fit of each signal")
 
 
 KINDS = ("step response", "Bode diagram", "handling diagram")

@@ -7,9 +7,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.plots import downsample
-from fifthwheel.plots.description import Axis, Description, Panel
 from fifthwheel.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, Span, as_array
 from fifthwheel.plots.palette import DARK, GRID, rgba
+from fifthwheel.plots.panels import Axis, Panel, PanelGrid
 
 Figure = dict[str, Any]
 
@@ -24,7 +24,7 @@ SPACE, HEAD = 0.05, 0.03
 SYMBOLS = {"circle": "circle", "cross": "x", "diamond": "diamond", "square": "square"}
 
 
-def figure(plot: Description) -> Figure:
+def figure(plot: PanelGrid) -> Figure:
     """Traces and layout of a plot; long lines have fewer points, without losing an extreme."""
     layout = _layout(plot)
     traces: list[Figure] = []
@@ -134,13 +134,13 @@ def _shape(item: Guide | Span, colour: str, x: str, y: str) -> Figure:
     return {"type": "line", **place, "line": {"color": colour, "width": item.width, "dash": item.dash}, **text}
 
 
-def _references(plot: Description, k: int) -> tuple[str, str]:
+def _references(plot: PanelGrid, k: int) -> tuple[str, str]:
     """Names of the axes of panel k in plotly: x, y, x2, y2, ..."""
     number = str(k + 1) if k else ""
     return "x" if plot.one_x_axis else f"x{number}", f"y{number}"
 
 
-def _layout(plot: Description) -> Figure:
+def _layout(plot: PanelGrid) -> Figure:
     layout: Figure = {
         "autosize": True,
         "margin": {"l": 64, "r": 12, "t": 40 if plot.title else 30, "b": 44},
@@ -174,7 +174,7 @@ def _layout(plot: Description) -> Figure:
     return layout
 
 
-def _domains(plot: Description) -> Iterable[list[float]]:
+def _domains(plot: PanelGrid) -> Iterable[list[float]]:
     """Lower and upper end of each row of panels, as fractions of the height."""
     numbers = 0.0 if plot.one_x_axis else SPACE  # room for the numbers of an x axis
     titles = HEAD if any(panel.title for panel in plot.panels) else 0.0
@@ -204,6 +204,8 @@ def axis_style(axis: Axis) -> Figure:
     }
     if axis.log:
         style["type"] = "log"
+    elif axis.date:
+        style |= {"type": "date", "nticks": 5}
     if axis.range is not None:
         style["range"] = np.log10(axis.range).tolist() if axis.log else list(axis.range)
     elif axis.from_zero:

@@ -4,14 +4,21 @@ import hashlib
 import platform
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
 import fifthwheel
+from fifthwheel import pages
+from fifthwheel.formatting import fixed
 
+FILES = (
+    pages.Head("File", "name"),
+    pages.Head("Bytes", "n", "bytes: "),
+    pages.Head("SHA-256", "full hash"),
+)
 PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap")
 """The packages that the numbers depend on."""
 
@@ -34,6 +41,18 @@ class Provenance:
     versions: Mapping[str, str] = field(default_factory=dict)
     files: tuple[FileUsed, ...] = ()
     texts: Mapping[str, str] = field(default_factory=dict)  # text of the vehicle file and of the signal map, by name
+
+    def blocks(self) -> Iterator[pages.Block]:
+        """How to reproduce the result."""
+        yield pages.Subsection("Reproduce this result")
+        if self.command:
+            yield pages.Verbatim(self.command)
+        when = f"Run at {self.time}, with " if self.time else "With "
+        yield pages.Paragraph(f"{when}{', '.join(f'{name} {version}' for name, version in self.versions.items())}.")
+        if self.files:
+            yield pages.Table(FILES, [(pages.Code(f.path), fixed(f.size, 0), pages.Code(f.sha256)) for f in self.files])
+        for name, text in self.texts.items():
+            yield pages.Folded(name, [pages.Verbatim(text)])
 
 
 def gather_provenance(

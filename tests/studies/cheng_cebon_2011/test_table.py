@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from fifthwheel.pages.terminal import show
 from fifthwheel.studies.cheng_cebon_2011 import table
 from fifthwheel.studies.cheng_cebon_2011.comparison import QUANTITIES, VariantErrors, compare, percent_error
 from fifthwheel.studies.cheng_cebon_2011.published import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
@@ -124,9 +125,9 @@ def test_csv_has_a_line_for_each_quantity_and_arm(rows):
 
 def test_terminal(rows):
     file = io.StringIO()
-    table.show(rows, Console(file=file, width=80))
+    show(table.document(rows), Console(file=file, width=80))
     text = file.getvalue()
     assert text.isascii()
     assert max(map(len, text.splitlines())) <= 80
-    assert "+4.0 %  x 1.6" in text
-    assert "-1.0 %     no" in text
+    assert "+4.0 % x 1.6" in text
+    assert "-1.0 %    no" in text

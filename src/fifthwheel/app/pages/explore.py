@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import exploration, inputs, jobs, layout, plots, runs, tables
+from fifthwheel.app import documents, exploration, inputs, jobs, layout, runs
 from fifthwheel.app.exploration import KINDS, Exploration
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError
@@ -175,8 +175,8 @@ class _Page:
         self._place.clear()
         height = 150 * len(self._given) + 90
         with self._place:
-            self._fit_plot = plots.show(exploration.fit_plot(self._given, self._given), height=height)
-            self._fit_plot.props["aria-label"] = "Measured and predicted signals"
+            plot = exploration.fit_plot(self._given, self._given)
+            self._fit_plot = documents.show_plot(plot, height=height, label="Measured and predicted signals")
             self._fit_rows = ui.column().classes("w-full")
         await self._update()
 
@@ -211,7 +211,7 @@ class _Page:
         height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110
         self._model_plot.style(f"height: {height}px")
         self._model_plot.props["aria-label"] = f"{self.kind} of the linear model"
-        self._model_plot.update_figure(plots.drawn(drawn, height=height))
+        self._model_plot.update_figure(documents.drawn(drawn, height=height))
 
     async def _update(self) -> None:
         """Draw what the sliders give; while one drawing is computed, only the latest position waits."""
@@ -236,13 +236,12 @@ class _Page:
                 layout.say(str(error))
                 return
             height = 150 * len(fits) + 90
-            figure = plots.drawn(exploration.fit_plot(self._given, fits), height=height)
+            figure = documents.drawn(exploration.fit_plot(self._given, fits), height=height)
             figure["layout"]["uirevision"] = self.log
             self._fit_plot.update_figure(figure)
             self._fit_rows.clear()
             with self._fit_rows:
-                heads = ("Explained, residual rms", "vehicle file>", "sliders>")
-                tables.table(heads, exploration.fit_rows(self._given, fits), label="Fit of each signal")
+                documents.show(exploration.fit_table(self._given, fits))
         self._draw_model()
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import inputs, jobs, layout, plots, progress
+from fifthwheel.app import documents, inputs, jobs, layout, progress
 from fifthwheel.app.pages.log_channels import channels
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
@@ -36,7 +36,7 @@ class _Page:
         # Not `reset`, which aborts an upload that the browser has not heard the answer of, so that it counts as failed.
         upload.on("uploaded", lambda: upload.run_method("removeUploadedFiles"), args=[])
         upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."), args=[])
-        plots.preload()
+        documents.preload()
         self._logs()
         self._channels()
 

@@ -9,15 +9,15 @@ import numpy as np
 from nicegui import events, run, ui
 
 from fifthwheel._types import Array
-from fifthwheel.app import inputs, layout, plots
+from fifthwheel.app import documents, inputs, layout
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
 from fifthwheel.formatting import digits, percent
 from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.stored import StoredLog
+from fifthwheel.pages.html import COURSE_POINTS, course
 from fifthwheel.plots import Axis, Line, Panel, Plot, Span
-from fifthwheel.plots.sparkline import POINTS, sparkline
 
 ROWS = 25
 """Channels of one page of the table."""
@@ -78,7 +78,7 @@ class _View:
                 ("Keep only this", self._keep_only),
             ):
                 ui.button(text, on_click=action).props("outline dense no-caps")
-        self._plot = plots.show(self._described([]), height=self._height())
+        self._plot = documents.show_plot(self._described([]), height=self._height())
         self._plot.on("plotly_relayout", self._on_zoom, args=["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"])
         self._plot.on("plotly_selected", self._on_select, args=["range"])
         self._windows()
@@ -95,7 +95,7 @@ class _View:
         lines = await run.io_bound(_read, self._log, names, *self._range)
         if lines is None or names != self._shown:
             return  # the server ends, or another choice was made meanwhile
-        figure = plots.drawn(self._described(lines), height=self._height())
+        figure = documents.drawn(self._described(lines), height=self._height())
         figure["layout"] |= {"dragmode": "select" if self._selecting else "zoom", "selectdirection": "h"}
         bottom = {"range": list(self._relative(self._range)), "autorange": False}
         figure["layout"]["xaxis"] |= bottom
@@ -269,5 +269,5 @@ def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: 
                 ui.label(printable(cell))
         with ui.element("td"):
             if present:
-                drawn = sparkline(*log.window(name, *log.span(), points=POINTS))
+                drawn = course(*log.window(name, *log.span(), points=COURSE_POINTS))
                 ui.html(drawn, sanitize=False).props('aria-hidden="true"')

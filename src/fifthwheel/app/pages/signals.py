@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
-from fifthwheel.app import inputs, jobs, layout, plots
+from fifthwheel.app import documents, inputs, jobs, layout
 from fifthwheel.app.pages import signal_rows
 from fifthwheel.app.pages.signal_plot import HEIGHT, signal_plot
 from fifthwheel.app.workspace import SIGNALS, Workspace
@@ -133,7 +133,7 @@ class _Page:
             element.update_figure(self._figure(signal))
 
     def _figure(self, signal: str) -> dict[str, Any]:
-        figure = plots.drawn(signal_plot(self.evidence, signal), height=HEIGHT)
+        figure = documents.drawn(signal_plot(self.evidence, signal), height=HEIGHT)
         figure["layout"] |= {"showlegend": False, "uirevision": signal}
         figure["layout"]["margin"] |= {"t": 8}
         return figure
