@@ -17,7 +17,7 @@ PLOT = Plot(panels=[Panel(items=[Line([0, 1], [0, 1])], title="not shown twice")
 FIGURE = pages.Figure(
     pages.Code("yaw_rate.tractor"), PLOT, "log", ("log", "fit", "yaw_rate"), text="explained", note="rms"
 )
-HEADS = (pages.Head("Parameter", "name"), pages.Head("Bar"), pages.Head("Value", "n", "value: "), "Verdict")
+HEADS = ("Parameter|name", "Bar", "Value>", "Verdict")
 ROW = (
     pages.Code("tractor.mass"),
     pages.Markup("<i>bar</i>"),
@@ -87,6 +87,19 @@ def test_a_terminal_leaves_out_html_and_plots():
 def test_a_document_as_text():
     text = str(pages.Document("Title", [pages.Table(("Name", "Value>"), [("a", "1"), ("bc", "10")]), *BLOCKS[5:]]))
     assert text.startswith("Title\n\nName  Value\na         1\nbc       10")
+
+
+def test_columns_are_read_from_their_heads():
+    texts = ("Log", "Value>", "Value>|main", "± sigma>|main|± ", "File|name", "Note||note: ")
+    assert [tuple(pages.column(text)) for text in texts] == [
+        ("Log", "", ""),
+        ("Value", "n", "Value: "),
+        ("Value", "n main", ""),
+        ("± sigma", "n main", "± "),
+        ("File", "name", ""),
+        ("Note", "", "note: "),
+    ]
+    assert pages.Table((pages.Column("a|b>"), "c>"), []).lines() == ["a|b>  c"]
 
 
 def test_the_size_of_a_figure_follows_from_its_plot():

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import fields
+from itertools import cycle
 from pathlib import Path
 
 from fifthwheel._atomic import result_folder
@@ -10,12 +11,11 @@ from fifthwheel.app import inputs
 from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.diagnose import Comparison, LogPrediction
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.formatting import shown
-from fifthwheel.identify import Identification
+from fifthwheel.identify import Fit, Identification
 from fifthwheel.identify.design.assess import InformationAssessment, assess_information
-from fifthwheel.plots import Axis, Item, Line, Panel, Plot
-from fifthwheel.plots.palette import CYCLE, GREY
-from fifthwheel.record.signal_names import si_unit
+from fifthwheel.identify.result.display import fit_panel, prediction
+from fifthwheel.plots import Line, Plot
+from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
@@ -154,21 +154,10 @@ def overlay(folder: Path, names: Sequence[str], log: str) -> Plot:
     """Measured signals of a log, and those that each result predicts."""
     workspace = Workspace(folder)
     record = inputs.record(folder, log)
-    panels: dict[str, list[Item]] = {}
-    for k, name in enumerate(names):
+    signals: dict[str, tuple[Fit, list[Line]]] = {}
+    for name, colour in zip(names, cycle(CYCLE), strict=False):
         identification = Identification.load(workspace.run(name))
-        colour = CYCLE[k % len(CYCLE)]
         for fit in LogPrediction.of(record, identification.vehicle, identification).fits():
-            factor = shown(si_unit(fit.signal)).factor
-            measured = Line(fit.time, fit.measured * factor, name="measured", colour=GREY, width=1.2, gaps=True)
-            items = panels.setdefault(fit.signal, [measured])
-            items.append(Line(fit.time, fit.predicted * factor, name=name, colour=colour, gaps=True))
-    time = Axis(label="time", unit="s")
-    return Plot(
-        title=f"Measured and predicted, {log}",
-        panels=[
-            Panel(items=items, title=signal, x=time, y=Axis(unit=shown(si_unit(signal)).name))
-            for signal, items in panels.items()
-        ],
-        shared_x=True,
-    )
+            signals.setdefault(fit.signal, (fit, []))[1].append(prediction(fit, name, colour))
+    panels = [fit_panel(fit, *lines, title=signal) for signal, (fit, lines) in signals.items()]
+    return Plot(title=f"Measured and predicted, {log}", panels=panels)

@@ -151,8 +151,8 @@ class Assessment:
     def table(self) -> pages.Table:
         """The rows below their heads; without the column of the nonlinear truck if it was not simulated."""
         simulated = any(m.nonlinear is not None for m in self)
-        kept = [k for k, column in enumerate(COLUMNS) if simulated or column.head != "Nonlinear"]
-        return pages.Table([COLUMNS[k] for k in kept], [[row[k] for k in kept] for row in self.rows()])
+        kept = [k for k, head in enumerate(HEADS) if simulated or head != "Nonlinear>"]
+        return pages.Table([HEADS[k] for k in kept], [[row[k] for k in kept] for row in self.rows()])
 
     def __str__(self) -> str:
         return str(self._document())
@@ -165,10 +165,7 @@ class Assessment:
         return pages.Document(self.title, [self.table(), pages.Items(self.notes)])
 
 
-COLUMNS = (
-    pages.Head("Measure", "name"),
-    *[pages.Head(head, "n", f"{head}: ") for head in ("Linear ± sigma", "Nonlinear", SCHEME, "Probability")],
-)
+HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", f"{SCHEME}>", "Probability>")
 """Of the table of measures."""
 
 

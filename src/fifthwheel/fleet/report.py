@@ -23,22 +23,7 @@ MAX_HISTORIES = 40
 MAX_ROWS = 2000
 """Sequence[Row] of a table of the page; the Parquet tables have all."""
 
-ATTENTION = (
-    pages.Head("Truck", "name"),
-    pages.Head("What", "main"),
-    pages.Head("Date", "w"),
-    pages.Head("Finding", "full-text"),
-)
-LATEST = (
-    pages.Head("Parameter"),
-    pages.Head("Value", "n main"),
-    pages.Head("Since first", "n", "since first: "),
-    pages.Head("Trips", "n", "trips: "),
-    pages.Head("Last", "w", "last: "),
-)
-TRUCK = pages.Head("Truck", "name")
-TRAILER = (TRUCK, pages.Head("Trailer", "main"), pages.Head("Load", "", "load: "))
-FAILED = (pages.Head("Log", "name"), pages.Head("Truck"), pages.Head("Error", "full-text"))
+LATEST = ("Parameter", "Value>|main", "Since first>", "Trips>", "Last|w|Last: ")
 
 
 def report(dataset: str | Path, out: str | Path) -> list[Attention]:
@@ -86,7 +71,7 @@ def _attention(attention: Sequence[Attention]) -> Iterator[pages.Block]:
         rows = [
             (pages.Code(a.truck), a.kind, f"{a.date:%Y-%m-%d}" if a.date else "–", a.text) for a in attention[:MAX_ROWS]
         ]
-        yield pages.Table(ATTENTION, rows)
+        yield pages.Table(("Truck|name", "What|main", "Date|w", "Finding|full-text"), rows)
 
 
 def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
@@ -96,11 +81,11 @@ def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
         "Estimate of each tractor parameter at the last trip, from all trips with all trailers, ± sigma. "
         "Since first: change of the estimate since the first trip, or since the last change."
     )
-    yield pages.Table((TRUCK, *LATEST), [(pages.Code(r["truck"]), *_latest(r)) for r in trucks[:MAX_ROWS]])
+    yield pages.Table(("Truck|name", *LATEST), [(pages.Code(r["truck"]), *_latest(r)) for r in trucks[:MAX_ROWS]])
     yield pages.Section("trailers", "Trailers")
     yield pages.Hint("The same for each trailer; yaw inertia and payload height for each load.")
     cells = [(pages.Code(r["truck"]), r["trailer"] or "–", r["load"] or "–", *_latest(r)) for r in trailers[:MAX_ROWS]]
-    yield pages.Table((*TRAILER, *LATEST), cells)
+    yield pages.Table(("Truck|name", "Trailer|main", "Load||Load: ", *LATEST), cells)
     if max(len(trucks), len(trailers)) > MAX_ROWS:
         yield pages.Hint(f"The first {MAX_ROWS} rows; trucks.parquet and trailers.parquet have all.")
 
@@ -163,4 +148,7 @@ def _ms(date: datetime) -> float:
 def _failed(trips: Sequence[Row]) -> Iterator[pages.Block]:
     if failed := [trip for trip in trips if trip["error"]]:
         yield pages.Section("failed", "Trips that were not processed")
-        yield pages.Table(FAILED, [(pages.Code(t["log"]), t["truck"], t["error"]) for t in failed[:MAX_ROWS]])
+        yield pages.Table(
+            ("Log|name", "Truck", "Error|full-text"),
+            [(pages.Code(t["log"]), t["truck"], t["error"]) for t in failed[:MAX_ROWS]],
+        )

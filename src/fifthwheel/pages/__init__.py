@@ -6,7 +6,7 @@ blocks: `html` writes it as a page or for a notebook, `terminal` prints it, the 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from fifthwheel.plots import Plot
 
@@ -39,41 +39,54 @@ class Mark:
 Cell = str | Mark
 
 
-@dataclass(frozen=True)
-class Head:
+class Column(NamedTuple):
     """A column of a table."""
 
     head: str
     style: str = ""
-    """Words: "n" is a number, "w" does not break, "wide" is left out on a narrow screen of the workbench. On a card,
-    which a row becomes on a narrow page, "name" and "full" have their own line, and "main" is bold."""
+    """Words: "n" aligns to the right, "w" does not break, "wide" is left out on a narrow screen of the workbench. On a
+    narrow page a row becomes a card: there "name" and "full" have their own line, and "main" is bold."""
     label: str = ""
-    """In front of the cell on a card, which has no head."""
+    """Before the cell on a card, which has no head."""
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is aligned to the right."""
+        return "n" in self.style.split()
+
+
+def column(text: str) -> Column:
+    """A column from "head|style|label", of which the head may be alone; a ">" after it stands for the style "n".
+
+    A number that is not "main" has its head as label.
+    """
+    head, style, label = [*text.split("|"), "", ""][:3]
+    if head.endswith(">"):
+        head, label = head[:-1], label or ("" if "main" in style else f"{head[:-1]}: ")
+        style = f"n {style}".rstrip()
+    return Column(head, style, label)
 
 
 @dataclass(frozen=True)
 class Table:
     """Rows of cells."""
 
-    heads: Sequence[str | Head]
-    """A ">" at the end of a text aligns its column to the right."""
+    heads: Sequence[str | Column]
+    """A text as of `column`; a `Column` for a head that may be any text."""
     rows: Sequence[Sequence[Cell]]
     label: str = ""
     """For screen readers."""
 
     @property
-    def columns(self) -> list[Head]:
-        """The columns with their styles."""
-        return [
-            head if isinstance(head, Head) else Head(head.removesuffix(">"), "n" * head.endswith(">"))
-            for head in self.heads
-        ]
+    def columns(self) -> list[Column]:
+        """The columns, from the heads."""
+        return [column(head) if isinstance(head, str) else head for head in self.heads]
 
     def lines(self) -> list[str]:
         """Heads and rows as texts with aligned columns."""
-        texts = [[column.head for column in self.columns], *[list(map(plain, row)) for row in self.rows]]
-        widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
-        aligned = [str.rjust if "n" in column.style.split() else str.ljust for column in self.columns]
+        texts = [[c.head for c in self.columns], *[list(map(plain, row)) for row in self.rows]]
+        widths = [max(map(len, cells)) for cells in zip(*texts, strict=True)]
+        aligned = [str.rjust if c.is_number else str.ljust for c in self.columns]
         return [
             "  ".join(align(cell, width) for align, cell, width in zip(aligned, row, widths, strict=True)).rstrip()
             for row in texts

@@ -104,7 +104,7 @@ def _table(table: pages.Table) -> str:
     return f'<div class="scroll"><table{label}>{head}<tbody>\n{rows}\n</tbody></table></div>'
 
 
-def _row(columns: Sequence[pages.Head], row: Sequence[pages.Cell]) -> str:
+def _row(columns: Sequence[pages.Column], row: Sequence[pages.Cell]) -> str:
     tone = next((cell.row for cell in row if isinstance(cell, pages.Mark)), "")
     cells = []
     for column, content in zip(columns, row, strict=True):

@@ -75,8 +75,7 @@ class _Printer:
         columns = [table.columns[k] for k in shown] or table.columns
         grid = Grid(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
         for column in columns:
-            right = "n" in column.style.split()
-            head = self._text(column.head)
+            head, right = self._text(column.head), column.is_number
             grid.add_column(head, justify="right" if right else "left", overflow="fold", no_wrap=right)
         for row in table.rows:
             grid.add_row(*[self._cell(row[k]) for k in shown])

@@ -15,12 +15,6 @@ EXPLANATION = (
     "Difference: from the first run, in units of the sigma of this difference. Beyond 2 sigma a difference is real "
     "with a probability of 95 %. Errors of vehicle file and model that both runs share cancel."
 )
-COLUMNS = (
-    pages.Head("Parameter", "name"),
-    pages.Head("Run", "name"),
-    pages.Head("Estimate", "n", "Estimate: "),
-    pages.Head("Difference", "n", "Difference: "),
-)
 
 
 def write_comparison_page(path: Path, comparison: Comparison) -> None:
@@ -59,7 +53,9 @@ def _table(comparison: Comparison, *, repeat: bool = False) -> pages.Table:
         (pages.Code(name) if repeat or run == first else "", run, estimate, difference)
         for name, run, estimate, difference in comparison.rows()
     ]
-    return pages.Table(COLUMNS, rows, label="Estimates of all results")
+    return pages.Table(
+        ("Parameter|name", "Run|name", "Estimate>", "Difference>"), rows, label="Estimates of all results"
+    )
 
 
 def headline(comparison: Comparison) -> str:

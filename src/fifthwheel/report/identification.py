@@ -26,8 +26,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report import assessment, consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_identification
-from fifthwheel.report.logs import logs_and_origin
-from fifthwheel.report.provenance import Provenance
+from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.states import StateConditions, states_section
 from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_role
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -38,26 +37,8 @@ if TYPE_CHECKING:
     from fifthwheel.identify.design.assess import InformationAssessment
 
 ESTIMATES = (
-    pages.Head("Parameter", "name"),
-    pages.Head("Verdict", "full"),
-    pages.Head("Value", "n main"),
-    pages.Head("± sigma", "n main", "± "),
-    pages.Head("Unit", "w main"),
-    pages.Head("Relative", "n"),
-    pages.Head("Prior", "n full", "prior "),
-)
-SENSOR_ERRORS = (
-    pages.Head("Signal", "name"),
-    pages.Head("Error", "w"),
-    pages.Head("Log"),
-    pages.Head("Estimate", "n", "estimate "),
-    pages.Head("Prior", "n", "prior "),
-    pages.Head("", "w"),
-)
-ASSUMED = (
-    pages.Head("Parameter", "name"),
-    pages.Head("Value", "n main"),
-    pages.Head("Source", "full"),
+    *("Parameter|name", "Verdict|full", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Prior>|full"),
+    "Settled after>",
 )
 
 
@@ -205,7 +186,7 @@ def _estimates(estimates: Sequence[Estimate], *, history: bool = False) -> pages
                 *([seconds(e.settling_time)] if history else []),
             )
         )
-    return pages.Table([*ESTIMATES, pages.Head("Settled after", "n", "settled after ")] if history else ESTIMATES, rows)
+    return pages.Table(ESTIMATES if history else ESTIMATES[:-1], rows)
 
 
 def _sensor_errors(identification: Identification) -> pages.Table:
@@ -223,7 +204,7 @@ def _sensor_errors(identification: Identification) -> pages.Table:
                 pages.Mark("! unusual", "plain", row="warn") if is_unusual(identification, error) else "",
             )
         )
-    return pages.Table(SENSOR_ERRORS, rows)
+    return pages.Table(("Signal|name", "Error|w", "Log", "Estimate>", "Prior>", "|w"), rows)
 
 
 def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
@@ -237,7 +218,10 @@ def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
         (pages.Code(path), with_sigma(values[path], vehicle.stated.get(path), unit_of(path)), source)
         for path, source in vehicle.assumed.items()
     ]
-    return pages.Folded(f"Assumed numbers of the vehicle file ({len(rows)})", (explanation, pages.Table(ASSUMED, rows)))
+    return pages.Folded(
+        f"Assumed numbers of the vehicle file ({len(rows)})",
+        (explanation, pages.Table(("Parameter|name", "Value>|main", "Source|full"), rows)),
+    )
 
 
 def _information(identification: Identification, outlook: "InformationAssessment | None") -> Iterator[pages.Block]:
@@ -364,7 +348,7 @@ def _fit_tables(identification: Identification) -> Iterator[pages.Table]:
             shown_noise = approximate(noise, unit) if np.isfinite(noise) else "–"
             rows.append((fit.signal, _explained(fit), approximate(fit.rms, unit), shown_noise))
         head = log if fits[0].identified_on else f"{log} (validation log)"
-        yield pages.Table((head, "Explained>", "Residual rms>", "Noise>"), rows)
+        yield pages.Table((pages.Column(head), "Explained>", "Residual rms>", "Noise>"), rows)
 
 
 def _explained(fit: Fit) -> str:

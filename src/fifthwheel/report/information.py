@@ -21,13 +21,9 @@ PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
     "include model errors."
 )
-COLUMNS = (
-    pages.Head("Parameter", "name"),
-    pages.Head("Value", "n wide"),
-    pages.Head("Prior\nsigma", "n wide"),
-    pages.Head("Predicted\nsigma", "n"),
-    pages.Head("Prior and predicted sigma"),
-    pages.Head("Verdict"),
+HEADS = (
+    *("Parameter|name", "Value>|wide", "Prior\nsigma>|wide", "Predicted\nsigma>", "Prior and predicted sigma"),
+    "Verdict",
 )
 
 
@@ -41,7 +37,7 @@ def information_document(outlook: "InformationAssessment") -> pages.Document:
     blocks: list[pages.Block] = [
         pages.Headline(_headline(outlook, identifiable, bool(errors)), complete),
         pages.Items(errors, "Errors in the logs"),
-        pages.Table(COLUMNS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
+        pages.Table(HEADS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
         pages.Items([_improvement(p) for p in outlook.parameters if p.remedies], "What would help"),
         pages.Items([f"{p.name} with {', '.join(p.correlated_with)}" for p in correlated], "Strongly correlated"),
         pages.Items([*outlook.cautions, *others], "Cautions"),

@@ -23,8 +23,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report import consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_states
-from fifthwheel.report.logs import logs_and_origin
-from fifthwheel.report.provenance import Provenance
+from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.words import STATUSES, counted, sentence
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ def _tables(summary: StateSummary) -> Iterator[pages.Block]:
         (name, *["–" if v is None else approximate(v, si_unit(name)) for v in (band, summary.reference_rms[name])])
         for name, band in summary.band.items()
     ]
-    yield pages.Table((summary.name, "2 sigma, median>", "rms from reference>"), rows)
+    yield pages.Table((pages.Column(summary.name), "2 sigma, median>", "rms from reference>"), rows)
     statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
     yield pages.Paragraph(f"Samples: {'; '.join(statuses)}")
     if summary.lift_warning is not None:

@@ -10,6 +10,7 @@ from fifthwheel.formatting import percent, relative, shown, with_sigma
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.result.parts import Estimate, Fit
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
+from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import BLUE, DARK, GREY, VERMILLION
 from fifthwheel.plots.panels import trimmed, visible_range
 from fifthwheel.record.signal_names import si_unit
@@ -88,14 +89,18 @@ def history_plot(histories: Mapping[str, ParameterHistory], estimates: Sequence[
     return Plot(title=title, panels=panels, shared_x=len(histories) == 1)
 
 
-def fit_panel(fit: Fit) -> Panel:
-    """A channel as measured and as predicted by the free-running model."""
+def fit_panel(fit: Fit, *predictions: Line, title: str = "") -> Panel:
+    """A channel as measured and as predicted by the free-running model; by other models with lines of their own."""
     unit = shown(si_unit(fit.signal))
-    items: list[Item] = [
-        Line(fit.time, fit.measured * unit.factor, name="measured", colour=GREY, width=1.2, gaps=True),
-        Line(fit.time, fit.predicted * unit.factor, name="predicted", colour=BLUE, gaps=True),
-    ]
-    return Panel(items=items, title=_fit_title(fit), x=TIME, y=Axis(unit=unit.name))
+    measured = Line(fit.time, fit.measured * unit.factor, name="measured", colour=GREY, width=1.2, gaps=True)
+    predictions = predictions or (prediction(fit, "predicted", colour=BLUE),)
+    return Panel(items=[measured, *predictions], title=title or _fit_title(fit), x=TIME, y=Axis(unit=unit.name))
+
+
+def prediction(fit: Fit, name: str, colour: str, dash: Dash = "solid") -> Line:
+    """A channel as predicted."""
+    factor = shown(si_unit(fit.signal)).factor
+    return Line(fit.time, fit.predicted * factor, name=name, colour=colour, dash=dash, gaps=True)
 
 
 def residual_panel(fit: Fit) -> Panel:
