@@ -26,12 +26,12 @@ ROW = (
 )
 BLOCKS = (
     pages.Headline("It <works>", columns=[[pages.Items(["one result"], "Result")]]),
-    pages.Section("first", "First & last"),
+    pages.Heading("First & last", key="first"),
     pages.Hint("Explains."),
     pages.Table(HEADS, [ROW]),
     pages.Items(["give --fix NAME"], "Next steps", ordered=True),
     pages.Items([], "Nothing"),
-    pages.Subsection("log", badge="validation"),
+    pages.Heading("log", badge="validation"),
     pages.Figures([FIGURE]),
     pages.Folded("More", [pages.Paragraph("folded text"), pages.Values({"tolerance": 0.01})]),
     pages.Folded(pages.Code("yaw_rate"), [], "is white noise."),

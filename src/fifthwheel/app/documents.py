@@ -20,7 +20,7 @@ def show(*blocks: pages.Block) -> None:
         match block:
             case pages.Headline():
                 ui.label(block.text).classes("text-weight-bold").props("role=status")
-            case pages.Section() | pages.Subsection():
+            case pages.Heading():
                 layout.heading(block.title)
             case pages.Items() if block.lines:
                 if block.title:

@@ -32,7 +32,6 @@ POLL = 1.0
 
 
 def register(folder: Path) -> None:
-    """Register the pages of a workspace."""
     style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
     ui.add_head_html(f"<style>{style}</style>", shared=True)
     result_files.register(folder)
@@ -62,7 +61,6 @@ def _register(name: str, folder: Path) -> None:
 
 
 def address(name: str) -> str:
-    """Address of a page."""
     return "/" if name == PAGES[0] else f"/{name}"
 
 

@@ -92,7 +92,6 @@ def stamp(workspace: Workspace) -> str:
 
 
 def check(folder: Path, progress: Progress) -> InformationAssessment:
-    """The information in the logs that are used."""
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
@@ -145,7 +144,6 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
 
 
 def comparison(folder: Path, names: Sequence[str]) -> Comparison:
-    """The results of these names side by side, the first as reference."""
     workspace = Workspace(folder)
     return compare_runs([workspace.run(name) for name in names])
 

@@ -67,7 +67,7 @@ def _headline(trips: Sequence[Row], attention: Sequence[Attention], settings: Fl
 
 def _attention(attention: Sequence[Attention]) -> Iterator[pages.Block]:
     if attention:
-        yield pages.Section("attention", "Needs attention")
+        yield pages.Heading("Needs attention", key="attention")
         rows = [
             (pages.Code(a.truck), a.kind, f"{a.date:%Y-%m-%d}" if a.date else "–", a.text) for a in attention[:MAX_ROWS]
         ]
@@ -76,13 +76,13 @@ def _attention(attention: Sequence[Attention]) -> Iterator[pages.Block]:
 
 def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
     trucks, trailers = rows["trucks"], rows["trailers"]
-    yield pages.Section("trucks", "Trucks")
+    yield pages.Heading("Trucks", key="trucks")
     yield pages.Hint(
         "Estimate of each tractor parameter at the last trip, from all trips with all trailers, ± sigma. "
         "Since first: change of the estimate since the first trip, or since the last change."
     )
     yield pages.Table(("Truck|name", *LATEST), [(pages.Code(r["truck"]), *_latest(r)) for r in trucks[:MAX_ROWS]])
-    yield pages.Section("trailers", "Trailers")
+    yield pages.Heading("Trailers", key="trailers")
     yield pages.Hint("The same for each trailer; yaw inertia and payload height for each load.")
     cells = [(pages.Code(r["truck"]), r["trailer"] or "–", r["load"] or "–", *_latest(r)) for r in trailers[:MAX_ROWS]]
     yield pages.Table(("Truck|name", "Trailer|main", "Load||Load: ", *LATEST), cells)
@@ -102,13 +102,13 @@ def _histories(history: Sequence[Row], changes: Sequence[Row], attention: Sequen
         trucks.setdefault(row["truck"], []).append(row)
     first = dict.fromkeys(a.truck for a in attention if a.truck in trucks)
     order = [*first, *[truck for truck in trucks if truck not in first]]
-    yield pages.Section("histories", "Histories")
+    yield pages.Heading("Histories", key="histories")
     yield pages.Hint(
         "Estimates over days from all trips (line, band of two sigma) and of each trip alone (points with one sigma). "
         "Most of the band is common to all days: errors of the vehicle file. Vertical lines: changes."
     )
     for truck in order[:MAX_HISTORIES]:
-        yield pages.Subsection(truck, badge="needs attention" if truck in first else "")
+        yield pages.Heading(truck, badge="needs attention" if truck in first else "")
         own = [_ms(c["date"]) for c in changes if c["truck"] == truck and c["kind"] != OUTLIER]
         series: dict[tuple[str, str, str], list[Row]] = {}
         for row in sorted(trucks[truck], key=lambda row: row["date"]):
@@ -147,7 +147,7 @@ def _ms(date: datetime) -> float:
 
 def _failed(trips: Sequence[Row]) -> Iterator[pages.Block]:
     if failed := [trip for trip in trips if trip["error"]]:
-        yield pages.Section("failed", "Trips that were not processed")
+        yield pages.Heading("Trips that were not processed", key="failed")
         yield pages.Table(
             ("Log|name", "Truck", "Error|full-text"),
             [(pages.Code(t["log"]), t["truck"], t["error"]) for t in failed[:MAX_ROWS]],

@@ -94,18 +94,11 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Section:
-    """A heading with a place that links lead to."""
-
-    key: str
-    title: str
-
-
-@dataclass(frozen=True)
-class Subsection:
-    """A heading within a section, such as the name of a log."""
+class Heading:
+    """A heading; with a key it begins a section, to which links lead, without a key a part of a section."""
 
     title: str
+    key: str = ""
     badge: str = ""
 
 
@@ -193,7 +186,7 @@ class Folded:
     """A sentence after the summary."""
 
 
-Block = Headline | Section | Subsection | Paragraph | Items | Table | Values | Verbatim | Figures | Folded | Markup
+Block = Headline | Heading | Paragraph | Items | Table | Values | Verbatim | Figures | Folded | Markup
 
 
 @dataclass(frozen=True)

@@ -52,11 +52,10 @@ def _block(block: pages.Block, place: Callable[[pages.Figure], str]) -> str:
             return _items(block)
         case pages.Paragraph():
             return f"<p{_attribute('class', 'hint' * isinstance(block, pages.Hint))}>{prose(block.text)}</p>"
-        case pages.Section():
-            return f'<h2 id="{block.key}">{text(block.title)}</h2>'
-        case pages.Subsection():
+        case pages.Heading():
             badge = f' <span class="badge">{text(block.badge)}</span>' if block.badge else ""
-            return f"<h3>{text(block.title)}{badge}</h3>"
+            level = "h2" if block.key else "h3"
+            return f"<{level}{_attribute('id', block.key)}>{text(block.title)}{badge}</{level}>"
         case pages.Headline():
             lists = "".join(f"<div>{blocks(column)}</div>" for column in block.columns)
             lists = f'<div class="lists">{lists}</div>' if lists else ""
@@ -119,7 +118,6 @@ def _attribute(name: str, value: str) -> str:
 
 
 def cell(content: pages.Cell) -> str:
-    """A cell as HTML."""
     match content:
         case pages.Markup():
             return content

@@ -62,9 +62,8 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.Figure]]:
         figures.append(figure)
         return f"plot{len(figures) - 1}"
 
-    links = "".join(
-        f'<a href="#{s.key}">{html.text(s.title)}</a>' for s in document.blocks if isinstance(s, pages.Section)
-    )
+    sections = [block for block in document.blocks if isinstance(block, pages.Heading) and block.key]
+    links = "".join(f'<a href="#{section.key}">{html.text(section.title)}</a>' for section in sections)
     body = f"""{_head(document.title)}<h1>{html.text(document.title)}</h1>
 <p class="subtitle">{html.text(document.subtitle)}</p>
 <nav>{links}</nav>

@@ -41,7 +41,7 @@ class _Printer:
             match block:
                 case pages.Headline():
                     self._line(block.text, "bold" if block.good else "bold yellow")
-                case pages.Section() | pages.Subsection():
+                case pages.Heading():
                     self._title(block.title)
                 case pages.Paragraph():
                     self._line(block.text)

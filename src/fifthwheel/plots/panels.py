@@ -71,7 +71,6 @@ class PanelGrid:
 
     @property
     def rows(self) -> int:
-        """Number of rows of panels."""
         return -(-len(self.panels) // self.columns)
 
     def row_heights(self) -> list[float]:

@@ -53,12 +53,12 @@ def write_assessment_report(
     truck = Truck(vehicle=assessment.vehicle, body=assessment.body, speed=assessment.speed)
     blocks: list[pages.Block] = [
         pages.Headline(headline(assessment), is_good(assessment)),
-        pages.Section("measures", "Measures"),
+        pages.Heading("Measures", key="measures"),
         assessment.table(),
         pages.Items(explanations(assessment)),
         *(_lane_change(assessment.runs) if assessment.runs else ()),
         *_turns(truck),
-        pages.Section("uncertain", "Uncertain parameters"),
+        pages.Heading("Uncertain parameters", key="uncertain"),
         pages.Hint("Standard deviation of each uncertain parameter, SI. A parameter that is not listed is exact."),
         pages.Values({name: f"{sigma:.3g}" for name, sigma in assessment.uncertain.items()}),
         *(provenance.blocks() if provenance is not None else ()),
@@ -69,7 +69,7 @@ def write_assessment_report(
 
 def section(assessment: Assessment) -> Iterator[pages.Block]:
     """The section of the report of an identification: the measures, and how to get all of them."""
-    yield pages.Section("performance", "What this truck will do")
+    yield pages.Heading("What this truck will do", key="performance")
     half_track = f"{assessment.body.half_track:g} m ± {assessment.body.half_track_sigma:g} m"
     yield pages.Hint(
         f"Predicted by the linear model of the identified truck at {3.6 * assessment.speed:.0f} km/h. Sigma is that of "
@@ -81,7 +81,7 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
 
 
 def show_assessment(assessment: Assessment, console: "Console | None" = None) -> None:
-    """Print an assessment."""
+    """Print an assessment: measures with sigma, thresholds and notes."""
     terminal.show(assessment_document(assessment), console)
 
 
@@ -115,7 +115,6 @@ def is_good(assessment: Assessment) -> bool:
 
 
 def headline(assessment: Assessment) -> str:
-    """The result in one sentence."""
     if missed := failed(assessment):
         return f"{assessment.title}: misses {enumerated([m.title for m in missed])}."
     if uncertain := doubtful(assessment):
@@ -145,7 +144,7 @@ def explanations(assessment: Assessment) -> list[str]:
 
 
 def _lane_change(runs: Runs) -> Iterator[pages.Block]:
-    yield pages.Section("lane-change", "Lane change")
+    yield pages.Heading("Lane change", key="lane-change")
     yield pages.Hint(
         "Single lane change of ISO 14791: one sine of 0.15 g at 0.4 Hz at the front axle. Dashed: nonlinear."
     )
@@ -170,7 +169,7 @@ def _turns(truck: Truck) -> Iterator[pages.Block]:
     except FifthwheelError:  # a note on the measure says why
         pass
     if figures:
-        yield pages.Section("turns", "Turns")
+        yield pages.Heading("Turns", key="turns")
         yield pages.Figures(figures)
 
 
@@ -179,7 +178,6 @@ def _figure(caption: str, name: str, panel: Panel, *, group: str = "", note: str
 
 
 def _paths(runs: Runs) -> Panel:
-    """Path of the front axle and of the last axle of each unit from above."""
     items: list[Item] = []
     for model, run in runs.items():
         for name, colour in zip(("front", *run.roll), cycle(CYCLE), strict=False):

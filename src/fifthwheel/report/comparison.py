@@ -24,11 +24,11 @@ def write_comparison_page(path: Path, comparison: Comparison) -> None:
         for name, plot in comparison.plots().items()
     ]
     blocks: list[pages.Block] = [
-        pages.Section("estimates", "Estimates"),
+        pages.Heading("Estimates", key="estimates"),
         pages.Hint(EXPLANATION),
         _table(comparison, repeat=True),
         pages.Items(comparison.notes),
-        pages.Section("plots", "Plots"),
+        pages.Heading("Plots", key="plots"),
         pages.Figures(figures),
     ]
     subtitle = f"{', '.join(comparison.runs)}; fifthwheel {fifthwheel.__version__}"

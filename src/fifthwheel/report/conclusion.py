@@ -39,7 +39,6 @@ class Conclusion:
     notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return asdict(self)
 
     def box(self) -> pages.Headline:
@@ -187,7 +186,6 @@ def _reason(identification: Identification, e: Estimate) -> str:
 
 
 def _origin(identification: Identification, e: Estimate) -> str:
-    """Where the value of a parameter without an estimate is from."""
     given = identification.initial_vehicle.parameters().get(e.name)
     if given is not None and not np.isclose(given, e.value, rtol=1e-6):
         initial, file = (with_sigma(value, None, e.unit) for value in (e.value, given))

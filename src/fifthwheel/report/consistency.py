@@ -26,7 +26,7 @@ TIME = Axis(label="time", unit="s")
 
 def section(states: Sequence[States], fits: Sequence[Fit]) -> Iterator[pages.Block]:
     """Innovations of the states, and for each channel whether its residual is white noise."""
-    yield pages.Section("consistency", "Residuals and consistency")
+    yield pages.Heading("Residuals and consistency", key="consistency")
     if states:
         yield pages.Hint(
             "The normalised innovation is the measurement minus the prediction of the state filter, divided by its "
@@ -43,7 +43,7 @@ def section(states: Sequence[States], fits: Sequence[Fit]) -> Iterator[pages.Blo
         log_states = next((s for s in states if s.name == log), None)
         log_fits = {fit.signal: fit for fit in fits if fit.log == log}
         predicted_only = any(not fit.identified_on for fit in log_fits.values())
-        yield pages.Subsection(log, badge="validation log" if predicted_only else "")
+        yield pages.Heading(log, badge="validation log" if predicted_only else "")
         if log_states is not None:
             yield pages.Figures([innovation_figure(log_states, name) for name in log_states.innovation])
         for signal in dict.fromkeys([*log_fits, *(log_states.innovation if log_states else ())]):
@@ -135,7 +135,6 @@ def _histogram(values: Array) -> Panel:
 
 
 def _rms_by_segment(segments: SegmentRms) -> Panel:
-    """The rms of normalised innovations by segment, with the band in which 95 % should lie."""
     items: list[Item] = [
         Band(segments.time, segments.low, segments.high, name="95 % expected", colour=BLUE, gaps=True),
         Line(segments.time[[0, -1]], [1.0, 1.0], name="expected", colour=GREY, width=1.5, dash="dot"),

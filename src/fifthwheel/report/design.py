@@ -66,7 +66,6 @@ def _summary(run: "ProposedRun") -> str:
 
 
 def _instructions(run: "ProposedRun") -> Iterator[str]:
-    """Instructions for the driver."""
     kind = KINDS[run.kind] + (f" of {run.frequency:g} Hz" if run.frequency else "")
     repeated = ""
     if run.repetitions > 1:

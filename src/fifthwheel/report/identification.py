@@ -95,7 +95,7 @@ def write_report(
         *(states_section(states, records, conditions, identified=True) if states else ()),
         *consistency.section(states, identification.fits),
         *(assessment.section(performance) if performance is not None else ()),
-        pages.Section("logs", "Logs and settings"),
+        pages.Heading("Logs and settings", key="logs"),
         *logs_and_origin(records, summarise_runs(identification, records), provenance, identification),
         pages.Folded("Settings", settings),
     ]
@@ -127,8 +127,7 @@ def identification_document(identification: Identification, conclusion: Conclusi
 
 
 def _parameters(identification: Identification) -> Iterator[pages.Block]:
-    """Estimates, derived quantities, sensor errors and uncertain parameters."""
-    yield pages.Section("parameters", "Parameters")
+    yield pages.Heading("Parameters", key="parameters")
     last = "" if identification.method == "one-stage" else " in the last pass"
     yield pages.Hint(
         "Sigma is one standard deviation of the result, from the logs and the prior; the prior is what was assumed "
@@ -139,14 +138,14 @@ def _parameters(identification: Identification) -> Iterator[pages.Block]:
     )
     yield _estimates(identification.parameters, history=True)
     if identification.derived:
-        yield pages.Subsection("Derived from the payload")
+        yield pages.Heading("Derived from the payload")
         yield pages.Hint(
             "Height of the CoG of the laden sprung mass above the ground, and roll inertia of this mass about the roll "
             "axis."
         )
         yield _estimates(identification.derived)
     if identification.sensors:
-        yield pages.Subsection("Sensor errors")
+        yield pages.Heading("Sensor errors")
         yield pages.Hint(
             "Estimated together with the parameters. Measured value = gain × true value + offset; road-wheel angle = "
             "gain × (logged angle − offset)."
@@ -190,7 +189,6 @@ def _estimates(estimates: Sequence[Estimate], *, history: bool = False) -> pages
 
 
 def _sensor_errors(identification: Identification) -> pages.Table:
-    """Offsets, gains and delays of the sensors with their priors; unusual ones are marked."""
     rows = []
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
@@ -225,11 +223,10 @@ def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
 
 
 def _information(identification: Identification, outlook: "InformationAssessment | None") -> Iterator[pages.Block]:
-    """How much information the logs contain on each parameter."""
     rows = information_summary(identification, outlook)
     if not rows:
         return
-    yield pages.Section("information", "Information in the logs")
+    yield pages.Heading("Information in the logs", key="information")
     yield pages.Hint(
         "The bar shows the fraction of the prior sigma that remains. A short bar: the logs contain much information on "
         "the parameter. A full bar: they contain none."
@@ -259,7 +256,7 @@ def _bar(row: ParameterInformation) -> str:
 
 def _histories(identification: Identification) -> Iterator[pages.Block]:
     """The history of each estimate over driving time."""
-    yield pages.Section("histories", "Histories of the estimates")
+    yield pages.Heading("Histories of the estimates", key="histories")
     one_stage = identification.method == "one-stage"
     if one_stage:
         yield pages.Hint(
@@ -277,7 +274,7 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
         )
     for title, history in identification.histories.items():
         passes = f"{history.passes} pass{'es' * (history.passes > 1)}"
-        yield pages.Subsection(title.capitalize() if one_stage else f"{title.capitalize()}: {passes}")
+        yield pages.Heading(title.capitalize() if one_stage else f"{title.capitalize()}: {passes}")
         figures = [
             pages.Figure(
                 pages.Code(e.name),
@@ -301,8 +298,7 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
 
 
 def _fits(identification: Identification) -> Iterator[pages.Block]:
-    """Each channel of each log as measured and as predicted."""
-    yield pages.Section("fits", "Measured and predicted")
+    yield pages.Heading("Measured and predicted", key="fits")
     yield pages.Hint(
         "The prediction is the output of the free-running model of the identified truck: it uses speed and steer angle "
         "only, and no measurement corrects it. Explained is the fraction of the channel's variance that the "
@@ -312,7 +308,7 @@ def _fits(identification: Identification) -> Iterator[pages.Block]:
         "state of its first steer angle: to all samples, within their priors."
     )
     for log, fits in _fits_by_log(identification).items():
-        yield pages.Subsection(log, badge="" if fits[0].identified_on else "validation log")
+        yield pages.Heading(log, badge="" if fits[0].identified_on else "validation log")
         yield pages.Figures([_fit(fit, fit_quality(fit, identification.settings.noise)) for fit in fits])
 
 

@@ -8,7 +8,7 @@ from fifthwheel import pages
 from fifthwheel.checks import Finding
 from fifthwheel.formatting import digits, percent
 from fifthwheel.logs.mapping.propose import MapProposal
-from fifthwheel.logs.mapping.survey import LogSurvey
+from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 
@@ -33,16 +33,17 @@ def _columns(survey: LogSurvey, proposal: MapProposal) -> Iterator[tuple[str, ..
     for channels in (proposal.signals.signals, proposal.signals.reference):
         proposed |= {channel.column: signal for signal, channel in channels.items()}
     for name, content in survey.contents.items():
-        present = content.missing < content.samples
-        yield (
-            name,
-            content.column.unit or "",
-            f"{content.rate:.3g}" if np.isfinite(content.rate) else "–",
-            "text" if content.fault else digits(content.low) if present else "–",
-            "" if content.fault else digits(content.high) if present else "–",
-            "" if content.fault else percent(content.missing / max(content.samples, 1)) if present else "all",
-            proposed.get(name, ""),
-        )
+        yield name, *column_cells(content), proposed.get(name, "")
+
+
+def column_cells(content: ColumnContent) -> tuple[str, str, str, str, str]:
+    """Unit, rate, range and missing samples of a column."""
+    unit, rate = content.column.unit or "", f"{content.rate:.3g}" if np.isfinite(content.rate) else "–"
+    if content.fault:
+        return unit, rate, "text", "", ""
+    if content.missing >= content.samples:
+        return unit, rate, "–", "–", "all"
+    return unit, rate, digits(content.low), digits(content.high), percent(content.missing / content.samples)
 
 
 def record_document(record: Record, findings: Sequence[Finding]) -> pages.Document:

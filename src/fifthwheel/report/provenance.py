@@ -46,7 +46,7 @@ class Provenance:
 
     def blocks(self) -> Iterator[pages.Block]:
         """How to reproduce the result."""
-        yield pages.Subsection("Reproduce this result")
+        yield pages.Heading("Reproduce this result")
         if self.command:
             yield pages.Verbatim(self.command)
         when = f"Run at {self.time}, with " if self.time else "With "

@@ -71,7 +71,7 @@ def write_states_report(
     if states:
         blocks += states_section(states, records, conditions, reliable=not conclusion.cautions)
         blocks += consistency.section(states, ())
-    blocks += [pages.Section("logs", "Logs"), *logs_and_origin(records, summarise_records(records), provenance)]
+    blocks += [pages.Heading("Logs", key="logs"), *logs_and_origin(records, summarise_records(records), provenance)]
     subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
     return page.write(Path(path), pages.Document(title, blocks, subtitle), images=figures)
 
@@ -82,7 +82,7 @@ def show_states(
     console: "Console | None" = None,
     conclusion: Conclusion | None = None,
 ) -> None:
-    """Print states, as of `states_document`."""
+    """Print how reliable states are, with their uncertainty, cautions and next steps."""
     terminal.show(states_document(states, records, conclusion), console)
 
 
@@ -124,7 +124,7 @@ def states_section(
     identified: bool = False,
 ) -> Iterator[pages.Block]:
     """Each state of each log with its band, its measurement and its reference."""
-    yield pages.Section("states", "States")
+    yield pages.Heading("States", key="states")
     band = f" {conditions.in_words(identified=identified)}" if conditions else ""
     doubt = "" if reliable else " Do not rely on these states: the truck does not fit the measurements (see the top)."
     yield pages.Hint(
@@ -133,13 +133,12 @@ def states_section(
     )
     for s in states:
         record, summary = record_of(s, records), summarise_states(s, records)
-        yield pages.Subsection(s.name)
+        yield pages.Heading(s.name)
         yield _statuses(summary)
         yield pages.Figures([_state(s, record, summary, name) for name in s.values])
 
 
 def _statuses(summary: StateSummary) -> pages.Markup:
-    """Fraction of the samples by status, with the colour of its shading."""
     items = []
     for name, fraction in summary.status.items():
         shade = SHADES.get(Status[name])

@@ -27,7 +27,7 @@ def write_time_offsets(path: Path, records: Sequence[Record], vehicle: Vehicle) 
     """
     blocks: list[pages.Block] = []
     for k, record in enumerate(records):
-        blocks.append(pages.Section(f"log{k}", record.name))
+        blocks.append(pages.Heading(record.name, key=f"log{k}"))
         prediction = predict_channels(record, vehicle)
         if prediction is None:
             blocks.append(pages.Hint("No channel can be predicted from speed and steer angle."))

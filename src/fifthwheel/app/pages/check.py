@@ -9,7 +9,6 @@ from fifthwheel.report.information import information_document
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     ui.label(
         "The sigma that an identification of the logs would reach for each parameter, predicted from the vehicle file "
         "without a fit, and what would reduce it. The settings are those of the page Identify."

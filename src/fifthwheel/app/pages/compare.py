@@ -17,7 +17,6 @@ MOST = 6
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     results = runs.results(workspace)
     if len(results) < 2:
         ui.label("There are fewer than two results; identify again, with other logs or settings.")
@@ -52,7 +51,6 @@ async def _show(place: ui.column, computed: Awaitable[T], build: Callable[[T], o
 
 
 def _choice(results: list[str], chosen: list[str]) -> None:
-    """Which results are compared, the first as reference."""
     select = ui.select(results, value=chosen, multiple=True, label="Results; the first is the reference")
     select.classes("w-full").props("use-chips")
 
@@ -80,7 +78,6 @@ def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> N
 
 
 def _overlay(workspace: Workspace, chosen: list[str]) -> None:
-    """The predictions of each result over one log."""
     used = inputs.used_logs(workspace)
     if not used:
         return

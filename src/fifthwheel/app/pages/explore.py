@@ -37,7 +37,6 @@ REST = 0.4
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     truck = runs.vehicle(workspace)
     used = inputs.used_logs(workspace)
     _Page(workspace, truck, used).build()
@@ -61,7 +60,6 @@ class _Page:
         self._pending = False
 
     def build(self) -> None:
-        """Fill the page."""
         ui.timer(REST, self._keep_what_rests)
         with ui.element("div").classes("fw-columns"):
             with ui.element("section").classes("fw-sticky").props('aria-label="Numbers of the truck"'):
@@ -128,7 +126,6 @@ class _Page:
             self._keep()
 
     def _keep(self) -> None:
-        """Keep what the page shows."""
         shown = {"values": self.values, "log": self.log, "speed": self.speed, "kind": self.kind}
         choices = self.workspace.choices()
         changed = choices.model_copy(update={"explore": {k: v for k, v in shown.items() if v is not None}})
@@ -300,7 +297,6 @@ def model_plot(kind: str, given: Vehicle, changed: Vehicle, speed: float, record
 
 
 def _panels(kind: str, vehicle: Vehicle, speed: float, record: Record | None) -> list[Panel]:
-    """Panels with one line each."""
     if kind == "handling diagram":
         return list(plot.handling_diagram(vehicle, [record] if record is not None else []).panels)
     yaw = [f"yaw_rate.{unit.name}" for unit in vehicle.units]

@@ -12,7 +12,6 @@ from fifthwheel.errors import printable
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     _Page(workspace).build()
 
 
@@ -25,7 +24,6 @@ class _Page:
         self._shown: str | None = None
 
     def build(self) -> None:
-        """Fill the page."""
         ui.label(
             "Drop logs here: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces; DBC and ARXML files decode CAN frames. "
             f"They are copied to {self.workspace.folder}."
@@ -47,7 +45,6 @@ class _Page:
             self._channels.refresh()
 
     async def _keep(self, event: events.UploadEventArguments) -> None:
-        """Keep a dropped file; it appears under its name when it is complete."""
         path = self.workspace.place_for(event.file.name)
         self.workspace.require_space(event.file.size())
         part = path.with_name(f".{path.name}.part")
@@ -68,7 +65,6 @@ class _Page:
 
     @ui.refreshable_method
     def _logs(self) -> None:
-        """The list of logs, and the reading of those that are new."""
         databases = self.workspace.databases()
         if databases:
             ui.label(f"CAN databases: {', '.join(path.name for path in databases)}")
@@ -86,7 +82,6 @@ class _Page:
 
     @ui.refreshable_method
     def _channels(self) -> None:
-        """The chosen log."""
         self._shown = self._chosen()
         if self._shown is not None:
             asked = self._query.getlist("channel") if self._query.get("log") == self._shown else []

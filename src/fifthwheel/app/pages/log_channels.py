@@ -12,12 +12,12 @@ from fifthwheel._types import Array
 from fifthwheel.app import documents, inputs, layout
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
-from fifthwheel.formatting import digits, percent
 from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.stored import StoredLog
 from fifthwheel.pages.html import COURSE_POINTS, course
 from fifthwheel.plots import Axis, Line, Panel, Plot, Span
+from fifthwheel.report.log_contents import column_cells
 
 ROWS = 25
 """Channels of one page of the table."""
@@ -64,7 +64,6 @@ class _View:
         self._selecting = False
 
     def build(self) -> None:
-        """Fill the page."""
         low, high = self._relative(self._whole)
         with ui.row().classes("items-center"):
             mode = ui.toggle({False: "Zoom", True: "Select"}, value=False, on_change=self._set_mode)
@@ -102,7 +101,6 @@ class _View:
         self._plot.update_figure(figure)
 
     def _described(self, lines: Sequence[_Course]) -> Plot:
-        """The plot, one panel for each channel."""
         empty = (np.array([np.nan]), np.array([np.nan]))
         spans = [Span(*self._relative(window)) for window in self._excluded()]
         at = f" after {datetime.fromtimestamp(self._origin, UTC):%Y-%m-%d %H:%M:%S} UTC" if self._origin else ""
@@ -122,7 +120,6 @@ class _View:
         return 80 + _PANEL * max(len(self._shown), 1)
 
     def _relative(self, window: tuple[float, float]) -> tuple[float, float]:
-        """A window of the log as the page shows it."""
         return window[0] - self._origin, window[1] - self._origin
 
     def _chosen(self) -> tuple[float, float]:
@@ -182,7 +179,6 @@ class _View:
 
     @ui.refreshable_method
     def _windows(self) -> None:
-        """The windows that are left out."""
         windows = self._excluded()
         with ui.element("ul").props('aria-label="Excluded windows"'):
             for window in windows:
@@ -251,20 +247,12 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
 
 def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: Callable[..., object]) -> None:
     present = content.fault is None and content.missing < content.samples
-    cells = [
-        name,
-        content.column.unit or "",
-        f"{content.rate:.3g}" if np.isfinite(content.rate) else "–",
-        digits(content.low) if present else "text" if content.fault else "–",
-        digits(content.high) if present else "–",
-        percent(content.missing / max(content.samples, 1)) if present else "all",
-    ]
     with ui.element("tr"):
         with ui.element("td"):
             if present:
                 box = ui.checkbox(value=ticked, on_change=tick).props("dense")
                 box.props["aria-label"] = f"Plot {printable(name)}"
-        for cell in cells:
+        for cell in (name, *column_cells(content)):
             with ui.element("td"):
                 ui.label(printable(cell))
         with ui.element("td"):

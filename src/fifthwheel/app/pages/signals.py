@@ -29,7 +29,6 @@ _BETTER = 0.05
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     known = [path.name for path in workspace.logs() if inputs.is_stored(workspace, path.name)]
     if not known:
         ui.label("First drop a log on the page Log.")
@@ -60,7 +59,6 @@ class _Page:
         self._plots: dict[str, ui.plotly] = {}
 
     def build(self) -> None:
-        """Fill the page."""
         known = self.workspace.vehicle() is not None
         truck = "your truck with uncertain tyres" if known else "usual trucks, for lack of a vehicle file"
         ui.label(
@@ -79,7 +77,6 @@ class _Page:
         ui.timer(0, first, once=True)
 
     async def propose(self) -> None:
-        """Propose a map and write it."""
         self._busy.visible = True
         try:
             text = await jobs.compute(inputs.propose, self.workspace.folder, self.name)
@@ -89,7 +86,6 @@ class _Page:
         self._rows.refresh()
 
     async def change(self, signal: str, **keys: Any) -> None:
-        """Change keys of a signal."""
         text = self.workspace.read(SIGNALS) or ""
         changed = with_channel(text, signal, **keys)
         if changed != text:
@@ -105,7 +101,6 @@ class _Page:
         self._rows.refresh()
 
     async def remove(self, signal: str) -> None:
-        """Remove a signal from the map."""
         await self._write(without_channel(self.workspace.read(SIGNALS) or "", signal), f"remove {signal}")
         self._rows.refresh()
 
@@ -115,7 +110,6 @@ class _Page:
         self._rows.refresh()
 
     async def compare(self) -> None:
-        """Compute the evidence anew and show it."""
         self._latest += 1
         number = self._latest
         self._busy.visible = True
@@ -151,7 +145,6 @@ class _Page:
         return figure
 
     def _course(self, signal: str) -> None:
-        """The plot of a signal."""
         element = ui.plotly(self._figure(signal)).classes("fw-course")
         element.props["role"] = "img"
         element.props["aria-label"] = f"{signal} measured and predicted"
@@ -159,7 +152,6 @@ class _Page:
 
     @ui.refreshable_method
     def _findings(self) -> None:
-        """What speaks against the map, each with a button that mends it."""
         if self.error:
             layout.failure(self.error)
         findings = self.evidence.findings if self.evidence is not None else ()
@@ -176,7 +168,6 @@ class _Page:
 
     @ui.refreshable_method
     def _rows(self) -> None:
-        """The signals of the map, with the fields that change them."""
         try:
             signal_map = self.signal_map()
         except FifthwheelError as error:
@@ -223,7 +214,6 @@ class _Page:
         field.on_value_change(partial(self._changed, signal, "column"))
 
     def _with_numbers(self) -> list[str]:
-        """Columns that may be signals."""
         return [name for name, content in self.columns.items() if content.alive]
 
     async def _changed(self, signal: str, key: str, event: events.ValueChangeEventArguments[Any]) -> None:
@@ -238,7 +228,6 @@ class _Page:
         return content.column.unit if content is not None else None
 
     def _adding(self) -> None:
-        """Fields that add a signal."""
         with ui.row().classes("items-end"):
             units = {SignalName.of(name).unit for name in self.signal_map().signals} - {"", None}
             names = [name.format(unit) for unit in sorted(units or {"tractor", "semitrailer"}) for name in _NAMES]
@@ -304,7 +293,6 @@ def _words(channel: ChannelEvidence) -> str:
 
 
 def _plot(evidence: SignalEvidence | None, signal: str) -> Plot:
-    """A signal, and what is predicted for it."""
     items: list[Item] = []
     if evidence is not None and signal in evidence.others:
         time, values = evidence.others[signal]

@@ -22,7 +22,6 @@ UNKNOWN = ""
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     current = workspace.vehicle()
     with ui.element("div").classes("fw-truck"):
         with ui.element("section").classes("fw-file").props('aria-label="Vehicle file"'):
@@ -47,8 +46,6 @@ def build(workspace: Workspace) -> None:
 
 
 def _files(workspace: Workspace, current: Vehicle | None) -> None:
-    """Import, export and the catalogue."""
-
     def taken(text: str, label: str) -> None:
         """Replace the vehicle file; the answers to the questions go, because they describe another truck."""
         name = printable(Vehicle.loads(text).name)  # refuses what is not a vehicle
@@ -89,7 +86,6 @@ def _draw(vehicle: Vehicle) -> None:
 
 
 def _numbers(vehicle: Vehicle) -> None:
-    """Its loads and handling."""
     try:
         summary = summarize(vehicle)
     except FifthwheelError as error:
@@ -174,7 +170,6 @@ _BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTI
 
 
 def _valid(answers: Mapping[str, str]) -> dict[str, str]:
-    """Answers to questions that exist."""
     return {key: text for key, text in answers.items() if key in _BY_KEY}
 
 
@@ -201,7 +196,6 @@ def _error(question: Question, text: str) -> str | None:
 
 
 def _field(question: Question, answer: str, keep: Any) -> None:
-    """The field of a question."""
     with ui.element("div").classes("fw-question"):
         ui.label(question.text + (" *" if question.required else ""))
         field: ui.select | ui.input

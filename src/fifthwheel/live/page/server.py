@@ -67,11 +67,9 @@ class Page:
         self._thread.start()
 
     def show(self, output: Output) -> None:
-        """Show an output."""
         self.snapshots.show(output)
 
     def close(self) -> None:
-        """End the server."""
         self.snapshots.close()
         self._server.shutdown()
         self._server.server_close()
@@ -117,7 +115,6 @@ class _Handler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
-        """Answer a request."""
         if not is_address(self.headers.get("Host", "")):
             self._answer(
                 b"Use the address of this computer, such as 127.0.0.1.\n", status=HTTPStatus.MISDIRECTED_REQUEST

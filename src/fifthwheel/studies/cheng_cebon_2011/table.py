@@ -153,7 +153,7 @@ def document(rows: Sequence[Row]) -> pages.Document:
                 cells.append((name, published, result.arm, estimate, error, verdict))
                 name = published = ""
         heads = ("Quantity", "Published>", "Arm", "Estimate>", "Error>", "Worse>")
-        blocks += [pages.Section(case, HEADINGS.get(case, case)), pages.Table(heads, cells)]
+        blocks += [pages.Heading(HEADINGS.get(case, case), key=case), pages.Table(heads, cells)]
     return pages.Document("The article reproduced", blocks)
 
 
