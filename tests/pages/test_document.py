@@ -14,7 +14,7 @@ from fifthwheel.plots import Line, Panel, Plot
 from tests.report.conftest import Page
 
 PLOT = Plot(panels=[Panel(items=[Line([0, 1], [0, 1])], title="not shown twice")])
-FIGURE = pages.Figure(
+FIGURE = pages.CaptionedPlot(
     pages.Code("yaw_rate.tractor"), PLOT, "log", ("log", "fit", "yaw_rate"), text="explained", note="rms"
 )
 HEADS = ("Parameter|name", "Bar", "Value>", "Verdict")
@@ -32,13 +32,14 @@ BLOCKS = (
     pages.Items(["give --fix NAME"], "Next steps", ordered=True),
     pages.Items([], "Nothing"),
     pages.Heading("log", badge="validation"),
-    pages.Figures([FIGURE]),
+    pages.Plots([FIGURE]),
     pages.Folded("More", [pages.Paragraph("folded text"), pages.Values({"tolerance": 0.01})]),
     pages.Folded(pages.Code("yaw_rate"), [], "is white noise."),
     pages.Verbatim("a < b\n  c"),
 )
 DOCUMENT = pages.Document("<Title>", BLOCKS, "subtitle")
 WORDS = ("First & last", "Explains.", "tractor.mass", "7 200 ± 10 kg", "not excited", "give --fix NAME", "folded text")
+WORDS += ("one result", "tolerance", "a < b", "is white noise.")
 
 
 @pytest.fixture(scope="module")
@@ -99,11 +100,13 @@ def test_columns_are_read_from_their_heads():
         ("File", "name", ""),
         ("Note", "", "note: "),
     ]
-    assert pages.Table((pages.Column("a|b>"), "c>"), []).lines() == ["a|b>  c"]
+    assert pages.Table((pages.TableColumn("a|b>"), "c>"), []).lines() == ["a|b>  c"]
 
 
 def test_the_size_of_a_figure_follows_from_its_plot():
     panel = PLOT.panels[0]
-    sizes = [pages.Figure("", Plot(panels=panels), "", ("", "", "")).size for panels in ([panel], [panel, panel])]
+    sizes = [
+        pages.CaptionedPlot("", Plot(panels=panels), "", ("", "", "")).size for panels in ([panel], [panel, panel])
+    ]
     assert sizes == ["", "tall"]
-    assert pages.Figure("", PLOT, "", ("", "", ""), small=True).size == "small"
+    assert pages.CaptionedPlot("", PLOT, "", ("", "", ""), small=True).size == "small"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fifthwheel.identify.result import display
-from fifthwheel.pages import Figure, page
+from fifthwheel.pages import CaptionedPlot, page
 from fifthwheel.plots import Line, Panel, Plot, plotly_figure
 from fifthwheel.report import write_report
 from tests.report.conftest import Page
@@ -13,7 +13,7 @@ from tests.report.conftest import Page
 
 def yaw_rate(states, record=None):
     plot = Plot(panels=[states.panel("yaw_rate.tractor", record)])
-    return Figure("yaw rate", plot, "log", (states.name, "states", "yaw_rate.tractor"))
+    return CaptionedPlot("yaw rate", plot, "log", (states.name, "states", "yaw_rate.tractor"))
 
 
 def test_every_figure_of_the_page_is_written(result, tmp_path):
@@ -37,7 +37,7 @@ def test_other_kinds(result, tmp_path, kind, start):
 
 def test_the_same_figure_is_the_same_file(result, tmp_path):
     fit = result.identification.fits[0]
-    figure = Figure("fit", display.fit_plot([fit, fit], ""), "log", ("log", "fit", fit.signal))
+    figure = CaptionedPlot("fit", display.fit_plot([fit, fit], ""), "log", ("log", "fit", fit.signal))
     first, second = page.save_images(tmp_path, [figure, figure], "svg")
     assert first != second
     assert first.read_bytes() == second.read_bytes()

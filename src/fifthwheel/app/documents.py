@@ -20,6 +20,8 @@ def show(*blocks: pages.Block) -> None:
         match block:
             case pages.Headline():
                 ui.label(block.text).classes("text-weight-bold").props("role=status")
+                for column in block.columns:
+                    show(*column)
             case pages.Heading():
                 layout.heading(block.title)
             case pages.Items() if block.lines:
@@ -29,8 +31,8 @@ def show(*blocks: pages.Block) -> None:
             case pages.Folded():
                 with ui.expansion(block.summary).classes("w-full"):
                     show(*block.blocks)
-            case pages.Figures():
-                for each in block.figures:
+            case pages.Plots():
+                for each in block.plots:
                     show_plot(each.plot)
             case _:
                 ui.html(html.blocks([block]), sanitize=False).classes("fw-scroll fw-table")

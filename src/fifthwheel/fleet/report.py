@@ -113,12 +113,14 @@ def _histories(history: Sequence[Row], changes: Sequence[Row], attention: Sequen
         series: dict[tuple[str, str, str], list[Row]] = {}
         for row in sorted(trucks[truck], key=lambda row: row["date"]):
             series.setdefault((row["parameter"], row["trailer"] or "", row["load"] or ""), []).append(row)
-        yield pages.Figures([_history(truck, key, rows, own) for key, rows in series.items()])
+        yield pages.Plots([_history(truck, key, rows, own) for key, rows in series.items()])
     if len(order) > MAX_HISTORIES:
         yield pages.Hint(f"{MAX_HISTORIES} of {len(order)} trucks are drawn; history.parquet has all.")
 
 
-def _history(truck: str, key: tuple[str, str, str], rows: Sequence[Row], changes: Sequence[float]) -> pages.Figure:
+def _history(
+    truck: str, key: tuple[str, str, str], rows: Sequence[Row], changes: Sequence[float]
+) -> pages.CaptionedPlot:
     parameter, trailer, load = key
     unit = shown(rows[0]["unit"])
     dates = np.array([_ms(row["date"]) for row in rows])
@@ -138,7 +140,7 @@ def _history(truck: str, key: tuple[str, str, str], rows: Sequence[Row], changes
     plot = Plot(panels=[Panel(items=items, x=Axis(date=True), y=Axis(unit=unit.name))])
     note = ", ".join(text for text in (trailer and f"trailer {trailer}", load and f"load {load}") if text)
     path = (truck, "history", "-".join(filter(None, key)))
-    return pages.Figure(pages.Code(parameter), plot, f"truck {truck}", path, note=note)
+    return pages.CaptionedPlot(pages.Code(parameter), plot, f"truck {truck}", path, note=note)
 
 
 def _ms(date: datetime) -> float:

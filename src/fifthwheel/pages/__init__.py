@@ -39,7 +39,7 @@ class Mark:
 Cell = str | Mark
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column of a table."""
 
     head: str
@@ -55,7 +55,7 @@ class Column(NamedTuple):
         return "n" in self.style.split()
 
 
-def column(text: str) -> Column:
+def column(text: str) -> TableColumn:
     """A column from "head|style|label", of which the head may be alone; a ">" after it stands for the style "n".
 
     A number that is not "main" has its head as label.
@@ -64,21 +64,21 @@ def column(text: str) -> Column:
     if head.endswith(">"):
         head, label = head[:-1], label or ("" if "main" in style else f"{head[:-1]}: ")
         style = f"n {style}".rstrip()
-    return Column(head, style, label)
+    return TableColumn(head, style, label)
 
 
 @dataclass(frozen=True)
 class Table:
     """Rows of cells."""
 
-    heads: Sequence[str | Column]
-    """A text as of `column`; a `Column` for a head that may be any text."""
+    heads: Sequence[str | TableColumn]
+    """A text as of `column`; a `TableColumn` for a head that may be any text."""
     rows: Sequence[Sequence[Cell]]
     label: str = ""
     """For screen readers."""
 
     @property
-    def columns(self) -> list[Column]:
+    def columns(self) -> list[TableColumn]:
         """The columns, from the heads."""
         return [column(head) if isinstance(head, str) else head for head in self.heads]
 
@@ -146,7 +146,7 @@ class Verbatim:
 
 
 @dataclass(frozen=True)
-class Figure:
+class CaptionedPlot:
     """A plot with its caption."""
 
     name: str
@@ -170,10 +170,10 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Figures:
+class Plots:
     """Plots side by side; a terminal leaves them out."""
 
-    figures: Sequence[Figure]
+    plots: Sequence[CaptionedPlot]
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class Folded:
     """A sentence after the summary."""
 
 
-Block = Headline | Heading | Paragraph | Items | Table | Values | Verbatim | Figures | Folded | Markup
+Block = Headline | Heading | Paragraph | Items | Table | Values | Verbatim | Plots | Folded | Markup
 
 
 @dataclass(frozen=True)

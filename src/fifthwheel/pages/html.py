@@ -32,7 +32,7 @@ def notebook(document: pages.Document) -> str:
     return f'<div class="fifthwheel">{style}{blocks(document.blocks)}</div>'
 
 
-def blocks(parts: Iterable[pages.Block], place: Callable[[pages.Figure], str] = lambda _: "") -> str:
+def blocks(parts: Iterable[pages.Block], place: Callable[[pages.CaptionedPlot], str] = lambda _: "") -> str:
     """Blocks as HTML.
 
     Args:
@@ -42,7 +42,7 @@ def blocks(parts: Iterable[pages.Block], place: Callable[[pages.Figure], str] = 
     return "\n".join(_block(part, place) for part in parts)
 
 
-def _block(block: pages.Block, place: Callable[[pages.Figure], str]) -> str:
+def _block(block: pages.Block, place: Callable[[pages.CaptionedPlot], str]) -> str:
     match block:
         case pages.Markup():
             return block
@@ -66,9 +66,9 @@ def _block(block: pages.Block, place: Callable[[pages.Figure], str]) -> str:
                 f"<dt>{cell(pages.Code(name))}</dt><dd>{text(str(value))}</dd>" for name, value in block.values.items()
             )
             return f"<dl>{''.join(rows)}</dl>"
-        case pages.Figures():
-            small = all(figure.small for figure in block.figures)
-            figures = "\n".join(_figure(figure, place(figure)) for figure in block.figures)
+        case pages.Plots():
+            small = all(figure.small for figure in block.plots)
+            figures = "\n".join(_figure(figure, place(figure)) for figure in block.plots)
             return f'<div class="plots{" three" * small}">\n{figures}\n</div>'
         case pages.Folded():
             summary = cell(block.summary) + (f": <span>{text(block.detail)}</span>" if block.detail else "")
@@ -80,7 +80,7 @@ def _block(block: pages.Block, place: Callable[[pages.Figure], str]) -> str:
             return f"<pre>{escape(printable_lines(lines))}</pre>"
 
 
-def _figure(figure: pages.Figure, key: str) -> str:
+def _figure(figure: pages.CaptionedPlot, key: str) -> str:
     caption = cell(figure.name) + (f": {text(figure.text)}" if figure.text else "")
     note = f"<small>{text(figure.note)}</small>" if figure.note else ""
     place = f'<div class="{f"plot {figure.size}".rstrip()}" id="{key}"></div>'
@@ -103,7 +103,7 @@ def _table(table: pages.Table) -> str:
     return f'<div class="scroll"><table{label}>{head}<tbody>\n{rows}\n</tbody></table></div>'
 
 
-def _row(columns: Sequence[pages.Column], row: Sequence[pages.Cell]) -> str:
+def _row(columns: Sequence[pages.TableColumn], row: Sequence[pages.Cell]) -> str:
     tone = next((cell.row for cell in row if isinstance(cell, pages.Mark)), "")
     cells = []
     for column, content in zip(columns, row, strict=True):

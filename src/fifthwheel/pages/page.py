@@ -54,11 +54,11 @@ def write(path: Path, document: pages.Document, *, images: str | None = None) ->
     return written
 
 
-def page(document: pages.Document) -> tuple[bytes, list[pages.Figure]]:
+def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
     """The bytes of the page, and its figures in their order."""
-    figures: list[pages.Figure] = []
+    figures: list[pages.CaptionedPlot] = []
 
-    def place(figure: pages.Figure) -> str:
+    def place(figure: pages.CaptionedPlot) -> str:
         figures.append(figure)
         return f"plot{len(figures) - 1}"
 
@@ -84,7 +84,7 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.Figure]]:
     return b"".join([*content, b"</body>\n</html>\n"]), figures
 
 
-def _drawn(figure: pages.Figure) -> dict[str, Any]:
+def _drawn(figure: pages.CaptionedPlot) -> dict[str, Any]:
     """A figure as the script of the page takes it; the script makes a legend that wraps."""
     drawn = plotly_figure.figure(_untitled(figure.plot))
     layout = {"showlegend": False, "margin": MARGINS.get(figure.size, MARGINS[""])}
@@ -111,7 +111,7 @@ def checked_format(name: str) -> str:
     return name
 
 
-def save_images(folder: Path, figures: Sequence[pages.Figure], image_format: str) -> list[Path]:
+def save_images(folder: Path, figures: Sequence[pages.CaptionedPlot], image_format: str) -> list[Path]:
     """Write every figure as folder/log/section/signal.format; returns the paths; errors as of `checked_format`."""
     checked_format(image_format)
     written: list[Path] = []

@@ -41,16 +41,21 @@ class _Printer:
             match block:
                 case pages.Headline():
                     self._line(block.text, "bold" if block.good else "bold yellow")
+                    for column in block.columns:
+                        self.show(column)
                 case pages.Heading():
                     self._title(block.title)
-                case pages.Paragraph():
+                case pages.Paragraph() | pages.Verbatim():
                     self._line(block.text)
+                case pages.Values():
+                    for name, value in block.values.items():
+                        self._line(f"{name}: {value}")
                 case pages.Table():
                     self._table(block)
                 case pages.Items():
                     self._items(block)
                 case pages.Folded():
-                    self._title(block.summary)
+                    self._title(block.summary + (f": {block.detail}" if block.detail else ""))
                     self.show(block.blocks)
 
     def _text(self, text: str) -> str:

@@ -148,7 +148,7 @@ def _lane_change(runs: Runs) -> Iterator[pages.Block]:
     yield pages.Hint(
         "Single lane change of ISO 14791: one sine of 0.15 g at 0.4 Hz at the front axle. Dashed: nonlinear."
     )
-    yield pages.Figures(
+    yield pages.Plots(
         [
             _figure("From above", "paths", _paths(runs), note="Front axle, and last axle of each unit."),
             _over_time("Lateral acceleration", "lateral acceleration", "m/s²", runs, lambda run: run.acceleration),
@@ -170,11 +170,11 @@ def _turns(truck: Truck) -> Iterator[pages.Block]:
         pass
     if figures:
         yield pages.Heading("Turns", key="turns")
-        yield pages.Figures(figures)
+        yield pages.Plots(figures)
 
 
-def _figure(caption: str, name: str, panel: Panel, *, group: str = "", note: str = "") -> pages.Figure:
-    return pages.Figure(caption, Plot(panels=[panel]), group or name, ("truck", "assessment", name), note=note)
+def _figure(caption: str, name: str, panel: Panel, *, group: str = "", note: str = "") -> pages.CaptionedPlot:
+    return pages.CaptionedPlot(caption, Plot(panels=[panel]), group or name, ("truck", "assessment", name), note=note)
 
 
 def _paths(runs: Runs) -> Panel:
@@ -188,7 +188,7 @@ def _paths(runs: Runs) -> Panel:
 
 def _over_time(
     caption: str, title: str, unit: str, runs: Runs, series: Callable[[LaneChange], Mapping[str, Array]]
-) -> pages.Figure:
+) -> pages.CaptionedPlot:
     items: list[Item] = []
     for model, run in runs.items():
         same_order = sorted(series(run).items(), key=lambda item: item[0] != "front")  # so that models share colours

@@ -20,7 +20,7 @@ EXPLANATION = (
 def write_comparison_page(path: Path, comparison: Comparison) -> None:
     """Write table, notes and plots of a comparison as one HTML file."""
     figures = [
-        pages.Figure(plot.panels[0].title, plot, group=name, path=("", "comparison", name))
+        pages.CaptionedPlot(plot.panels[0].title, plot, group=name, path=("", "comparison", name))
         for name, plot in comparison.plots().items()
     ]
     blocks: list[pages.Block] = [
@@ -29,7 +29,7 @@ def write_comparison_page(path: Path, comparison: Comparison) -> None:
         _table(comparison, repeat=True),
         pages.Items(comparison.notes),
         pages.Heading("Plots", key="plots"),
-        pages.Figures(figures),
+        pages.Plots(figures),
     ]
     subtitle = f"{', '.join(comparison.runs)}; fifthwheel {fifthwheel.__version__}"
     page.write(path, pages.Document("Comparison", blocks, subtitle))

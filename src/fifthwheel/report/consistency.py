@@ -45,12 +45,12 @@ def section(states: Sequence[States], fits: Sequence[Fit]) -> Iterator[pages.Blo
         predicted_only = any(not fit.identified_on for fit in log_fits.values())
         yield pages.Heading(log, badge="validation log" if predicted_only else "")
         if log_states is not None:
-            yield pages.Figures([innovation_figure(log_states, name) for name in log_states.innovation])
+            yield pages.Plots([innovation_figure(log_states, name) for name in log_states.innovation])
         for signal in dict.fromkeys([*log_fits, *(log_states.innovation if log_states else ())]):
             yield _channel(log, signal, log_states, log_fits.get(signal))
 
 
-def innovation_figure(states: States, name: str) -> pages.Figure:
+def innovation_figure(states: States, name: str) -> pages.CaptionedPlot:
     """Normalised innovations of a channel, with lines at ± 2 and a cross for each rejected sample."""
     size, values = innovation_size(states, name), normalised_innovation(states, name)
     rejected = rejected_samples(states, name)
@@ -69,7 +69,7 @@ def innovation_figure(states: States, name: str) -> pages.Figure:
     panel = Panel(items=items, x=TIME, y=Axis(unit="sigma", range=(-1.05 * limit, 1.05 * limit)))
     note = f"rms {size.rms:.2f}, {percent(size.rejected)} rejected" if np.isfinite(size.rms) else "never used"
     path = (states.name, "innovations", name)
-    return pages.Figure(pages.Code(name), Plot(panels=[panel]), f"log {states.name}", path, note=note)
+    return pages.CaptionedPlot(pages.Code(name), Plot(panels=[panel]), f"log {states.name}", path, note=note)
 
 
 def _channel(log: str, signal: str, states: States | None, fit: Fit | None) -> pages.Folded:
@@ -89,10 +89,10 @@ def _channel(log: str, signal: str, states: States | None, fit: Fit | None) -> p
     outliers, in_sigma = whiteness.outlier_fraction(values), fit is not None and fit.identified_on
     text = whiteness.describe_whiteness(correlation, outliers, free_run=fit is not None, in_sigma=in_sigma)
 
-    def figure(name: str, title: str, panel: Panel, group: str = "", note: str = "") -> pages.Figure:
+    def figure(name: str, title: str, panel: Panel, group: str = "", note: str = "") -> pages.CaptionedPlot:
         path = (log, "consistency", f"{signal}.{name}")
         group = group or " ".join(("alone", *path))
-        return pages.Figure(title, Plot(panels=[panel]), group, path, note=note, small=True)
+        return pages.CaptionedPlot(title, Plot(panels=[panel]), group, path, note=note, small=True)
 
     figures = []
     if correlation is not None:
@@ -105,7 +105,7 @@ def _channel(log: str, signal: str, states: States | None, fit: Fit | None) -> p
         if segments is not None:
             note = f"{percent(segments.fraction_within_limits)} of the time windows inside the band"
             figures.append(figure("size", "Rms of the innovation", _rms_by_segment(segments), f"log {log}", note))
-    return pages.Folded(pages.Code(signal), [pages.Figures(figures)] if figures else [], text)
+    return pages.Folded(pages.Code(signal), [pages.Plots(figures)] if figures else [], text)
 
 
 def _autocorrelation(correlation: Autocorrelation) -> Panel:

@@ -276,7 +276,7 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
         passes = f"{history.passes} pass{'es' * (history.passes > 1)}"
         yield pages.Heading(title.capitalize() if one_stage else f"{title.capitalize()}: {passes}")
         figures = [
-            pages.Figure(
+            pages.CaptionedPlot(
                 pages.Code(e.name),
                 Plot(panels=[display.history_panel(history, e)]),
                 group=f"history {title}",
@@ -287,7 +287,7 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
             if e.name in history.names
         ]
         yield (
-            pages.Figures(figures)
+            pages.Plots(figures)
             if figures
             else pages.Hint("No parameter of this stage was excited enough to be estimated.")
         )
@@ -309,7 +309,7 @@ def _fits(identification: Identification) -> Iterator[pages.Block]:
     )
     for log, fits in _fits_by_log(identification).items():
         yield pages.Heading(log, badge="" if fits[0].identified_on else "validation log")
-        yield pages.Figures([_fit(fit, fit_quality(fit, identification.settings.noise)) for fit in fits])
+        yield pages.Plots([_fit(fit, fit_quality(fit, identification.settings.noise)) for fit in fits])
 
 
 def _fits_by_log(identification: Identification) -> dict[str, list[Fit]]:
@@ -319,13 +319,13 @@ def _fits_by_log(identification: Identification) -> dict[str, list[Fit]]:
     return logs
 
 
-def _fit(fit: Fit, quality: FitQuality) -> pages.Figure:
+def _fit(fit: Fit, quality: FitQuality) -> pages.CaptionedPlot:
     unit = si_unit(fit.signal)
     note = f"residual {approximate(fit.rms, unit)} rms"
     if np.isfinite(quality.noise):
         note += f", sensor noise about {approximate(quality.noise, unit)}"
         note += "; no more can be explained" if quality.noise_limited else ""
-    return pages.Figure(
+    return pages.CaptionedPlot(
         pages.Code(fit.signal),
         Plot(panels=[display.fit_panel(fit), replace(display.residual_panel(fit), height=0.4)]),
         group=f"log {fit.log}",
@@ -344,7 +344,7 @@ def _fit_tables(identification: Identification) -> Iterator[pages.Table]:
             shown_noise = approximate(noise, unit) if np.isfinite(noise) else "–"
             rows.append((fit.signal, _explained(fit), approximate(fit.rms, unit), shown_noise))
         head = log if fits[0].identified_on else f"{log} (validation log)"
-        yield pages.Table((pages.Column(head), "Explained>", "Residual rms>", "Noise>"), rows)
+        yield pages.Table((pages.TableColumn(head), "Explained>", "Residual rms>", "Noise>"), rows)
 
 
 def _explained(fit: Fit) -> str:

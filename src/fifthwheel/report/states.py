@@ -103,7 +103,7 @@ def _tables(summary: StateSummary) -> Iterator[pages.Block]:
         (name, *["–" if v is None else approximate(v, si_unit(name)) for v in (band, summary.reference_rms[name])])
         for name, band in summary.band.items()
     ]
-    yield pages.Table((pages.Column(summary.name), "2 sigma, median>", "rms from reference>"), rows)
+    yield pages.Table((pages.TableColumn(summary.name), "2 sigma, median>", "rms from reference>"), rows)
     statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
     yield pages.Paragraph(f"Samples: {'; '.join(statuses)}")
     if summary.lift_warning is not None:
@@ -135,7 +135,7 @@ def states_section(
         record, summary = record_of(s, records), summarise_states(s, records)
         yield pages.Heading(s.name)
         yield _statuses(summary)
-        yield pages.Figures([_state(s, record, summary, name) for name in s.values])
+        yield pages.Plots([_state(s, record, summary, name) for name in s.values])
 
 
 def _statuses(summary: StateSummary) -> pages.Markup:
@@ -147,11 +147,11 @@ def _statuses(summary: StateSummary) -> pages.Markup:
     return pages.Markup(f'<p class="hint">Samples: {", ".join(items)}.</p>')
 
 
-def _state(states: States, record: Record | None, summary: StateSummary, name: str) -> pages.Figure:
+def _state(states: States, record: Record | None, summary: StateSummary, name: str) -> pages.CaptionedPlot:
     unit, width, rms = si_unit(name), summary.band[name], summary.reference_rms[name]
     note = "never estimated" if width is None else f"± {approximate(width, unit)} (2 sigma, median)"
     note += "" if rms is None else f"; rms difference from the reference {approximate(rms, unit)}"
     panel = states.panel(name, record, states.status_spans())
-    return pages.Figure(
+    return pages.CaptionedPlot(
         pages.Code(name), Plot(panels=[panel]), f"log {states.name}", (states.name, "states", name), note=note
     )

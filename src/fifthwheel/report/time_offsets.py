@@ -34,7 +34,7 @@ def write_time_offsets(path: Path, records: Sequence[Record], vehicle: Vehicle) 
         else:
             offsets = {offset.name: offset for offset in offsets_of(record, prediction)}
             channels = enumerate(prediction.names)
-            blocks.append(pages.Figures([_figure(prediction, c, offsets.get(n), record.name) for c, n in channels]))
+            blocks.append(pages.Plots([_figure(prediction, c, offsets.get(n), record.name) for c, n in channels]))
     subtitle = "Measured channels and their predictions from speed and steer"
     page.write(path, pages.Document(f"Time offsets, {vehicle.name}", blocks, subtitle))
 
@@ -46,7 +46,7 @@ def _note(offset: TimeOffset | None) -> str:
     return f"{late}{'' if offset.significant else ' (not significant)'}, explained {offset.explained:.0%}"
 
 
-def _figure(prediction: Prediction, channel: int, offset: TimeOffset | None, log: str) -> pages.Figure:
+def _figure(prediction: Prediction, channel: int, offset: TimeOffset | None, log: str) -> pages.CaptionedPlot:
     """A channel as measured, its prediction, and the prediction delayed by the offset, fitted with gain and bias."""
     name, time = prediction.names[channel], prediction.time
     unit, measured = shown(si_unit(name)), prediction.measured[:, channel]
@@ -65,4 +65,4 @@ def _figure(prediction: Prediction, channel: int, offset: TimeOffset | None, log
     if offset is not None and offset.significant:
         items.append(line(gain * delayed + bias, name="predicted, delayed", colour=VERMILLION, dash="dash"))
     plot = Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=unit.name))])
-    return pages.Figure(name, plot, group=f"time {log}", path=(log, "time", name), note=_note(offset))
+    return pages.CaptionedPlot(name, plot, group=f"time {log}", path=(log, "time", name), note=_note(offset))
