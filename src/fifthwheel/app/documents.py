@@ -24,10 +24,11 @@ def show(*blocks: pages.Block) -> None:
                     show(*column)
             case pages.Heading():
                 layout.heading(block.title)
-            case pages.Items() if block.lines:
-                if block.title:
+            case pages.Items():
+                if block.lines and block.title:
                     layout.heading(block.title)
-                ui.html(html.blocks([pages.Items(block.lines)]), sanitize=False).classes("fw-list")
+                if block.lines:
+                    ui.html(html.blocks([pages.Items(block.lines)]), sanitize=False).classes("fw-list")
             case pages.Folded():
                 with ui.expansion(block.summary).classes("w-full"):
                     show(*block.blocks)

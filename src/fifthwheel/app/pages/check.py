@@ -2,7 +2,7 @@
 
 from nicegui import ui
 
-from fifthwheel.app import documents, jobs, layout, progress, runs
+from fifthwheel.app import documents, jobs, layout, runs
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.report.information import information_document
@@ -23,7 +23,7 @@ def _result(workspace: Workspace) -> None:
     """The check of the present files; it is computed if there is none."""
     key = f"check {runs.stamp(workspace)}"
     job = jobs.get(key) or jobs.start(key, runs.check, workspace.folder)
-    progress.show(key, lambda _: _result.refresh())
+    layout.show_progress(key, lambda _: _result.refresh())
     if job.state == "done":
         _show(job.result)
     elif not job.running:

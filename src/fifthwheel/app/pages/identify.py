@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from fifthwheel.app import inputs, jobs, layout, progress, result_files, runs
+from fifthwheel.app import inputs, jobs, layout, result_files, runs
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.vehicle import Vehicle
@@ -142,7 +142,7 @@ def _run(workspace: Workspace) -> None:
     job = jobs.get(KEY)
     running = job is not None and job.running
     if running:
-        progress.show(KEY, partial(_ended, workspace))
+        layout.show_progress(KEY, partial(_ended, workspace))
     else:
         with ui.row().classes("items-end"):
             name = ui.input("Name of the result", value=runs.next_name(workspace)).classes("fw-field")

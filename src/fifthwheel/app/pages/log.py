@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import documents, inputs, jobs, layout, progress
+from fifthwheel.app import documents, inputs, jobs, layout
 from fifthwheel.app.pages.log_channels import channels
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
@@ -78,7 +78,7 @@ class _Page:
             for name in logs:
                 self._row(name, chosen=name == chosen)
         for name in logs:
-            progress.show(_key(name), lambda job: self.refresh())
+            layout.show_progress(_key(name), lambda job: self.refresh())
 
     @ui.refreshable_method
     def _channels(self) -> None:
