@@ -1,6 +1,6 @@
 """A plot as plotly.js takes it: nested dictionaries of traces and layout."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -68,14 +68,14 @@ def _trace(item: Item, colour: str, panel: Panel) -> Figure:
 
 
 def _line(item: Line, colour: str, panel: Panel) -> Figure:
-    x, y = as_array(item.x), as_array(item.y)
-    rows = downsample.rows(x, y, gaps=item.gaps)
-    isolated = bool(rows) and max(map(len, rows)) == 1
+    x, y = downsample.course(as_array(item.x), as_array(item.y), gaps=item.gaps)
+    shown = np.isfinite(x)
+    isolated = shown.any() and not (shown[1:] & shown[:-1]).any()
     return {
         "type": "scatter",
         "mode": "markers" if isolated else "lines",
-        "x": _pieces(x, rows, TIME_DIGITS, log=panel.x.log),
-        "y": _pieces(y, rows, VALUE_DIGITS, log=panel.y.log),
+        "x": _numbers(x, TIME_DIGITS, log=panel.x.log),
+        "y": _numbers(y, log=panel.y.log),
         "line": {"color": colour, "width": item.width, "dash": item.dash},
     }
 
@@ -107,14 +107,6 @@ def _points(item: Points, colour: str, panel: Panel) -> Figure:
             bar = _numbers(as_array(sigma), digits, log=True)
             trace[f"error_{axis}"] = {"type": "data", "array": bar, "color": colour, "thickness": 1.6}
     return trace | ({"text": list(item.texts)} if item.texts else {})
-
-
-def _pieces(values: Array, rows: Sequence[downsample.Index], digits: int, *, log: bool) -> list[float | None]:
-    """Values of each segment, None between segments."""
-    numbers = _numbers(values[np.concatenate(rows)] if rows else np.zeros(0), digits, log=log)
-    for gap in reversed(np.cumsum([len(segment) for segment in rows])[:-1].tolist()):
-        numbers.insert(gap, None)
-    return numbers
 
 
 def _numbers(values: Array, digits: int = VALUE_DIGITS, *, log: bool = False) -> list[float | None]:
