@@ -11,7 +11,7 @@ BOXES = {  # name: (x, y, what it holds)
     "identify": (590, 80, "parameters, verdicts"),
     "observe": (590, 180, "states"),
     "diagnose": (780, 80, "findings, advice"),
-    "report": (780, 180, "pages, tables"),
+    "report, pages": (780, 180, "tables, plots, words"),
     "manoeuvres": (20, 230, "what is driven"),
     "simulate": (210, 230, "linear, with noise"),
     "plant": (400, 230, "nonlinear truck"),

@@ -29,6 +29,7 @@ DISPLAY_UNITS = {
 
 _ASCII = str.maketrans(
     {"±": "+-", "²": "^2", "≥": ">=", "≤": "<=", "×": "x", "–": "-", "−": "-", "\u202f": "", "\u00a0": " ", "…": "..."}
+    | {"α": "a"}
 )
 _TYPOGRAPHY = str.maketrans({",": "\u202f", "-": "−"})
 """Python's number format -> typography: a thin space between thousands, a minus sign as wide as the plus sign."""

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from fifthwheel.app import exploration, inputs, runs, tables
+from fifthwheel.app import inputs, runs
+from fifthwheel.app.pages import explore
 from fifthwheel.app.pages.identify import plain_name
 from fifthwheel.app.workspace import Choices, LogChoice, Workspace
+from fifthwheel.diagnose import LogPrediction
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.logs import write_record
+from fifthwheel.pages import Code
+from fifthwheel.pages.html import cell
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
@@ -146,17 +150,17 @@ STYLES = [(BLUE, "dash"), (VERMILLION, "solid")]
 
 
 def test_predictions_have_the_styles_of_the_linear_model():
-    fits = exploration.Exploration.of(simulate(TRUCK, count=1), TRUCK).fits({})
-    measured, *predicted = exploration.fit_plot(fits, fits).panels[0].items
+    fits = LogPrediction.of(simulate(TRUCK, count=1), TRUCK).fits({})
+    measured, *predicted = explore.fit_plot(fits, fits).panels[0].items
     assert measured.colour == GREY
     assert [(line.colour, line.dash) for line in predicted] == STYLES
 
 
-@pytest.mark.parametrize("kind", exploration.KINDS)
+@pytest.mark.parametrize("kind", explore.KINDS)
 def test_a_changed_number_moves_the_line_of_the_sliders(kind):
     name = "semitrailer.cornering_stiffness" if kind != "handling diagram" else FRONT
     softer = TRUCK.replace({name: 0.7 * TRUCK.parameters()[name]})
-    plot = exploration.model_plot(kind, TRUCK, softer, 22.0, simulate(TRUCK, count=1))
+    plot = explore.model_plot(kind, TRUCK, softer, 22.0, simulate(TRUCK, count=1))
     lines = [item for item in plot.panels[-1].items if getattr(item, "name", "") in ("vehicle file", "sliders")]
     assert [line.name for line in lines] == ["vehicle file", "sliders"]
     assert [(line.colour, line.dash) for line in lines] == STYLES
@@ -166,10 +170,10 @@ def test_a_changed_number_moves_the_line_of_the_sliders(kind):
 
 
 def test_texts_are_escaped():
-    html = tables.name(f"{NASTY} tractor.front.cornering_stiffness 1.5 m")
+    html = cell(Code(f"{NASTY} tractor.front.cornering_stiffness 1.5 m"))
     assert "<b>" not in html
     assert "</script>" not in html
-    assert "tractor.<wbr>front.<wbr>cornering_<wbr>stiffness 1.5 m" in html
+    assert "tractor.<wbr/>front.<wbr/>cornering_<wbr/>stiffness 1.5 m" in html
 
 
 @pytest.mark.slow

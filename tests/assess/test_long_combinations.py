@@ -7,7 +7,8 @@ from fifthwheel.assess.lane_change import linear, measures
 from fifthwheel.assess.low_speed_turn import turn
 from fifthwheel.assess.rollover import rollover
 from fifthwheel.assess.truck import Truck
-from fifthwheel.report.figures.performance import roll_by_acceleration, turn_from_above
+from fifthwheel.plots import Line
+from fifthwheel.report.assessment import roll_by_acceleration, turn_from_above
 from fifthwheel.vehicle import Vehicle, get
 
 
@@ -35,8 +36,8 @@ def test_figures_of_as_many_units_as_a_vehicle_can_have():
     truck = Truck(vehicle=Vehicle(name="train", units=(tractor, *leads, last), couplings=(first, *wheels)))
     run = turn(truck)
     assert np.isfinite(run.headings).all()
-    assert len(turn_from_above(truck, run).figure["data"]) == 8 + 2
-    assert len(roll_by_acceleration(rollover(truck)).figure["data"]) == 8
+    assert len(turn_from_above(truck, run).items) == 8 + 2
+    assert sum(isinstance(item, Line) for item in roll_by_acceleration(rollover(truck)).items) == 8
 
 
 @pytest.mark.parametrize("name", ["a_double", "truck_full_trailer"])

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.cheng_cebon_2011 import raw_results, reproduce
+from fifthwheel.cheng_cebon_2011 import raw_results
 from fifthwheel.cheng_cebon_2011.comparison import compare
 from fifthwheel.cheng_cebon_2011.published import FRONT, YAW_INERTIA
+from fifthwheel.cheng_cebon_2011.reproduce import reproduce
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.vehicle import get
 from tests.cheng_cebon_2011.conftest import TIME, synthetic_experiment, synthetic_outcome

@@ -11,6 +11,7 @@ from rich.console import Console
 from fifthwheel.cheng_cebon_2011 import table
 from fifthwheel.cheng_cebon_2011.comparison import QUANTITIES, VariantErrors, compare, percent_error
 from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
+from fifthwheel.pages.terminal import show
 from tests.cheng_cebon_2011.conftest import synthetic_experiment, synthetic_outcome
 
 
@@ -124,9 +125,9 @@ def test_csv_has_a_line_for_each_quantity_and_arm(rows):
 
 def test_terminal(rows):
     file = io.StringIO()
-    table.show(rows, Console(file=file, width=80))
+    show(table.document(rows), Console(file=file, width=80))
     text = file.getvalue()
     assert text.isascii()
     assert max(map(len, text.splitlines())) <= 80
-    assert "+4.0 %  x 1.6" in text
-    assert "-1.0 %     no" in text
+    assert "+4.0 % x 1.6" in text
+    assert "-1.0 %    no" in text

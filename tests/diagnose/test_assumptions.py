@@ -8,8 +8,10 @@ from fifthwheel.diagnose.assumptions import assumed_numbers
 from fifthwheel.dynamics.summary import summarize
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.report.html import tables
-from fifthwheel.report.terminal.vehicle import show_vehicle
+from fifthwheel.pages.html import blocks
+from fifthwheel.pages.terminal import show
+from fifthwheel.report.identification import assumed_numbers as assumed_section
+from fifthwheel.report.vehicle import vehicle_document
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
 from tests.report.test_terminal import printed
@@ -55,12 +57,14 @@ def test_an_unstable_vehicle_has_no_effects():
 
 
 def test_the_assumed_numbers_are_shown(numbers):
-    text = printed(show_vehicle, TRUCK, summarize(TRUCK, 20.0), list(numbers.values()))
-    html = tables.assumed(TRUCK).replace("<wbr>", "")
+    text = printed(show, vehicle_document(TRUCK, summarize(TRUCK, 20.0), list(numbers.values())))
+    html = blocks([assumed_section(TRUCK)]).replace("<wbr/>", "")
     (note,) = [n for n in prepare_dataset([simulate(TRUCK, count=1)], TRUCK, OneStage()).notes if "assumed from" in n]
     for path in TRUCK.assumed:
         assert path in text
         assert path in html
         assert path in note
     assert max(map(len, text.splitlines())) <= 80
-    assert "No number is assumed" in printed(show_vehicle, get("auburn_6x4"), summarize(get("auburn_6x4")), [])
+    assert "No number is assumed" in printed(
+        show, vehicle_document(get("auburn_6x4"), summarize(get("auburn_6x4")), [])
+    )

@@ -69,6 +69,7 @@ def test_envelope_is_never_narrower(values, count):
 
 
 def test_values_that_are_not_finite_become_null():
+    assert downsample.numbers(np.full(2, 1280.4064)) == [1280.4064] * 2  # of a level that others are compared with
     assert downsample.numbers(np.array([1.0, np.nan, 2.0, np.inf])) == [1.0, None, 2.0, None]
     assert downsample.numbers(np.array([np.nan])) == [None]
 

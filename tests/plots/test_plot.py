@@ -10,6 +10,7 @@ import pytest
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.plots import Area, Axis, Band, Bars, Guide, Label, Line, Panel, Plot, Points, Span, plotly_figure
 from fifthwheel.plots.palette import BLUE, CYCLE, VERMILLION
+from fifthwheel.plots.panels import trimmed, visible_range
 
 TIME = np.linspace(0, 10, 50)
 SINE = np.sin(TIME)
@@ -171,3 +172,28 @@ def test_arrays_of_different_lengths_are_refused():
         Guide(x=1, y=1)
     with pytest.raises(FifthwheelError, match="at least one Panel"):
         Plot(panels=[])
+
+
+def test_dates():
+    days = np.array([np.datetime64("2026-01-05"), np.datetime64("2026-01-07")]).astype("datetime64[ms]").astype(float)
+    plot = Plot(panels=[Panel(items=[Line(days, [1, 2]), Guide(x=days[1])], x=Axis(date=True))])
+    figure = plot.to_plotly()
+    assert figure.layout.xaxis.type == "date"
+    assert list(figure.data[0].x) == [days[0], figure.layout.shapes[0].x0]
+    (axes,) = plot.to_matplotlib().axes
+    assert axes.xaxis.get_major_formatter()(days[0]) == "2026-01-05"
+
+
+def test_a_small_image_has_a_small_title(tmp_path):
+    example().save(tmp_path / "small.svg", size=(4.2, 3.0))
+    text = (tmp_path / "small.svg").read_text()
+    assert 'width="302.4pt" height="216pt"' in text
+    (small, large) = (example().to_matplotlib(size)._suptitle.get_fontsize() for size in ((4.2, 3.0), None))
+    assert small < large
+
+
+def test_a_range_shows_all_finite_values():
+    assert visible_range([0.0, np.nan], 1.0) == pytest.approx((-0.06, 1.06))
+    assert visible_range([np.inf]) == (-1.0, 1.0)
+    assert visible_range(3.0) == (2.0, 4.0)
+    assert trimmed(np.array([*range(101), np.nan]), 0.05) == pytest.approx([5, 95])

@@ -93,6 +93,9 @@ class Page(HTMLParser):
         if tag not in VOID:
             self.open.append(tag)
 
+    def handle_startendtag(self, tag, attrs):
+        assert tag in VOID | {"path"}
+
     def handle_endtag(self, tag):
         assert tag not in VOID
         assert self.open.pop() == tag

@@ -9,7 +9,7 @@ from fifthwheel import vehicle
 from fifthwheel.identify import SensorError, identify
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.report import StateConditions, conclude_identification, conclude_states
-from fifthwheel.report.text.words import counted, spoken
+from fifthwheel.report.words import counted, spoken
 from fifthwheel.simulate import simulate
 from tests.report.conftest import NASTY
 

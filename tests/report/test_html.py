@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 from fifthwheel.formatting import with_sigma
+from fifthwheel.identify.result import display
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Status
-from fifthwheel.plots import downsample
+from fifthwheel.observe.states import SHADES
+from fifthwheel.pages import page
+from fifthwheel.plots import Plot, downsample, plotly_figure
+from fifthwheel.plots.palette import rgba
 from fifthwheel.report import write_report, write_states_report
-from fifthwheel.report.figures import time_series
-from fifthwheel.report.html import page
-from fifthwheel.report.text.words import MARKS, spoken_verdict
+from fifthwheel.report.consistency import innovation_figure
+from fifthwheel.report.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY, Page
 
 
@@ -107,7 +110,7 @@ def test_lines_are_short_and_as_long_as_their_time(plots):
 def test_histories_have_band_levels_and_passes(result, plots):
     history = result.identification.histories["one stage"]
     names = [line["name"] for line in plots[0]["data"]]
-    assert names == [time_series.FILTER_BAND, "initial", "final", "estimate", time_series.FINAL_SIGMA]
+    assert names == [display.FILTER_BAND, "initial", "final", "estimate", display.FINAL_SIGMA]
     assert len(plots[0]["layout"]["shapes"]) == history.passes - 1
     estimate = result.identification[history.names[0]]
     assert plots[0]["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)
@@ -116,32 +119,32 @@ def test_histories_have_band_levels_and_passes(result, plots):
 
 def test_angles_are_in_degrees(result):
     states, record = result.states[0], result.records[0]
-    plot = time_series.state(states, record, "sideslip.tractor", "log")
-    lines = {line["name"]: line for line in plot.figure["data"]}
+    figure = plotly_figure.figure(Plot(panels=[states.panel("sideslip.tractor", record)]))
+    lines = {line["name"]: line for line in figure["data"]}
     assert set(lines) == {"± 2 sigma", "estimate", "reference"}
     assert max(lines["reference"]["y"]) == pytest.approx(
         np.degrees(record.reference["sideslip.tractor"].max()), rel=1e-3
     )
-    assert plot.figure["layout"]["yaxis"]["title"]["text"] == "deg"
+    assert figure["layout"]["yaxis"]["title"]["text"] == "deg"
 
 
 def test_status_is_shaded_and_rejected_samples_are_marked(result):
     states = result.states[1]
     assert (states.status == Status.TOO_SLOW).any()
-    plot = time_series.innovation(states, "yaw_rate.tractor", "log")
-    colours = [shape.get("fillcolor") for shape in plot.figure["layout"]["shapes"]]
-    assert time_series.STATUS_COLOURS["TOO_SLOW"] in colours
-    assert time_series.STATUS_COLOURS["COASTING"] in colours
-    marks = plot.figure["data"][1]
+    figure = plotly_figure.figure(innovation_figure(states, "yaw_rate.tractor").plot)
+    colours = [shape.get("fillcolor") for shape in figure["layout"]["shapes"]]
+    assert rgba(*SHADES[Status.TOO_SLOW]) in colours
+    assert rgba(*SHADES[Status.COASTING]) in colours
+    marks = figure["data"][1]
     assert marks["name"] == "rejected"
     assert 8.0 in marks["x"]
 
 
 def test_gaps_are_null(result):
-    plot = time_series.state(result.states[1], result.records[1], "yaw_rate.tractor", "log")
-    estimate = next(line for line in plot.figure["data"] if line["name"] == "estimate")
-    assert None in estimate["y"]
-    assert not any(line["y"].count(None) > 5 for line in plot.figure["data"])
+    panel = result.states[1].panel("yaw_rate.tractor", result.records[1])
+    lines = plotly_figure.figure(Plot(panels=[panel]))["data"]
+    assert None in next(line for line in lines if line["name"] == "estimate")["y"]
+    assert not any(line["y"].count(None) > 5 for line in lines)
 
 
 def test_predicted_logs_are_marked(text):
@@ -186,31 +189,6 @@ def test_every_verdict_has_its_mark(every_verdict, result, tmp_path):
     assert set(MARKS) == set(Verdict)
     for name, mark in MARKS.items():
         assert f'<span class="{name}"><span class="mark">{mark}</span>{spoken_verdict(name)}</span>' in text
-
-
-def test_a_library_is_compressed_once(tmp_path, monkeypatch):
-    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(tmp_path / "cache"))
-    first = page._plotly.__wrapped__()
-    monkeypatch.setattr(page, "compressed", lambda data: pytest.fail("compressed again"))
-    assert page._plotly.__wrapped__() == first
-
-
-def test_an_error_leaves_the_old_page(tmp_path, monkeypatch):
-    path = tmp_path / "report.html"
-    path.write_text("old")
-    monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
-    with pytest.raises(OSError, match="full"):
-        page.write_page(path, title="t", body="", plots=[])
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_json_cannot_leave_its_script():
-    text = page.script_json({"name": "</script><!--\u2028&"})
-    assert not set(text) & set("<>&\u2028")
-    assert json.loads(text) == {"name": "</script><!--\u2028&"}
-    with pytest.raises(ValueError, match="JSON"):
-        page.script_json([float("nan")])
 
 
 def test_import_is_cheap():

@@ -9,7 +9,7 @@ import fifthwheel as fw
 from fifthwheel.assess.lane_change import linear
 from fifthwheel.assess.truck import Truck
 from fifthwheel.report import show_assessment, write_assessment_report, write_report
-from fifthwheel.report.text.performance import explain_assessment, headline, is_good
+from fifthwheel.report.assessment import explanations, headline, is_good
 from tests.report.conftest import Page
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -40,7 +40,7 @@ def test_the_headline_says_what_is_missed_or_doubtful(assessment):
 
 
 def test_notes_name_the_assumed_dimensions_and_the_origin_of_sigma(assessment):
-    notes = " ".join(explain_assessment(assessment))
+    notes = " ".join(explanations(assessment))
     for text in ("half track 1.000 ± 0.030 m", "rear overhang unknown", "the vehicle file", "--body"):
         assert text in notes
 

@@ -2,8 +2,8 @@
 
 import hashlib
 
+from fifthwheel.pages.html import blocks
 from fifthwheel.report import provenance
-from fifthwheel.report.html import tables
 from fifthwheel.report.provenance import gather_provenance, provenance_of_run
 from fifthwheel.vehicle import catalogue
 
@@ -28,11 +28,11 @@ def test_the_command_is_quoted_for_a_shell(tmp_path):
     assert list(origin.texts.values()) == [catalogue.text("cheng_cebon_2011"), signals.read_text()]
     assert origin.time.endswith(" UTC")
     assert {"fifthwheel", "Python", "numpy", "casadi", "llvmlite", "platform"} <= origin.versions.keys()
-    html = tables.provenance(origin)
+    html = blocks(origin.blocks())
     assert "v &lt;m/s&gt;" in html
     assert origin.files[0].sha256 in html
     assert origin.files[0].size == signals.stat().st_size
 
 
 def test_everything_is_optional():
-    assert "With " in tables.provenance(provenance.Provenance(versions={"Python": "3"}))
+    assert "With " in blocks(provenance.Provenance(versions={"Python": "3"}).blocks())

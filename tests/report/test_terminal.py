@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from fifthwheel import pages
 from fifthwheel.formatting import plain_ascii, with_sigma
+from fifthwheel.pages.terminal import COLOURS, show
 from fifthwheel.report import show_identification, show_states
-from fifthwheel.report.terminal.page import COLOURS, TerminalPage
-from fifthwheel.report.text.words import MARKS, spoken_verdict
+from fifthwheel.report.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY
 
 
@@ -94,12 +95,14 @@ def test_without_a_console(result, capsys):
 
 def test_a_name_cannot_control_the_terminal() -> None:
     console = Console(file=io.StringIO(), force_terminal=True, width=200)
-    page = TerminalPage(console)
     hostile = "x\x1b]0;title\x07\x1b[2J\u202e"
-    page.headline(hostile)
-    page.line(hostile)
-    page.table((f"{hostile}\nsecond line>",), [(hostile,)])
-    page.lists(("Title", [hostile]))
+    blocks = (
+        pages.Headline(hostile),
+        pages.Paragraph(hostile),
+        pages.Table((f"{hostile}\nsecond line>",), [(hostile,)]),
+        pages.Items([hostile], "Title"),
+    )
+    show(pages.Document(hostile, blocks), console)
     printed = console.file.getvalue()
     assert printed.count(r"x\u001b]0;title\u0007\u001b[2J\u202e") == 5
     assert "\x1b]" not in printed

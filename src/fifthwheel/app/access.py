@@ -59,7 +59,6 @@ class Access:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie."""
         return f"fifthwheel_{self.port}"
 
     def refusal(self, scope: Mapping[str, Any]) -> tuple[int, str] | None:

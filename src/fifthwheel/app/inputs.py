@@ -47,7 +47,6 @@ def stored_folder(workspace: Workspace, name: str) -> Path:
 
 
 def is_stored(workspace: Workspace, name: str) -> bool:
-    """Whether a log has been read."""
     return stored_folder(workspace, name).exists()
 
 
@@ -115,7 +114,6 @@ def opened(workspace: Workspace, name: str, span: tuple[float, float] | None = N
 
 
 def survey(workspace: Workspace, name: str) -> LogSurvey:
-    """The survey of a stored log."""
     path = stored_folder(workspace, name) / _SURVEY
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     contents = {
@@ -145,7 +143,6 @@ def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[fl
 
 
 def prepare() -> None:
-    """Import and compile what the first computation needs."""
     truck = catalogue.get("cheng_cebon_2011")
     signal_evidence(simulate(truck, count=1), truck)
 
@@ -185,7 +182,6 @@ def _steered_span(log: StoredLog, columns: Sequence[str]) -> tuple[float, float]
 
 
 def used_logs(workspace: Workspace) -> list[str]:
-    """Names of the logs that are used."""
     choices = workspace.choices()
     return [path.name for path in workspace.logs() if choices.of(path.name).use]
 

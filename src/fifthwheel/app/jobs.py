@@ -53,7 +53,6 @@ _jobs: dict[str, Job] = {}
 
 
 def get(key: str) -> Job | None:
-    """The last job with this key."""
     return _jobs.get(key)
 
 
@@ -79,7 +78,6 @@ def start(key: str, function: Callable[..., Any], *args: Any, **options: Any) ->
 
 
 def cancel_all() -> None:
-    """End all processes."""
     for job in _jobs.values():
         job.cancel()
     _worker.end()

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 from nicegui import Client, app, events, ui
 
-from fifthwheel.app import result_files
+from fifthwheel.app import jobs, result_files
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 
@@ -29,10 +29,11 @@ _MESSAGE = "message"
 """Key of the note that a tab shows after its reload."""
 POLL = 1.0
 """s between two looks for changes by other tabs."""
+PROGRESS_POLL = 0.3
+"""s between two looks at a job."""
 
 
 def register(folder: Path) -> None:
-    """Register the pages of a workspace."""
     style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
     ui.add_head_html(f"<style>{style}</style>", shared=True)
     result_files.register(folder)
@@ -62,7 +63,6 @@ def _register(name: str, folder: Path) -> None:
 
 
 def address(name: str) -> str:
-    """Address of a page."""
     return "/" if name == PAGES[0] else f"/{name}"
 
 
@@ -120,6 +120,36 @@ def reload(message: str = "") -> None:
     if message:
         app.storage.tab[_MESSAGE] = message
     ui.run_javascript("location.reload()")
+
+
+def show_progress(key: str, on_end: Callable[[jobs.Job], object]) -> None:
+    """Show a job while it runs, with a button that cancels it.
+
+    Args:
+        key: of the job; where there is none, or it has ended, nothing is shown.
+        on_end: called once when a job ends that was running when the page was built.
+    """
+    job = jobs.get(key)
+    if job is None or not job.running:
+        return
+    with ui.row().classes("items-center w-full no-wrap") as row:
+        bar = ui.linear_progress(show_value=False).props('aria-label="Progress" role=progressbar').classes("col")
+        text = ui.label().props("role=status aria-live=polite")
+        ui.button("Cancel", on_click=job.cancel).props("outline dense")
+
+    def update() -> None:
+        if not job.running:
+            timer.cancel()
+            row.delete()
+            on_end(job)
+            return
+        bar.props(
+            "indeterminate" if job.fraction is None else "", remove="" if job.fraction is None else "indeterminate"
+        )
+        bar.value = job.fraction or 0.0
+        text.text = job.title if job.fraction is None else f"{job.title} {job.fraction:.0%}"
+
+    timer = ui.timer(PROGRESS_POLL, update)
 
 
 def _say_after_reload() -> None:

@@ -62,12 +62,10 @@ def _attached(name: str) -> dict[str, str]:
 
 
 def address(run: str, file: str) -> str:
-    """Address of a file of a result."""
     return f"/runs/{quote(run, safe='')}/{file}"
 
 
 def show(run: str) -> None:
-    """The report in the page."""
     frame = ui.element("iframe").classes("fw-report")
     frame.props["sandbox"] = "allow-scripts"
     frame.props["title"] = f"Report of {run}"

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import fields
+from itertools import cycle
 from pathlib import Path
 
 from fifthwheel._atomic import result_folder
@@ -10,12 +11,11 @@ from fifthwheel.app import inputs
 from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.diagnose import Comparison, LogPrediction
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.formatting import shown
-from fifthwheel.identify import Identification
+from fifthwheel.identify import Fit, Identification
 from fifthwheel.identify.design.assess import InformationAssessment, assess_information
-from fifthwheel.plots import Axis, Item, Line, Panel, Plot
-from fifthwheel.plots.palette import CYCLE, GREY
-from fifthwheel.record.signal_names import si_unit
+from fifthwheel.identify.result.display import fit_panel, prediction
+from fifthwheel.plots import Line, Plot
+from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
@@ -92,7 +92,6 @@ def stamp(workspace: Workspace) -> str:
 
 
 def check(folder: Path, progress: Progress) -> InformationAssessment:
-    """The information in the logs that are used."""
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
@@ -145,7 +144,6 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
 
 
 def comparison(folder: Path, names: Sequence[str]) -> Comparison:
-    """The results of these names side by side, the first as reference."""
     workspace = Workspace(folder)
     return compare_runs([workspace.run(name) for name in names])
 
@@ -154,21 +152,10 @@ def overlay(folder: Path, names: Sequence[str], log: str) -> Plot:
     """Measured signals of a log, and those that each result predicts."""
     workspace = Workspace(folder)
     record = inputs.record(folder, log)
-    panels: dict[str, list[Item]] = {}
-    for k, name in enumerate(names):
+    signals: dict[str, tuple[Fit, list[Line]]] = {}
+    for name, colour in zip(names, cycle(CYCLE), strict=False):
         identification = Identification.load(workspace.run(name))
-        colour = CYCLE[k % len(CYCLE)]
         for fit in LogPrediction.of(record, identification.vehicle, identification).fits():
-            factor = shown(si_unit(fit.signal)).factor
-            measured = Line(fit.time, fit.measured * factor, name="measured", colour=GREY, width=1.2, gaps=True)
-            items = panels.setdefault(fit.signal, [measured])
-            items.append(Line(fit.time, fit.predicted * factor, name=name, colour=colour, gaps=True))
-    time = Axis(label="time", unit="s")
-    return Plot(
-        title=f"Measured and predicted, {log}",
-        panels=[
-            Panel(items=items, title=signal, x=time, y=Axis(unit=shown(si_unit(signal)).name))
-            for signal, items in panels.items()
-        ],
-        shared_x=True,
-    )
+            signals.setdefault(fit.signal, (fit, []))[1].append(prediction(fit, name, colour))
+    panels = [fit_panel(fit, *lines, title=signal) for signal, (fit, lines) in signals.items()]
+    return Plot(title=f"Measured and predicted, {log}", panels=panels)

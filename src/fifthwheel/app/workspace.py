@@ -60,7 +60,6 @@ class Choices(BaseModel):
     """What the page Explore shows: "log", "speed", and "values" by path of a parameter, SI."""
 
     def text(self) -> str:
-        """The choices as the text of workspace.toml."""
         return tomli_w.dumps(self.model_dump(mode="json", exclude_defaults=True))
 
     def of(self, log: str) -> LogChoice:
@@ -92,11 +91,9 @@ class Workspace:
     # Files that are dropped
 
     def logs(self) -> list[Path]:
-        """The logs, by name."""
         return _files(self.folder / "logs")
 
     def databases(self) -> list[Path]:
-        """DBC and ARXML files, by name."""
         return _files(self.folder / "databases")
 
     def log(self, name: str) -> Path:

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel._html import Markup, block, table
+from fifthwheel import pages
 from fifthwheel.assess.lane_change import LaneChange
 from fifthwheel.assess.measures import SCHEME, definition, title
 from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import Body
 from fifthwheel.errors import suggestion
 from fifthwheel.formatting import percent, with_sigma
+from fifthwheel.pages.html import notebook
 from fifthwheel.vehicle import Vehicle
 
 
@@ -147,18 +148,24 @@ class Assessment:
     def __repr__(self) -> str:
         return f"Assessment({self.title}, {len(self.measures)} measures)"
 
+    def table(self) -> pages.Table:
+        """The rows below their heads; without the column of the nonlinear truck if it was not simulated."""
+        simulated = any(m.nonlinear is not None for m in self)
+        kept = [k for k, head in enumerate(HEADS) if simulated or head != "Nonlinear>"]
+        return pages.Table([HEADS[k] for k in kept], [[row[k] for k in kept] for row in self.rows()])
+
     def __str__(self) -> str:
-        rows = [HEADS, *self.rows()]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(HEADS))]
-        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        return "\n".join([self.title, *lines, *self.notes])
+        return str(self._document())
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        return block(self.title, Markup(table(HEADS, self.rows())))
+        return notebook(self._document())
+
+    def _document(self) -> pages.Document:
+        return pages.Document(self.title, [self.table(), pages.Items(self.notes)])
 
 
-HEADS = ("Measure", "Linear ± sigma", "Nonlinear", f"{SCHEME}", "Probability")
+HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", f"{SCHEME}>", "Probability>")
 """Of the table of measures."""
 
 

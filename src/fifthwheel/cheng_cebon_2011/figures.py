@@ -59,7 +59,7 @@ STYLE: dict[Any, Any] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Panel:
+class HistoryPanel:
     """One quantity of one experiment over time."""
 
     experiment: Experiment
@@ -140,7 +140,7 @@ def _stage_1(experiment: Experiment, outcomes: Sequence[Outcome], title: str) ->
     with _page(title, 5.6) as figure:
         grid = figure.add_gridspec(2, 4, width_ratios=(3, 1.2) * 2)
         for i, (quantity, text) in enumerate(panels):
-            panel = Panel(experiment=experiment, outcomes=outcomes, quantity=quantity, title=text, factor=1e-3)
+            panel = HistoryPanel(experiment=experiment, outcomes=outcomes, quantity=quantity, title=text, factor=1e-3)
             _history(figure, [grid[i // 2, 2 * (i % 2)], grid[i // 2, 2 * (i % 2) + 1]], panel)
     return figure
 
@@ -155,7 +155,9 @@ def _heights(
         grid = figure.add_gridspec(1, 2 * len(names), width_ratios=(3, 1.2) * len(names))
         for i, (experiment, text) in enumerate(zip(names, texts, strict=True)):
             selected = outcomes[experiment]
-            panel = Panel(experiment=experiments[experiment], outcomes=selected, quantity=PAYLOAD_HEIGHT, title=text)
+            panel = HistoryPanel(
+                experiment=experiments[experiment], outcomes=selected, quantity=PAYLOAD_HEIGHT, title=text
+            )
             first = _history(figure, [grid[0, 2 * i], grid[0, 2 * i + 1]], panel)
             lines = [f"true value {panel.truth:.3f} m", *(f"published {value:.3f} m" for value in panel.published)]
             lines += [f"{NAMES.get(o.arm, o.arm)} {o.values[PAYLOAD_HEIGHT]:.3f} m" for o in selected]
@@ -163,7 +165,7 @@ def _heights(
     return figure
 
 
-def _history(figure: "Figure", places: Sequence[Any], panel: Panel) -> "Axes":
+def _history(figure: "Figure", places: Sequence[Any], panel: HistoryPanel) -> "Axes":
     """The first pass, and beside it the estimates at the end of every pass; returns the axes of the first pass."""
     duration = float(panel.experiment.run.time[-1])
     first, passes = figure.add_subplot(places[0]), figure.add_subplot(places[1])
@@ -195,7 +197,7 @@ def _history(figure: "Figure", places: Sequence[Any], panel: Panel) -> "Axes":
     return first
 
 
-def _levels(axes: "Axes", panel: Panel) -> None:
+def _levels(axes: "Axes", panel: HistoryPanel) -> None:
     """Lines at the true and at the published values."""
     if panel.quantity in panel.experiment.stiffness:
         low, high = sorted(value * panel.factor for value in panel.experiment.stiffness[panel.quantity])

@@ -3,13 +3,10 @@
 import csv
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from fifthwheel import pages
 from fifthwheel.cheng_cebon_2011.comparison import QUANTITIES, ArmResult, Row, VariantErrors
-from fifthwheel.formatting import digits, fixed, plain_ascii, shown, with_sigma
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from fifthwheel.formatting import digits, fixed, shown, with_sigma
 
 HEADINGS = {
     "simulation": "Simulated truck, uniform payload (section 3)",
@@ -140,34 +137,24 @@ def as_csv(rows: Sequence[Row]) -> str:
     return file.getvalue()
 
 
-def show(rows: Sequence[Row], console: "Console | None" = None) -> None:
-    """Print the estimates beside the published numbers, in 80 columns."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = console or Console()
-    plain = not (console.is_terminal and console.encoding.lower().startswith("utf"))
-
-    def text(cell: str) -> str:
-        return plain_ascii(cell).replace("α", "a") if plain else cell
-
+def document(rows: Sequence[Row]) -> pages.Document:
+    """The estimates beside the published numbers, for a terminal of 80 columns."""
+    blocks: list[pages.Block] = []
     for case in dict.fromkeys(row.experiment for row in rows):
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold underline")
-        for head in ("Quantity", "Published", "Arm", "Estimate", "Error", "Worse"):
-            is_number = head in ("Published", "Estimate", "Error", "Worse")
-            table.add_column(head, justify="right" if is_number else "left", no_wrap=is_number, overflow="fold")
+        cells: list[tuple[pages.Cell, ...]] = []
         for row in (row for row in rows if row.experiment == case):
             name = f"{_short(row)}, {shown(row.text.unit).name}"
             published = "–" if row.published is None else _number(row.published.value, row)
             for result in row.arms:
                 worse = result.factor is not None and result.factor > 1
                 mark = "–" if result.factor is None else (f"x {digits(result.factor, 2)}" if worse else "no")
-                cells = (name, published, result.arm, _number(result.mean, row), _error(result.error, row), mark)
-                table.add_row(*map(text, cells), style="yellow" if worse else None)
+                verdict = pages.Mark(mark, "doubtful") if worse else mark
+                estimate, error = _number(result.mean, row), _error(result.error, row)
+                cells.append((name, published, result.arm, estimate, error, verdict))
                 name = published = ""
-        console.print()
-        console.print(text(HEADINGS.get(case, case)), style="bold", highlight=False)
-        console.print(table)
+        heads = ("Quantity", "Published>", "Arm", "Estimate>", "Error>", "Worse>")
+        blocks += [pages.Heading(HEADINGS.get(case, case), key=case), pages.Table(heads, cells)]
+    return pages.Document("The article reproduced", blocks)
 
 
 def _short(row: Row) -> str:

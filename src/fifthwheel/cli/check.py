@@ -62,15 +62,16 @@ def check(
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_axle_loads(truck, records)
         if plot is not None:
-            from fifthwheel.report.html.time_bases import write_time_offsets
+            from fifthwheel.report.time_offsets import write_time_offsets
 
             write_time_offsets(plot, records, truck)
     assessment = assess_information(records, truck, settings)
     if as_json:
         print(assessment.to_json())
     else:
-        from fifthwheel.report.terminal.assessment import show_assessment
+        from fifthwheel.pages.terminal import show
+        from fifthwheel.report.information import information_document
 
-        show_assessment(assessment)
+        show(information_document(assessment))
         if plot is not None:
             print_files({plot.name: plot})

@@ -93,9 +93,10 @@ def design(
     if as_json:
         print(result.to_json(**({"files": {out.name: str(out)}} if out else {})))
     else:
-        from fifthwheel.report.terminal.design import show_design
+        from fifthwheel.pages.terminal import show
+        from fifthwheel.report.design import design_document
 
-        show_design(result)
+        show(design_document(result))
         if out:
             print_files({out.name: out})
 

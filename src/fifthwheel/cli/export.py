@@ -108,10 +108,7 @@ def c(
     with result_folder(out, "export c", names, inputs=read, force=force) as folder:
         files = {path.name: path for path in export_c(estimator, folder)}
         files = terminal.in_folder(out, files)
-    if as_json:
-        terminal.print_json(described | {"files": terminal.as_text(files)})
-    else:
-        terminal.print_files(files)
+    terminal.print_result(described, None, files, as_json=as_json)
 
 
 class Subject(StrEnum):

@@ -2,6 +2,7 @@
 
 import sys
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -114,8 +115,9 @@ def identify(
     from fifthwheel.logs import start_reader
 
     start_reader()
-    from fifthwheel.report import provenance_of_run, show_identification
-    from fifthwheel.report.figures.static import checked_format
+    from fifthwheel.pages.page import checked_format
+    from fifthwheel.report import provenance_of_run
+    from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
         IdentifyOptions,
@@ -155,8 +157,5 @@ def identify(
         provenance = provenance_of_run(inputs, vehicle, signals, suspension_from, command=sys.argv[1:])
         written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(vehicle))
         files = terminal.in_folder(out, written)
-    if as_json:
-        terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
-    else:
-        show_identification(run.identification, None, run.conclusion)
-        terminal.print_files(files)
+    document = partial(identification_document, run.identification, run.conclusion)
+    terminal.print_result(run.as_dict(), document, files, as_json=as_json)

@@ -1,6 +1,7 @@
 """fifthwheel reproduce"""
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -60,8 +61,5 @@ def reproduce(
     ):
         result = run(folder, quick=quick, seeds=seeds, arms=arms or (), vehicle=truck, progress=progress)
     files = terminal.in_folder(out, [path.name for path in result.files])
-    if as_json:
-        terminal.print_json({"rows": [asdict(row) for row in result.rows], "files": terminal.as_text(files)})
-    else:
-        table.show(result.rows)
-        terminal.print_files(files)
+    contents = {"rows": [asdict(row) for row in result.rows]}
+    terminal.print_result(contents, partial(table.document, result.rows), files, as_json=as_json)

@@ -55,14 +55,15 @@ def signals(
         return
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
-    from fifthwheel.report.terminal.signals import show_survey
+    from fifthwheel.pages.terminal import show
+    from fifthwheel.report.log_contents import survey_document
 
     with reserved(out, force=force), terminal.reading_bar([log]) as progress:
         contents = survey_file(log, truck, databases=database or [], map_file=out, progress=progress)
     if as_json:
         terminal.print_json(contents.as_dict())
         return
-    show_survey(contents.survey, contents.proposal)
+    show(survey_document(contents.survey, contents.proposal))
     typer.echo(f"\nWritten: {out}" if out is not None else f"\n{contents.signals_toml}", nl=out is not None)
 
 
@@ -85,8 +86,9 @@ def _show_record(
         contents |= {name: list(getattr(record, name)) for name in ("signals", "reference", "notes")}
         terminal.print_json(contents | {"findings": [str(finding) for finding in findings]})
         return
-    from fifthwheel.report.terminal.signals import show_record
+    from fifthwheel.pages.terminal import show
+    from fifthwheel.report.log_contents import record_document
 
-    show_record(record, findings)
+    show(record_document(record, findings))
     if save is not None:
         terminal.print_files({save.name: save})

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -79,8 +80,9 @@ def states(
     start_reader()
     from fifthwheel.identify import Identification
     from fifthwheel.observe import ObserverSettings
-    from fifthwheel.report import provenance_of_run, show_states
-    from fifthwheel.report.figures.static import checked_format
+    from fifthwheel.pages.page import checked_format
+    from fifthwheel.report import provenance_of_run
+    from fifthwheel.report.states import states_document
     from fifthwheel.workflow import STATES_FILES, read_vehicle, run_states, write_results
     from fifthwheel.workflow.settings import named_values
 
@@ -104,11 +106,8 @@ def states(
             typer.echo(note, err=True)
         provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
         files = terminal.in_folder(out, write_results(run, folder, provenance=provenance, figures=figures))
-    if as_json:
-        terminal.print_json(run.as_dict() | {"files": terminal.as_text(files)})
-    else:
-        show_states(run.states, run.records, conclusion=run.conclusion)
-        terminal.print_files(files)
+    document = partial(states_document, run.states, run.records, run.conclusion)
+    terminal.print_result(run.as_dict(), document, files, as_json=as_json)
 
 
 def _position(_: str, text: str) -> float:

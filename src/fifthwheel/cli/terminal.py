@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
+    from fifthwheel.pages import Document
     from fifthwheel.record import Record
     from fifthwheel.vehicle import Vehicle
 
@@ -58,9 +59,25 @@ def print_files(files: Mapping[str, Path]) -> None:
     typer.echo("Written: " + ", ".join(map(str, files.values())))
 
 
-def as_text(files: Mapping[str, Path]) -> dict[str, str]:
-    """Paths as text, for JSON."""
-    return {name: str(path) for name, path in files.items()}
+def print_result(
+    contents: Mapping[str, Any], document: "Callable[[], Document] | None", files: Mapping[str, Path], *, as_json: bool
+) -> None:
+    """Print a result and the files that were written, as JSON or for people.
+
+    Args:
+        contents: of the JSON.
+        document: makes what people read, if it is more than the files.
+        files: by name; those of the JSON have these names.
+    """
+    if as_json:
+        print_json({**contents, "files": {name: str(path) for name, path in files.items()}})
+        return
+    if document is not None:
+        from fifthwheel.pages.terminal import show
+
+        show(document())
+    if files:
+        print_files(files)
 
 
 @contextmanager

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from fifthwheel._html import Markup, block, table
+from fifthwheel import pages
 from fifthwheel.dynamics.analysis import Mode, critical_speed, matrices, modes
 from fifthwheel.dynamics.state_space import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
+from fifthwheel.pages.html import notebook
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
@@ -46,18 +47,19 @@ class VehicleSummary:
             rows.append((f"oscillation in {motion}", f"{fixed(frequency, 2)} Hz, damping ratio {fixed(damping, 2)}"))
         return rows
 
+    def table(self, head: str = "Value") -> pages.Table:
+        """The rows below their heads."""
+        return pages.Table(("Quantity", f"{head}>"), self.rows(), label="Loads and handling")
+
     def __str__(self) -> str:
-        rows = self.rows()
-        width = max(len(name) for name, _ in rows)
-        return "\n".join([self._title, *[f"{name.ljust(width)}  {value}" for name, value in rows]])
+        return str(self._document())
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        return block(self._title, Markup(table(("Quantity", "Value"), self.rows())))
+        return notebook(self._document())
 
-    @property
-    def _title(self) -> str:
-        return f"{self.name} {self.at_speed}"
+    def _document(self) -> pages.Document:
+        return pages.Document(f"{self.name} {self.at_speed}", [self.table()])
 
     @property
     def at_speed(self) -> str:
@@ -80,7 +82,9 @@ def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
         >>> summary = fw.summarize(fw.vehicle("cheng_cebon_2011"))
         >>> print(summary)  # doctest: +ELLIPSIS
         cheng_cebon_2011 at 80 km/h
-        load, tractor.front               67.6 kN
+        <BLANKLINE>
+        Quantity                                                Value
+        load, tractor.front                                   67.6 kN
         ...
     """
     limit = critical_speed(vehicle)

@@ -23,7 +23,7 @@ _VARIABLE = re.compile(r"'[^']*'|\d[\d.]*")
 MAX_MESSAGE = 300
 """Characters of a message in a finding."""
 
-Table = Sequence[Mapping[str, Any]]
+Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Attention:
     """What was found, and what to do."""
 
 
-def find_attention(tables: Mapping[str, Table], settings: FleetSettings) -> list[Attention]:
+def find_attention(tables: Mapping[str, Sequence[Row]], settings: FleetSettings) -> list[Attention]:
     """What needs attention, by truck.
 
     Args:
@@ -57,7 +57,7 @@ def find_attention(tables: Mapping[str, Table], settings: FleetSettings) -> list
     return sorted(found, key=lambda item: (item.truck, item.kind))
 
 
-def _change(row: Mapping[str, Any]) -> Attention:
+def _change(row: Row) -> Attention:
     kind, subject, day = row["kind"], row["subject"], _day(row["date"])
     if kind == OUTLIER:
         text = f"The trip of {day} ({row['log']}) differs from those before and after it; look at its log."
@@ -73,7 +73,7 @@ def _change(row: Mapping[str, Any]) -> Attention:
     return Attention(row["truck"], title, row["date"], f"{cure[kind]} Probability {percent(row['probability'])}.")
 
 
-def _wear(rows: Table, limit: float) -> Iterator[Attention]:
+def _wear(rows: Sequence[Row], limit: float) -> Iterator[Attention]:
     for row in rows:
         if ParameterPath.of(row["parameter"]).quantity != "cornering_stiffness" or not row["first_value"]:
             continue
@@ -87,7 +87,7 @@ def _wear(rows: Table, limit: float) -> Iterator[Attention]:
             yield Attention(row["truck"], "tyre wear", row["date"], text)
 
 
-def _heights(rows: Table, limit: float | None) -> Iterator[Attention]:
+def _heights(rows: Sequence[Row], limit: float | None) -> Iterator[Attention]:
     for row in rows:
         if limit is None or not ParameterPath.of(row["parameter"]).is_payload_height or row["value"] <= limit:
             continue
@@ -99,7 +99,7 @@ def _heights(rows: Table, limit: float | None) -> Iterator[Attention]:
         yield Attention(row["truck"], "load height", row["date"], text)
 
 
-def _sensors(trips: Table) -> Iterator[Attention]:
+def _sensors(trips: Sequence[Row]) -> Iterator[Attention]:
     counts: Counter[tuple[str, str]] = Counter()
     last: dict[tuple[str, str], datetime.datetime] = {}
     for trip in trips:
@@ -115,7 +115,7 @@ def _sensors(trips: Table) -> Iterator[Attention]:
             yield Attention(truck, "sensor", last[truck, cause], text)
 
 
-def _damaged(trips: Table) -> Iterator[Attention]:
+def _damaged(trips: Sequence[Row]) -> Iterator[Attention]:
     """Logs of which a part was lost; those that were not processed have a finding of their own."""
     notes = ((t, note) for t in trips if not t["error"] for note in t["notes"] or () if _DAMAGE.search(note))
     for first, note, count in _kinds(notes):
@@ -124,16 +124,16 @@ def _damaged(trips: Table) -> Iterator[Attention]:
         yield Attention(first["truck"], "damaged log", first["date"], text)
 
 
-def _failed(trips: Table) -> Iterator[Attention]:
+def _failed(trips: Sequence[Row]) -> Iterator[Attention]:
     for first, error, count in _kinds((trip, trip["error"]) for trip in trips if trip["error"]):
         were = f"{count} trips were" if count > 1 else "1 trip was"
         text = f"{were} not processed; {first['log']}: {error}"
         yield Attention(first["truck"], "not processed", first["date"], text)
 
 
-def _kinds(messages: Iterable[tuple[Mapping[str, Any], str]]) -> Iterator[tuple[Mapping[str, Any], str, int]]:
+def _kinds(messages: Iterable[tuple[Row, str]]) -> Iterator[tuple[Row, str, int]]:
     """For each truck and kind of message: the first trip, its message, and the number of trips."""
-    found: dict[tuple[str, str], list[tuple[Mapping[str, Any], str]]] = {}
+    found: dict[tuple[str, str], list[tuple[Row, str]]] = {}
     for trip, message in messages:
         found.setdefault((trip["truck"], _VARIABLE.sub("", message)), []).append((trip, message))
     for same in found.values():

@@ -1,43 +1,29 @@
 """The page of a fleet: what needs attention, the fleet's tables, the history of every truck."""
 
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 import fifthwheel
-from fifthwheel.fleet.attention import Attention, Table, find_attention
+from fifthwheel import pages
+from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.dataset import Dataset
 from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.formatting import percent, shown, with_sigma
+from fifthwheel.pages import page
+from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
-from fifthwheel.report.figures import primitives
-from fifthwheel.report.figures.primitives import ReportPlot
-from fifthwheel.report.html import tables
-from fifthwheel.report.html.page import write_page
-from fifthwheel.report.html.page_builder import CaptionedPlot, PageBuilder
+from fifthwheel.report.words import counted
 
 MAX_HISTORIES = 40
 """Trucks whose histories are drawn: those that need attention first."""
 MAX_ROWS = 2000
-"""Rows of a table of the page; the Parquet tables have all."""
+"""Sequence[Row] of a table of the page; the Parquet tables have all."""
 
-ATTENTION = (
-    tables.Column("Truck", "name"),
-    tables.Column("What", "main"),
-    tables.Column("Date", "w"),
-    tables.Column("Finding", "full-text"),
-)
-TRUCKS = (
-    tables.Column("Truck", "name"),
-    tables.Column("Parameter"),
-    tables.Column("Value", "n main"),
-    tables.Column("Since first", "n", "since first: "),
-    tables.Column("Trips", "n", "trips: "),
-    tables.Column("Last", "w", "last: "),
-)
-TRAILERS = (TRUCKS[0], tables.Column("Trailer", "main"), tables.Column("Load", "", "load: "), *TRUCKS[1:])
+LATEST = ("Parameter", "Value>|main", "Since first>", "Trips>", "Last|w|Last: ")
 
 
 def report(dataset: str | Path, out: str | Path) -> list[Attention]:
@@ -53,159 +39,118 @@ def report(dataset: str | Path, out: str | Path) -> list[Attention]:
     """
     source = Dataset(str(dataset))
     settings = FleetSettings(**source.settings()["fleet"])
-    rows: dict[str, Table] = {name: source.table(name).to_pylist() for name in ("trucks", "trailers", "changes")}
+    rows: dict[str, Sequence[Row]] = {
+        name: source.table(name).to_pylist() for name in ("trucks", "trailers", "changes")
+    }
     rows["trips"] = source.index().to_pylist()
-    history = source.table("history").to_pylist()
     attention = find_attention(rows, settings)
-    page = PageBuilder("Fleet", f"{dataset}, fifthwheel {fifthwheel.__version__}")
-    _headline(page, rows, attention, settings)
-    _attention(page, attention)
-    _tables(page, rows)
-    _histories(page, history, rows["changes"], attention)
-    _failed(page, rows["trips"])
-    write_page(Path(out), title="Fleet: fifthwheel", body=page.body(), plots=page.plots)
+    blocks = (
+        _headline(rows["trips"], attention, settings),
+        *_attention(attention),
+        *_tables(rows),
+        *_histories(source.table("history").to_pylist(), rows["changes"], attention),
+        *_failed(rows["trips"]),
+    )
+    page.write(Path(out), pages.Document("Fleet", blocks, f"{dataset}, fifthwheel {fifthwheel.__version__}"))
     return attention
 
 
-def _headline(
-    page: PageBuilder, rows: Mapping[str, Table], attention: Sequence[Attention], settings: FleetSettings
-) -> None:
-    trucks = {row["truck"] for row in rows["trips"]}
-    good = sum(not row["error"] for row in rows["trips"])
-    text = (
-        f"{_counted(len(trucks), 'truck')}, {_counted(good, 'trip')}: "
-        f"{_counted(len(attention), 'finding')} in {_counted(len({a.truck for a in attention}), 'truck')}."
-        if attention
-        else f"{_counted(len(trucks), 'truck')}, {_counted(good, 'trip')}: nothing needs attention."
-    )
-    state = "verdict" if attention else "verdict good"
-    page.html(f'<section class="{state}" id="verdict"><p class="headline">{escape(text)}</p>')
-    page.html(
-        f"<p>The probability of a false change in the whole fleet is at most {percent(settings.false_alarms)}.</p>"
-        "</section>"
-    )
+def _headline(trips: Sequence[Row], attention: Sequence[Attention], settings: FleetSettings) -> pages.Headline:
+    good = sum(not trip["error"] for trip in trips)
+    trucks, concerned = {trip["truck"] for trip in trips}, {finding.truck for finding in attention}
+    found = f"{counted(len(attention), 'finding')} in {counted(len(concerned), 'truck')}"
+    result = found if attention else "nothing needs attention"
+    text = f"{counted(len(trucks), 'truck')}, {counted(good, 'trip')}: {result}."
+    false = f"The probability of a false change in the whole fleet is at most {percent(settings.false_alarms)}."
+    return pages.Headline(text, not attention, [[pages.Paragraph(false)]])
 
 
-def _attention(page: PageBuilder, attention: Sequence[Attention]) -> None:
-    if not attention:
-        return
-    page.heading("attention", "Needs attention")
-    cells = [
-        ("", [tables.code(a.truck), escape(a.kind), f"{a.date:%Y-%m-%d}" if a.date else "–", escape(a.text)])
-        for a in attention[:MAX_ROWS]
-    ]
-    page.html(tables.table(ATTENTION, cells))
+def _attention(attention: Sequence[Attention]) -> Iterator[pages.Block]:
+    if attention:
+        yield pages.Heading("Needs attention", key="attention")
+        rows = [
+            (pages.Code(a.truck), a.kind, f"{a.date:%Y-%m-%d}" if a.date else "–", a.text) for a in attention[:MAX_ROWS]
+        ]
+        yield pages.Table(("Truck|name", "What|main", "Date|w", "Finding|full-text"), rows)
 
 
-def _tables(page: PageBuilder, rows: Mapping[str, Table]) -> None:
-    page.heading("trucks", "Trucks")
-    page.hint(
+def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
+    trucks, trailers = rows["trucks"], rows["trailers"]
+    yield pages.Heading("Trucks", key="trucks")
+    yield pages.Hint(
         "Estimate of each tractor parameter at the last trip, from all trips with all trailers, ± sigma. "
         "Since first: change of the estimate since the first trip, or since the last change."
     )
-    page.html(tables.table(TRUCKS, [("", [tables.code(r["truck"]), *_latest(r)]) for r in rows["trucks"][:MAX_ROWS]]))
-    page.heading("trailers", "Trailers")
-    page.hint("The same for each trailer; yaw inertia and payload height for each load.")
-    cells = [
-        ("", [tables.code(r["truck"]), escape(r["trailer"]) or "–", escape(r["load"]) or "–", *_latest(r)])
-        for r in rows["trailers"][:MAX_ROWS]
-    ]
-    page.html(tables.table(TRAILERS, cells))
-    if max(len(rows["trucks"]), len(rows["trailers"])) > MAX_ROWS:
-        page.hint(f"The first {MAX_ROWS} rows; trucks.parquet and trailers.parquet have all.")
+    yield pages.Table(("Truck|name", *LATEST), [(pages.Code(r["truck"]), *_latest(r)) for r in trucks[:MAX_ROWS]])
+    yield pages.Heading("Trailers", key="trailers")
+    yield pages.Hint("The same for each trailer; yaw inertia and payload height for each load.")
+    cells = [(pages.Code(r["truck"]), r["trailer"] or "–", r["load"] or "–", *_latest(r)) for r in trailers[:MAX_ROWS]]
+    yield pages.Table(("Truck|name", "Trailer|main", "Load||Load: ", *LATEST), cells)
+    if max(len(trucks), len(trailers)) > MAX_ROWS:
+        yield pages.Hint(f"The first {MAX_ROWS} rows; trucks.parquet and trailers.parquet have all.")
 
 
-def _latest(row: Mapping[str, Any]) -> list[str]:
+def _latest(row: Row) -> tuple[str, ...]:
     change = percent(row["value"] / row["first_value"] - 1) if row["first_value"] and row["trips"] > 1 else "–"
-    return [
-        tables.code(row["parameter"]),
-        with_sigma(row["value"], row["sigma"], row["unit"]),
-        change,
-        str(row["trips"]),
-        f"{row['date']:%Y-%m-%d}",
-    ]
+    value = with_sigma(row["value"], row["sigma"], row["unit"])
+    return pages.Code(row["parameter"]), value, change, str(row["trips"]), f"{row['date']:%Y-%m-%d}"
 
 
-def _histories(page: PageBuilder, history: Table, changes: Table, attention: Sequence[Attention]) -> None:
-    trucks: dict[str, list[Mapping[str, Any]]] = {}
+def _histories(history: Sequence[Row], changes: Sequence[Row], attention: Sequence[Attention]) -> Iterator[pages.Block]:
+    trucks: dict[str, list[Row]] = {}
     for row in history:
         trucks.setdefault(row["truck"], []).append(row)
     first = dict.fromkeys(a.truck for a in attention if a.truck in trucks)
     order = [*first, *[truck for truck in trucks if truck not in first]]
-    page.heading("histories", "Histories")
-    page.hint(
+    yield pages.Heading("Histories", key="histories")
+    yield pages.Hint(
         "Estimates over days from all trips (line, band of two sigma) and of each trip alone (points with one sigma). "
         "Most of the band is common to all days: errors of the vehicle file. Vertical lines: changes."
     )
     for truck in order[:MAX_HISTORIES]:
-        page.subheading(truck, badge="needs attention" if truck in first else "")
-        own = [change for change in changes if change["truck"] == truck and change["kind"] != OUTLIER]
-        series: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
+        yield pages.Heading(truck, badge="needs attention" if truck in first else "")
+        own = [_ms(c["date"]) for c in changes if c["truck"] == truck and c["kind"] != OUTLIER]
+        series: dict[tuple[str, str, str], list[Row]] = {}
         for row in sorted(trucks[truck], key=lambda row: row["date"]):
             series.setdefault((row["parameter"], row["trailer"] or "", row["load"] or ""), []).append(row)
-        page.figures(_history(truck, key, rows, own) for key, rows in series.items())
+        yield pages.Plots([_history(truck, key, rows, own) for key, rows in series.items()])
     if len(order) > MAX_HISTORIES:
-        page.hint(f"{MAX_HISTORIES} of {len(order)} trucks are drawn; history.parquet has all.")
+        yield pages.Hint(f"{MAX_HISTORIES} of {len(order)} trucks are drawn; history.parquet has all.")
 
 
 def _history(
-    truck: str, key: tuple[str, str, str], rows: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str, Any]]
-) -> CaptionedPlot:
+    truck: str, key: tuple[str, str, str], rows: Sequence[Row], changes: Sequence[float]
+) -> pages.CaptionedPlot:
     parameter, trailer, load = key
     unit = shown(rows[0]["unit"])
-    dates = [f"{row['date']:%Y-%m-%d %H:%M:%S}" for row in rows]
-    value, sigma = ([row[name] * unit.factor for row in rows] for name in ("value", "sigma"))
-    lower, upper = ([_rounded(v + k * s) for v, s in zip(value, sigma, strict=True)] for k in (-2, 2))
-    area = primitives.polyline("± 2 sigma", dates + dates[::-1], upper + lower[::-1], primitives.BAND, 0)
-    area |= {"fill": "toself", "fillcolor": primitives.BAND, "hoverinfo": "skip"}
-    centre = primitives.polyline("all trips", dates, [_rounded(v) for v in value], BLUE, 1.8)
-    centre["mode"] = "lines+markers" if len(rows) == 1 else "lines"
-    data = [area, centre, *_points(rows, dates, unit.factor)]
-    layout = primitives.layout("", unit.name, [primitives.vertical(f"{c['date']:%Y-%m-%d %H:%M:%S}") for c in changes])
-    layout["xaxis"] |= {"type": "date", "nticks": 5}
-    note = ", ".join(escape(text) for text in (trailer and f"trailer {trailer}", load and f"load {load}") if text)
-    plot = ReportPlot(
-        group=f"truck {truck}",
-        figure={"data": data, "layout": layout},
-        name=(truck, "history", "-".join(filter(None, key))),
-    )
-    return CaptionedPlot(tables.code(parameter), note, plot)
-
-
-def _points(rows: Sequence[Mapping[str, Any]], dates: Sequence[str], factor: float) -> list[dict[str, Any]]:
-    """Estimates of single trips; outliers in another colour."""
-    traces = []
+    dates = np.array([_ms(row["date"]) for row in rows])
+    value, sigma = (np.array([row[name] for row in rows]) * unit.factor for name in ("value", "sigma"))
+    items: list[Item] = [
+        Band(dates, value - 2 * sigma, value + 2 * sigma, name="± 2 sigma", colour=BLUE),
+        Line(dates, value, name="all trips", colour=BLUE),
+    ]
     for name, colour, outlier in (("trip alone", GREY, False), ("outlier", VERMILLION, True)):
         own = [k for k, row in enumerate(rows) if row["outlier"] is outlier and row["trip_value"] is not None]
         if own:
-            sigma = [_rounded((rows[k]["trip_sigma"] or 0.0) * factor) for k in own]
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "markers",
-                    "name": name,
-                    "x": [dates[k] for k in own],
-                    "y": [_rounded(rows[k]["trip_value"] * factor) for k in own],
-                    "error_y": {"type": "data", "array": sigma, "thickness": 1, "width": 2},
-                    "marker": {"color": colour, "size": 6},
-                }
+            alone, spread = (
+                [(rows[k][column] or 0.0) * unit.factor for k in own] for column in ("trip_value", "trip_sigma")
             )
-    return traces
+            items.append(Points(dates[own], alone, y_sigma=spread, name=name, colour=colour, size=6))
+    items += [Guide(x=at, colour="#bbbbbb", width=1, dash="solid") for at in changes]
+    plot = Plot(panels=[Panel(items=items, x=Axis(date=True), y=Axis(unit=unit.name))])
+    note = ", ".join(text for text in (trailer and f"trailer {trailer}", load and f"load {load}") if text)
+    path = (truck, "history", "-".join(filter(None, key)))
+    return pages.CaptionedPlot(pages.Code(parameter), plot, f"truck {truck}", path, note=note)
 
 
-def _failed(page: PageBuilder, trips: Table) -> None:
-    failed = [trip for trip in trips if trip["error"]]
-    if not failed:
-        return
-    page.heading("failed", "Trips that were not processed")
-    columns = (tables.Column("Log", "name"), tables.Column("Truck"), tables.Column("Error", "full-text"))
-    rows = [("", [tables.code(t["log"]), escape(t["truck"]), escape(t["error"])]) for t in failed[:MAX_ROWS]]
-    page.html(tables.table(columns, rows))
+def _ms(date: datetime) -> float:
+    return 1000 * date.timestamp()
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.5g}")
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+def _failed(trips: Sequence[Row]) -> Iterator[pages.Block]:
+    if failed := [trip for trip in trips if trip["error"]]:
+        yield pages.Heading("Trips that were not processed", key="failed")
+        yield pages.Table(
+            ("Log|name", "Truck", "Error|full-text"),
+            [(pages.Code(t["log"]), t["truck"], t["error"]) for t in failed[:MAX_ROWS]],
+        )

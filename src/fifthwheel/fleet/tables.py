@@ -13,51 +13,47 @@ from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.vehicle import unit_of
 
 _DATE = pa.timestamp("us", tz="UTC")
+
+
+def _texts(*names: str) -> list[tuple[str, pa.DataType]]:
+    return [(name, pa.string()) for name in names]
+
+
+def _numbers(*names: str) -> list[tuple[str, pa.DataType]]:
+    return [(name, pa.float64()) for name in names]
+
+
 _LATEST = [
-    ("parameter", pa.string()),
-    ("value", pa.float64()),
-    ("sigma", pa.float64()),
-    ("unit", pa.string()),
+    *_texts("parameter"),
+    *_numbers("value", "sigma"),
+    *_texts("unit"),
     ("date", _DATE),
     ("trips", pa.int64()),
-    ("first_value", pa.float64()),
+    *_numbers("first_value"),
 ]
 SCHEMAS: Mapping[str, pa.Schema] = {
-    "trucks": pa.schema([("truck", pa.string()), *_LATEST]),
-    "trailers": pa.schema([("truck", pa.string()), ("trailer", pa.string()), ("load", pa.string()), *_LATEST]),
+    "trucks": pa.schema([*_texts("truck"), *_LATEST]),
+    "trailers": pa.schema([*_texts("truck", "trailer", "load"), *_LATEST]),
     "history": pa.schema(
         [
-            ("truck", pa.string()),
-            ("trailer", pa.string()),
-            ("load", pa.string()),
+            *_texts("truck", "trailer", "load"),
             ("date", _DATE),
-            ("log", pa.string()),
-            ("parameter", pa.string()),
-            ("value", pa.float64()),
-            ("sigma", pa.float64()),
-            ("unit", pa.string()),
-            ("trip_value", pa.float64()),
-            ("trip_sigma", pa.float64()),
-            ("p_value", pa.float64()),
+            *_texts("log", "parameter"),
+            *_numbers("value", "sigma"),
+            *_texts("unit"),
+            *_numbers("trip_value", "trip_sigma", "p_value"),
             ("outlier", pa.bool_()),
         ]
     ),
     "changes": pa.schema(
         [
-            ("truck", pa.string()),
-            ("trailer", pa.string()),
-            ("kind", pa.string()),
-            ("subject", pa.string()),
+            *_texts("truck", "trailer", "kind", "subject"),
             ("date", _DATE),
             ("after", _DATE),
-            ("probability", pa.float64()),
-            ("parameter", pa.string()),
-            ("before", pa.float64()),
-            ("value", pa.float64()),
-            ("sigma", pa.float64()),
-            ("statistic", pa.float64()),
-            ("threshold", pa.float64()),
-            ("log", pa.string()),
+            *_numbers("probability"),
+            *_texts("parameter"),
+            *_numbers("before", "value", "sigma", "statistic", "threshold"),
+            *_texts("log"),
         ]
     ),
 }

@@ -18,7 +18,8 @@ from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalNa
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, shown
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Span, downsample
-from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.plots.palette import BLUE, GREY, ORANGE, PURPLE, VERMILLION
+from fifthwheel.plots.panels import trimmed, visible_range
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
 
@@ -50,6 +51,15 @@ class Status(IntEnum):
     INCONSISTENT = 4
     """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
+
+
+SHADES = {
+    Status.COASTING: (ORANGE, 0.25),
+    Status.TOO_SLOW: ("#000000", 0.10),
+    Status.INPUT_MISSING: (PURPLE, 0.30),
+    Status.INCONSISTENT: (VERMILLION, 0.25),
+}
+"""Colour and opacity of intervals by their status."""
 
 
 def wheel_lifts(values: Mapping[str, Any]) -> Any:
@@ -118,29 +128,54 @@ class States:
                 raise SignalError(f"{name}: not among the states; {suggestion(name, self.values)}")
         invalid = self._spans(~np.isin(self.status, (Status.OK, Status.COASTING)), GREY)
         lifting = [*self._spans(self.lift_warning, VERMILLION), *(Guide(y=y) for y in (-LIFT_LIMIT, LIFT_LIMIT))]
-        panels = []
-        for name in names or self.values:
-            unit = shown(si_unit(name))
-            values, sigma = self.values[name] * unit.factor, self.sigma[name] * unit.factor
-            items: list[Item] = [*invalid, *(lifting if is_of(name, LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER) else ())]
-            if record is not None and name in record.signals:
-                measured = record.signals[name] * unit.factor
-                items.append(Line(record.time, measured, name="measured", colour=GREY, width=1, gaps=True))
-            items.append(
-                Band(self.time, values - 2 * sigma, values + 2 * sigma, name="± 2 sigma", colour=BLUE, gaps=True)
-            )
-            items.append(Line(self.time, values, name="estimate", colour=BLUE, gaps=True))
-            if record is not None and name in record.reference:
-                reference = record.reference[name] * unit.factor
-                items.append(Line(record.time, reference, name="reference", colour=VERMILLION, dash="dash", gaps=True))
-            panels.append(Panel(items=items, title=name, x=Axis(label="time", unit="s"), y=Axis(unit=unit.name)))
+        ratios = (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER)
+        panels = [
+            self.panel(name, record, [*invalid, *(lifting if is_of(name, *ratios) else ())])
+            for name in names or self.values
+        ]
         return Plot(panels=panels, title=self.name)
 
-    def _spans(self, marked: NDArray[np.bool_], colour: str) -> list[Span]:
-        """The times of marked samples (N,)."""
-        ends = np.append(self.time[1:], self.time[-1])
-        runs = downsample.runs(marked)
-        return [Span(float(self.time[first]), float(ends[last]), colour=colour) for first, last in runs]
+    def panel(self, name: str, record: Record | None = None, marks: Sequence[Item] = ()) -> Panel:
+        """A state with a band of two sigma, its measurement and its reference where the record has them.
+
+        Args:
+            marks: drawn first, such as those of `status_spans`.
+        """
+        unit = shown(si_unit(name))
+        values, sigma = self.values[name] * unit.factor, self.sigma[name] * unit.factor
+        lower, upper = values - 2 * sigma, values + 2 * sigma
+        items, visible = list(marks), [values, trimmed(lower, 0.05), trimmed(upper, 0.05)]
+        if record is not None and name in record.signals:
+            measured = record.signals[name] * unit.factor
+            items.append(Line(record.time, measured, name="measured", colour="#b8b8b8", width=1, gaps=True))
+            visible.append(trimmed(measured, 0.01))
+        items.append(Band(self.time, lower, upper, name="± 2 sigma", colour=BLUE, gaps=True))
+        items.append(Line(self.time, values, name="estimate", colour=BLUE, gaps=True))
+        if record is not None and name in record.reference:
+            reference = record.reference[name] * unit.factor
+            items.append(Line(record.time, reference, name="reference", colour=VERMILLION, dash="dash", gaps=True))
+            visible.append(reference)
+        y = Axis(unit=unit.name, range=visible_range(*visible))
+        return Panel(items=items, title=name, x=Axis(label="time", unit="s"), y=y)
+
+    def status_spans(self) -> list[Span]:
+        """Intervals in which the states are not OK, in the colours of `SHADES`."""
+        return [
+            span
+            for status, (colour, opacity) in SHADES.items()
+            for span in self._spans(self.status == status, colour, opacity)
+        ]
+
+    def _spans(self, marked: NDArray[np.bool_], colour: str, opacity: float = 0.15) -> list[Span]:
+        """The times of marked samples (N,); those that are closer than about a pixel are joined."""
+        ends, pixel = np.append(self.time[1:], self.time[-1]), (self.time[-1] - self.time[0]) / 1000
+        spans: list[Span] = []
+        for first, last in downsample.runs(marked):
+            start, stop = float(self.time[first]), float(ends[last])
+            if spans and start - spans[-1].stop < pixel:
+                start = spans.pop().start
+            spans.append(Span(start, stop, colour=colour, opacity=opacity))
+        return spans
 
     def _columns(self) -> dict[str, NDArray[Any]]:
         """States, their sigmas, status and nis by name."""

@@ -87,7 +87,7 @@ def numbers(values: Array, digits: int = 5) -> list[float | None]:
     finite = values[np.isfinite(values)]
     if not finite.size:
         return [None] * len(values)
-    width = float(np.ptp(finite)) or float(np.abs(finite).max()) or 1.0
+    width = float(np.ptp(finite)) or 1e-4 * float(np.abs(finite).max()) or 1.0
     decimals = int(np.clip(digits - np.ceil(np.log10(width)), -3, 12))
     rounded: list[float | None] = np.round(values, decimals).tolist()
     if finite.size == len(values):

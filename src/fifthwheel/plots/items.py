@@ -4,7 +4,7 @@ Values are in the units of the axes. NaN interrupts a line. A colour is "#rrggbb
 """
 
 from dataclasses import KW_ONLY, dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +17,14 @@ Dash = Literal["solid", "dash", "dot"]
 Marker = Literal["circle", "cross", "diamond", "square"]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Item:
-    """An item with arrays of the same length."""
+    """What all items with arrays of the same length have."""
 
-    _arrays: tuple[str, ...] = ()
+    name: str = ""
+    """In the legend; "" for none."""
+    colour: str | None = None
+    _arrays: ClassVar[tuple[str, ...]]
 
     def __post_init__(self) -> None:
         length = None
@@ -44,9 +48,6 @@ class Line(_Item):
     x: ArrayLike
     y: ArrayLike
     _: KW_ONLY
-    name: str = ""
-    """In the legend; "" for none."""
-    colour: str | None = None
     width: float = 1.8
     """Pixels."""
     dash: Dash = "solid"
@@ -63,8 +64,6 @@ class Band(_Item):
     lower: ArrayLike
     upper: ArrayLike
     _: KW_ONLY
-    name: str = ""
-    colour: str | None = None
     opacity: float = 0.18
     gaps: bool = False
     """As of a `Line`."""
@@ -80,8 +79,6 @@ class Points(_Item):
     _: KW_ONLY
     x_sigma: ArrayLike | None = None
     y_sigma: ArrayLike | None = None
-    name: str = ""
-    colour: str | None = None
     marker: Marker = "circle"
     size: float = 7
     """Pixels."""
@@ -96,9 +93,6 @@ class Bars(_Item):
 
     x: ArrayLike
     heights: ArrayLike
-    _: KW_ONLY
-    name: str = ""
-    colour: str | None = None
     _arrays = ("x", "heights")
 
 
@@ -109,8 +103,6 @@ class Area(_Item):
     x: ArrayLike
     y: ArrayLike
     _: KW_ONLY
-    name: str = ""
-    colour: str | None = None
     opacity: float = 0.3
     outline: float = 1.2
     """Width of its edge, pixels."""

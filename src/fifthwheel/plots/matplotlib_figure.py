@@ -1,14 +1,15 @@
 """A plot drawn by matplotlib, for images and print."""
 
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fifthwheel._extras import require
 from fifthwheel.plots import downsample
-from fifthwheel.plots.description import Axis, Description, Panel
 from fifthwheel.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, as_array
 from fifthwheel.plots.palette import GRID, rgb
+from fifthwheel.plots.panels import Axis, Panel, PanelGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +20,8 @@ WIDTH = 6.4
 HEIGHTS = {1: 3.4, 2: 4.6}
 """Inches, by the number of rows; more rows have `ROW_HEIGHT` each."""
 ROW_HEIGHT = 1.7
+NARROW = 5.0
+"""Width of a figure, inches, below which title and legend are smaller."""
 DASHES: dict[str, Any] = {"solid": "-", "dash": (0, (5, 3)), "dot": (0, (1, 2))}
 MARKERS = {"circle": "o", "cross": "x", "diamond": "D", "square": "s"}
 POINTS = 0.7
@@ -33,7 +36,7 @@ STYLE: Any = {
 }
 
 
-def figure(plot: Description, size: tuple[float, float] | None = None) -> "Figure":
+def figure(plot: PanelGrid, size: tuple[float, float] | None = None) -> "Figure":
     """The plot as a figure of matplotlib that no window or global state belongs to.
 
     Args:
@@ -44,10 +47,10 @@ def figure(plot: Description, size: tuple[float, float] | None = None) -> "Figur
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        height = HEIGHTS.get(plot.rows, ROW_HEIGHT * plot.rows)
-        canvas = Figure(figsize=size or (WIDTH, height), layout="constrained")
+        size = size or (WIDTH, HEIGHTS.get(plot.rows, ROW_HEIGHT * plot.rows))
+        canvas = Figure(figsize=size, layout="constrained")
         if plot.title:
-            canvas.suptitle(plot.title, fontsize=10)
+            canvas.suptitle(plot.title, fontsize=8 if size[0] < NARROW else 10)
         axes = canvas.subplots(
             plot.rows, plot.columns, squeeze=False, sharex=plot.shared_x, height_ratios=plot.row_heights()
         )
@@ -79,6 +82,8 @@ def _draw_panel(panel: Panel, axes: "Axes") -> None:
 
 
 def _set_axis(axis: Axis, axes: "Axes", which: str) -> None:
+    if axis.date:
+        axes.xaxis.set_major_formatter(lambda ms, _: f"{datetime.fromtimestamp(ms / 1000, UTC):%Y-%m-%d}")
     if axis.range is not None:
         axes.set(**{f"{which}lim": axis.range})
     elif axis.from_zero:
@@ -144,7 +149,7 @@ def _draw_legend(canvas: "Figure") -> None:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(name, handle)
     if entries:
-        columns = min(len(entries), 3)
+        columns = min(len(entries), 2 if canvas.get_figwidth() < NARROW else 3)
         canvas.legend(
             list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False, fontsize=8
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fifthwheel._atomic import atomic_write
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.plots import matplotlib_figure, plotly_figure
-from fifthwheel.plots.description import Description
+from fifthwheel.plots.panels import PanelGrid
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -22,7 +22,7 @@ NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Plot(Description):
+class Plot(PanelGrid):
     """A plot as data: panels row by row, drawn by plotly or by matplotlib.
 
     In a notebook it shows itself: as an image with matplotlib, else interactively with plotly; neither needs a network.
@@ -76,8 +76,11 @@ class Plot(Description):
         """The plot with plotly.js, 5 MB: a page that opens without a network, or its part for another page."""
         return str(self.to_plotly().to_html(full_html=full, include_plotlyjs=True, div_id="plot" if full else None))
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, size: tuple[float, float] | None = None) -> None:
         """Write the plot to a file: .png, .svg or .pdf by matplotlib, or .html, which opens without a network.
+
+        Args:
+            size: of an image, inches.
 
         Raises:
             FifthwheelError: the ending of the name is another one, or matplotlib is not installed.
@@ -89,10 +92,10 @@ class Plot(Description):
             if path.suffix == ".html":
                 temporary.write_text(self.to_html(), encoding="utf-8")
             else:
-                self._save_image(temporary, path.suffix)
+                self._save_image(temporary, path.suffix, size)
 
-    def _save_image(self, file: Any, suffix: str) -> None:
-        canvas = self.to_matplotlib()
+    def _save_image(self, file: Any, suffix: str, size: tuple[float, float] | None = None) -> None:
+        canvas = self.to_matplotlib(size)
         import matplotlib as mpl
 
         with mpl.rc_context(matplotlib_figure.STYLE):

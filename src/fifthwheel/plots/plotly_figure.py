@@ -1,15 +1,15 @@
 """A plot as plotly.js takes it: nested dictionaries of traces and layout."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.plots import downsample
-from fifthwheel.plots.description import Axis, Description, Panel
 from fifthwheel.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, Span, as_array
 from fifthwheel.plots.palette import DARK, GRID, rgba
+from fifthwheel.plots.panels import Axis, Panel, PanelGrid
 
 Figure = dict[str, Any]
 
@@ -24,7 +24,7 @@ SPACE, HEAD = 0.05, 0.03
 SYMBOLS = {"circle": "circle", "cross": "x", "diamond": "diamond", "square": "square"}
 
 
-def figure(plot: Description) -> Figure:
+def figure(plot: PanelGrid) -> Figure:
     """Traces and layout of a plot; long lines have fewer points, without losing an extreme."""
     layout = _layout(plot)
     traces: list[Figure] = []
@@ -68,14 +68,14 @@ def _trace(item: Item, colour: str, panel: Panel) -> Figure:
 
 
 def _line(item: Line, colour: str, panel: Panel) -> Figure:
-    x, y = as_array(item.x), as_array(item.y)
-    rows = downsample.rows(x, y, gaps=item.gaps)
-    isolated = bool(rows) and max(map(len, rows)) == 1
+    x, y = downsample.course(as_array(item.x), as_array(item.y), gaps=item.gaps)
+    shown = np.isfinite(x)
+    isolated = shown.any() and not (shown[1:] & shown[:-1]).any()
     return {
         "type": "scatter",
         "mode": "markers" if isolated else "lines",
-        "x": _pieces(x, rows, TIME_DIGITS, log=panel.x.log),
-        "y": _pieces(y, rows, VALUE_DIGITS, log=panel.y.log),
+        "x": _numbers(x, TIME_DIGITS, log=panel.x.log),
+        "y": _numbers(y, log=panel.y.log),
         "line": {"color": colour, "width": item.width, "dash": item.dash},
     }
 
@@ -109,14 +109,6 @@ def _points(item: Points, colour: str, panel: Panel) -> Figure:
     return trace | ({"text": list(item.texts)} if item.texts else {})
 
 
-def _pieces(values: Array, rows: Sequence[downsample.Index], digits: int, *, log: bool) -> list[float | None]:
-    """Values of each segment, None between segments."""
-    numbers = _numbers(values[np.concatenate(rows)] if rows else np.zeros(0), digits, log=log)
-    for gap in reversed(np.cumsum([len(segment) for segment in rows])[:-1].tolist()):
-        numbers.insert(gap, None)
-    return numbers
-
-
 def _numbers(values: Array, digits: int = VALUE_DIGITS, *, log: bool = False) -> list[float | None]:
     return downsample.significant(values, digits + 1) if log else downsample.numbers(values, digits)
 
@@ -134,13 +126,13 @@ def _shape(item: Guide | Span, colour: str, x: str, y: str) -> Figure:
     return {"type": "line", **place, "line": {"color": colour, "width": item.width, "dash": item.dash}, **text}
 
 
-def _references(plot: Description, k: int) -> tuple[str, str]:
+def _references(plot: PanelGrid, k: int) -> tuple[str, str]:
     """Names of the axes of panel k in plotly: x, y, x2, y2, ..."""
     number = str(k + 1) if k else ""
     return "x" if plot.one_x_axis else f"x{number}", f"y{number}"
 
 
-def _layout(plot: Description) -> Figure:
+def _layout(plot: PanelGrid) -> Figure:
     layout: Figure = {
         "autosize": True,
         "margin": {"l": 64, "r": 12, "t": 40 if plot.title else 30, "b": 44},
@@ -174,7 +166,7 @@ def _layout(plot: Description) -> Figure:
     return layout
 
 
-def _domains(plot: Description) -> Iterable[list[float]]:
+def _domains(plot: PanelGrid) -> Iterable[list[float]]:
     """Lower and upper end of each row of panels, as fractions of the height."""
     numbers = 0.0 if plot.one_x_axis else SPACE  # room for the numbers of an x axis
     titles = HEAD if any(panel.title for panel in plot.panels) else 0.0
@@ -204,6 +196,8 @@ def axis_style(axis: Axis) -> Figure:
     }
     if axis.log:
         style["type"] = "log"
+    elif axis.date:
+        style |= {"type": "date", "nticks": 5}
     if axis.range is not None:
         style["range"] = np.log10(axis.range).tolist() if axis.log else list(axis.range)
     elif axis.from_zero:

@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fifthwheel._html import Markup, table
+from fifthwheel import pages
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS, SignalName
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import digits, percent, shown
+from fifthwheel.pages.html import course
 from fifthwheel.plots import Axis, Line, Panel, Plot
 from fifthwheel.plots.palette import CYCLE
-from fifthwheel.plots.sparkline import sparkline
 from fifthwheel.record.signal_names import REFERENCE
 from fifthwheel.record.timestamps import typical_step
 
@@ -52,13 +52,13 @@ def _line(time: Array, values: Array, name: str, colours: Mapping[str, str]) -> 
     return Line(time, values, name=label, colour=colours[place], dash="dash" if reference else "solid", gaps=True)
 
 
-def channel_table(time: Array, channels: Mapping[str, Array]) -> Markup:
+def channel_table(time: Array, channels: Mapping[str, Array]) -> pages.Table:
     """Unit, rate, range, missing samples and course of each channel."""
     rows = [_row(time, name, values) for name, values in channels.items()]
-    return table(("Signal", "Unit", "Rate", "Lowest", "Highest", "Missing", "Course"), rows)
+    return pages.Table(("Signal", "Unit", "Rate", "Lowest", "Highest", "Missing", "Course"), rows)
 
 
-def _row(time: Array, name: str, values: Array) -> tuple[str, ...]:
+def _row(time: Array, name: str, values: Array) -> tuple[pages.Cell, ...]:
     present = np.isfinite(values)
     unit = shown(CHANNELS[SignalName.of(name.removeprefix(REFERENCE)).quantity].unit)
     step = typical_step(time[present])
@@ -66,4 +66,4 @@ def _row(time: Array, name: str, values: Array) -> tuple[str, ...]:
     ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]
     low, high = (digits(float(end) * unit.factor, 3) for end in ends)
     missing = percent(float(1 - present.mean())) if not present.all() else ""
-    return name, unit.name, rate, low, high, missing, sparkline(time, values)
+    return name, unit.name, rate, low, high, missing, course(time, values)

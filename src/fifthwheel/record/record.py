@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fifthwheel import pages
 from fifthwheel._extras import require
-from fifthwheel._html import block
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
 from fifthwheel.record.display import channel_plot, channel_table
 from fifthwheel.record.read_only import ReadOnlyDict
@@ -195,7 +196,8 @@ class Record:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table of the channels."""
-        return block(self.name, self._extent(), channel_table(self.time, self._channels()), *self.notes)
+        table = channel_table(self.time, self._channels())
+        return notebook(pages.Document(self.name, [pages.Paragraph(self._extent()), table, pages.Items(self.notes)]))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):

@@ -1,14 +1,11 @@
-"""Results for people: a page that opens without a network, and tables on a terminal."""
+"""Results for people: the documents of results, with their words, as pages and on a terminal."""
 
-from fifthwheel.report.html.comparison import write_comparison_page
-from fifthwheel.report.html.performance import write_assessment_report
-from fifthwheel.report.html.report import write_report, write_states_report
-from fifthwheel.report.html.sections import StateConditions
+from fifthwheel.report.assessment import show_assessment, write_assessment_report
+from fifthwheel.report.comparison import show_comparison, write_comparison_page
+from fifthwheel.report.conclusion import Conclusion, conclude_identification, conclude_states
+from fifthwheel.report.identification import show_identification, write_report
 from fifthwheel.report.provenance import Provenance, gather_provenance, provenance_of_run
-from fifthwheel.report.terminal.comparison import show_comparison
-from fifthwheel.report.terminal.performance import show_assessment
-from fifthwheel.report.terminal.results import show_identification, show_states
-from fifthwheel.report.text.conclusion import Conclusion, conclude_identification, conclude_states
+from fifthwheel.report.states import StateConditions, show_states, write_states_report
 
 __all__ = [
     "Conclusion",

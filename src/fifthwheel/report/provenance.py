@@ -1,17 +1,26 @@
-"""The origin of a result, so that it can be reproduced: command, files, versions."""
+"""The origin of a result: its logs, and what reproduces it, command, files and versions."""
 
 import hashlib
 import platform
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
 import fifthwheel
+from fifthwheel import pages
+from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.formatting import fixed, kmh, percent, seconds
+from fifthwheel.identify import Identification
+from fifthwheel.record import Record
 
+LOGS = (
+    *("Log|name", "Use|w", "Span, s>", "Samples>", "Used>", "Speed>", "Lateral acc., m/s²>"),
+    "Most rejected||Most rejected: ",
+)
 PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap")
 """The packages that the numbers depend on."""
 
@@ -34,6 +43,21 @@ class Provenance:
     versions: Mapping[str, str] = field(default_factory=dict)
     files: tuple[FileUsed, ...] = ()
     texts: Mapping[str, str] = field(default_factory=dict)  # text of the vehicle file and of the signal map, by name
+
+    def blocks(self) -> Iterator[pages.Block]:
+        """How to reproduce the result."""
+        yield pages.Heading("Reproduce this result")
+        if self.command:
+            yield pages.Verbatim(self.command)
+        when = f"Run at {self.time}, with " if self.time else "With "
+        yield pages.Paragraph(f"{when}{', '.join(f'{name} {version}' for name, version in self.versions.items())}.")
+        if self.files:
+            yield pages.Table(
+                ("File|name", "Bytes>", "SHA-256|full hash"),
+                [(pages.Code(f.path), fixed(f.size, 0), pages.Code(f.sha256)) for f in self.files],
+            )
+        for name, text in self.texts.items():
+            yield pages.Folded(name, [pages.Verbatim(text)])
 
 
 def gather_provenance(
@@ -97,3 +121,41 @@ def _used_files(path: Path) -> list[FileUsed]:
     with path.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256")
     return [FileUsed(path=str(path), size=path.stat().st_size, sha256=digest.hexdigest())]
+
+
+def logs_and_origin(
+    records: Sequence[Record],
+    runs: Sequence[RunSummary],
+    provenance: Provenance | None,
+    identification: Identification | None = None,
+) -> Iterator[pages.Block]:
+    """How each log was driven, what an identification used of it, and how to reproduce the result."""
+    yield pages.Hint("Lateral acceleration: largest magnitude of speed × yaw rate, averaged over 0.5 s.")
+    yield _table(records, runs, identification)
+    if provenance is not None:
+        yield from provenance.blocks()
+
+
+def _table(records: Sequence[Record], runs: Sequence[RunSummary], identification: Identification | None) -> pages.Table:
+    summaries = {log.name: log for log in identification.logs} if identification else {}
+    spans = {record.name: (record.span, len(record)) for record in records}
+    spans |= {name: (log.span, log.samples) for name, log in summaries.items()}
+    by_name = {run.name: run for run in runs}
+    rows = []
+    for name in dict.fromkeys([*summaries, *spans]):
+        (first, last), samples = spans[name]
+        log, run = summaries.get(name), by_name[name]
+        channel, rejected = max(log.rejected.items() if log else (), key=lambda item: item[1], default=("", 0.0))
+        worst = f"{percent(rejected)} of {channel}" if rejected else "none"
+        cells = (
+            name,
+            "identification" if log else "validation" if identification else "states",
+            f"{first:.1f} to {last:.1f}",
+            fixed(samples, 0),
+            seconds(log.used) if log else "–",
+            kmh(log.speed if log else run.speed),
+            "–" if run.acceleration != run.acceleration else f"{run.acceleration:.2f}",
+            worst if log else "–",
+        )
+        rows.append(cells if identification else cells[:-1])
+    return pages.Table(LOGS if identification else LOGS[:-1], rows)

@@ -5,11 +5,11 @@ from typing import Any, TypeVar
 
 from nicegui import ui
 
-from fifthwheel.app import inputs, jobs, layout, plots, result_files, runs, tables
+from fifthwheel.app import documents, inputs, jobs, layout, result_files, runs
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.diagnose import Comparison
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.report.text import comparison as words
+from fifthwheel.report.comparison import comparison_document
 
 T = TypeVar("T")
 MOST = 6
@@ -17,7 +17,6 @@ MOST = 6
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     results = runs.results(workspace)
     if len(results) < 2:
         ui.label("There are fewer than two results; identify again, with other logs or settings.")
@@ -52,7 +51,6 @@ async def _show(place: ui.column, computed: Awaitable[T], build: Callable[[T], o
 
 
 def _choice(results: list[str], chosen: list[str]) -> None:
-    """Which results are compared, the first as reference."""
     select = ui.select(results, value=chosen, multiple=True, label="Results; the first is the reference")
     select.classes("w-full").props("use-chips")
 
@@ -64,14 +62,7 @@ def _choice(results: list[str], chosen: list[str]) -> None:
 
 
 def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> None:
-    ui.label(words.headline(found)).classes("text-weight-bold").props("role=status")
-    first = found.runs[0]
-    rows = [
-        (name if run == first else "", run.replace("-", "\u2011"), *cells)  # a hyphen at which no line breaks
-        for name, run, *cells in found.rows()
-    ]
-    tables.table(("Parameter", "Run", "Estimate>", "Difference>"), rows, label="Estimates of all results")
-    tables.texts("Notes", [*found.notes, words.EXPLANATION])
+    documents.show(*comparison_document(found).blocks)
     with ui.row().classes("items-center"):
         for kind in ("csv", "html"):
             address = f"/compared.{kind}?{layout.query(run=chosen)}"
@@ -82,12 +73,11 @@ def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> N
     with ui.element("div").classes("fw-grid"):
         for parameter, plot in found.plots().items():
             with ui.element("div"):
-                plots.show(plot, height=90 + 34 * len(chosen)).props["aria-label"] = f"Estimates of {parameter}"
+                documents.show_plot(plot, height=90 + 34 * len(chosen), label=f"Estimates of {parameter}")
     _overlay(workspace, chosen)
 
 
 def _overlay(workspace: Workspace, chosen: list[str]) -> None:
-    """The predictions of each result over one log."""
     used = inputs.used_logs(workspace)
     if not used:
         return
@@ -100,7 +90,7 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
         with place:
             ui.spinner(size="2em").props('role=status aria-label="Predicting"')
         computed = jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
-        await _show(place, computed, lambda plot: plots.show(plot, height=170 * len(plot.panels) + 100))
+        await _show(place, computed, lambda plot: documents.show_plot(plot, height=170 * len(plot.panels) + 100))
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)

@@ -4,21 +4,30 @@ import asyncio
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import exploration, inputs, jobs, layout, plots, runs, tables
-from fifthwheel.app.exploration import KINDS, Exploration
+from fifthwheel import pages, plot
+from fifthwheel.app import documents, inputs, jobs, layout, runs
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
+from fifthwheel.diagnose import LogPrediction
+from fifthwheel.dynamics import linear_system
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.formatting import with_sigma
-from fifthwheel.identify import OneStage
+from fifthwheel.formatting import approximate, percent, with_sigma
+from fifthwheel.identify import Fit, OneStage
+from fifthwheel.identify.result.display import fit_panel, prediction
 from fifthwheel.identify.unknowns.parameters import estimated_parameters
+from fifthwheel.plots import Line, Panel, Plot, Points
+from fifthwheel.plots.palette import BLUE, VERMILLION
+from fifthwheel.record import Record
+from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.edited_file import edited
 
+KINDS = ("step response", "Bode diagram", "handling diagram")
 FACTOR = 2.0
 """A slider reaches from the number of the vehicle file by this factor in both directions."""
 STEPS = 40
@@ -28,7 +37,6 @@ REST = 0.4
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     truck = runs.vehicle(workspace)
     used = inputs.used_logs(workspace)
     _Page(workspace, truck, used).build()
@@ -45,13 +53,13 @@ class _Page:
         self.log = kept.get("log") if kept.get("log") in used else next(iter(used), None)
         self.speed = float(kept.get("speed", 80.0))
         self.kind = str(kept["kind"]) if kept.get("kind") in KINDS else KINDS[0]
-        self.subject: Exploration | None = None
+        self.record: Record | None = None
+        self.prediction: LogPrediction | None = None
         self._moved: float | None = None
         self._busy = False
         self._pending = False
 
     def build(self) -> None:
-        """Fill the page."""
         ui.timer(REST, self._keep_what_rests)
         with ui.element("div").classes("fw-columns"):
             with ui.element("section").classes("fw-sticky").props('aria-label="Numbers of the truck"'):
@@ -118,7 +126,6 @@ class _Page:
             self._keep()
 
     def _keep(self) -> None:
-        """Keep what the page shows."""
         shown = {"values": self.values, "log": self.log, "speed": self.speed, "kind": self.kind}
         choices = self.workspace.choices()
         changed = choices.model_copy(update={"explore": {k: v for k, v in shown.items() if v is not None}})
@@ -162,11 +169,12 @@ class _Page:
 
     async def _load(self) -> None:
         assert self.log is not None
-        self.subject = None
+        self.record = self.prediction = None
         try:
             record = await jobs.compute(inputs.record, self.workspace.folder, self.log)
-            self.subject = await asyncio.to_thread(Exploration.of, record, self.truck)
-            self._given = await asyncio.to_thread(self.subject.fits, {})
+            self.prediction = await asyncio.to_thread(LogPrediction.of, record, self.truck)
+            self.record = record
+            self._given = await asyncio.to_thread(self.prediction.fits, {})
         except FifthwheelError as error:
             self._place.clear()
             with self._place:
@@ -175,8 +183,8 @@ class _Page:
         self._place.clear()
         height = 150 * len(self._given) + 90
         with self._place:
-            self._fit_plot = plots.show(exploration.fit_plot(self._given, self._given), height=height)
-            self._fit_plot.props["aria-label"] = "Measured and predicted signals"
+            plot = fit_plot(self._given, self._given)
+            self._fit_plot = documents.show_plot(plot, height=height, label="Measured and predicted signals")
             self._fit_rows = ui.column().classes("w-full")
         await self._update()
 
@@ -200,10 +208,9 @@ class _Page:
         self._draw_model()
 
     def _draw_model(self) -> None:
-        record = self.subject.record if self.subject else None
         try:
             changed = self.truck.replace(self.values)
-            drawn = exploration.model_plot(self.kind, self.truck, changed, self.speed / 3.6, record)
+            drawn = model_plot(self.kind, self.truck, changed, self.speed / 3.6, self.record)
         except FifthwheelError as error:
             self._model_error.text = str(error)
             return
@@ -211,7 +218,7 @@ class _Page:
         height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110
         self._model_plot.style(f"height: {height}px")
         self._model_plot.props["aria-label"] = f"{self.kind} of the linear model"
-        self._model_plot.update_figure(plots.drawn(drawn, height=height))
+        self._model_plot.update_figure(documents.drawn(drawn, height=height))
 
     async def _update(self) -> None:
         """Draw what the sliders give; while one drawing is computed, only the latest position waits."""
@@ -229,22 +236,80 @@ class _Page:
             self._busy = False
 
     async def _draw(self) -> None:
-        if self.subject is not None:
+        if self.prediction is not None:
             try:
-                fits = await asyncio.to_thread(self.subject.fits, dict(self.values))
+                fits = await asyncio.to_thread(self.prediction.fits, dict(self.values))
             except FifthwheelError as error:
                 layout.say(str(error))
                 return
             height = 150 * len(fits) + 90
-            figure = plots.drawn(exploration.fit_plot(self._given, fits), height=height)
+            figure = documents.drawn(fit_plot(self._given, fits), height=height)
             figure["layout"]["uirevision"] = self.log
             self._fit_plot.update_figure(figure)
             self._fit_rows.clear()
             with self._fit_rows:
-                heads = ("Explained, residual rms", "vehicle file>", "sliders>")
-                tables.table(heads, exploration.fit_rows(self._given, fits), label="Fit of each signal")
+                documents.show(fit_table(self._given, fits))
         self._draw_model()
 
 
 def _without(values: Mapping[str, float], path: str) -> dict[str, float]:
     return {name: value for name, value in values.items() if name != path}
+
+
+def fit_plot(given: list[Fit], changed: list[Fit]) -> Plot:
+    """Each signal as measured, as predicted by the vehicle file, and as predicted with the changed numbers."""
+    panels = [
+        fit_panel(
+            after,
+            prediction(before, "vehicle file", BLUE, "dash"),
+            prediction(after, "sliders", VERMILLION),
+            title=after.signal,
+        )
+        for before, after in zip(given, changed, strict=True)
+    ]
+    return Plot(panels=panels)
+
+
+def fit_table(given: list[Fit], changed: list[Fit]) -> pages.Table:
+    """Signal, and explained fraction and residual of both."""
+    rows = []
+    for before, after in zip(given, changed, strict=True):
+        cells = [
+            f"{percent(max(fit.explained, 0.0), round_down=True)}, {approximate(fit.rms, si_unit(fit.signal))}"
+            for fit in (before, after)
+        ]
+        rows.append((pages.Code(after.signal), *cells))
+    return pages.Table(("Explained, residual rms", "vehicle file>", "sliders>"), rows, label="Fit of each signal")
+
+
+def model_plot(kind: str, given: Vehicle, changed: Vehicle, speed: float, record: Record | None = None) -> Plot:
+    """A plot of the linear model with both sets of numbers.
+
+    Args:
+        kind: one of `KINDS`.
+        speed: m/s.
+        record: for the points of the handling diagram.
+
+    Raises:
+        FifthwheelError: the vehicle has no such response.
+    """
+    return Plot(panels=list(map(_together, *[_panels(kind, v, speed, record) for v in (given, changed)])))
+
+
+def _panels(kind: str, vehicle: Vehicle, speed: float, record: Record | None) -> list[Panel]:
+    if kind == "handling diagram":
+        return list(plot.handling_diagram(vehicle, [record] if record is not None else []).panels)
+    yaw = [f"yaw_rate.{unit.name}" for unit in vehicle.units]
+    system = linear_system(vehicle, speed, [*yaw, *[f"roll.{unit.name}" for unit in vehicle.units]])
+    if kind == "step response":
+        return list(plot.step_response(system).panels)
+    return [replace(panel, title=name) for name in yaw for panel in plot.bode(system, name).panels]
+
+
+def _together(given: Panel, changed: Panel) -> Panel:
+    """The line of the vehicle file, dashed, then that of the sliders; points of the first are left out."""
+    old = [replace(i, colour=BLUE, dash="dash", name="vehicle file") for i in given.items if isinstance(i, Line)]
+    new = [replace(i, colour=VERMILLION, name="sliders") if isinstance(i, Line) else i for i in changed.items]
+    points = [item for item in new if isinstance(item, Points)]
+    rest = [item for item in new if not isinstance(item, Points)]
+    return replace(changed, items=[*points, *old, *rest])

@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from fifthwheel.app import inputs, jobs, layout, progress, result_files, runs
+from fifthwheel.app import inputs, jobs, layout, result_files, runs
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.vehicle import Vehicle
@@ -33,7 +33,6 @@ FORMS = {
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     truck = runs.vehicle(workspace)
     runs.logs(workspace, workspace.choices())
     _Settings(workspace, truck).build()
@@ -47,7 +46,6 @@ class _Settings:
         self.workspace, self.truck = workspace, truck
 
     def build(self) -> None:
-        """Fill this part of the page."""
         used = inputs.used_logs(self.workspace)
         windows = sum(len(self.workspace.choices().of(name).exclude) for name in used)
         left_out = f" {windows} windows are left out." if windows else ""
@@ -103,7 +101,6 @@ class _Settings:
             self._bind(ui.select(words, value=value if value in words else first), key, first, named)
 
     def _list(self, key: str, label: str, names: list[str], help: str) -> None:
-        """A list of names, or of texts that are typed."""
         value = [text for text in self._value(key, []) if isinstance(text, str)]
         typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
         known = list(dict.fromkeys([*names, *value]))
@@ -142,11 +139,10 @@ class _Settings:
 
 @ui.refreshable
 def _run(workspace: Workspace) -> None:
-    """The start of an identification, its progress, and the report of a result."""
     job = jobs.get(KEY)
     running = job is not None and job.running
     if running:
-        progress.show(KEY, partial(_ended, workspace))
+        layout.show_progress(KEY, partial(_ended, workspace))
     else:
         with ui.row().classes("items-end"):
             name = ui.input("Name of the result", value=runs.next_name(workspace)).classes("fw-field")

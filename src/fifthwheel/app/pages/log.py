@@ -5,14 +5,13 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import inputs, jobs, layout, plots, progress
+from fifthwheel.app import documents, inputs, jobs, layout
 from fifthwheel.app.pages.log_channels import channels
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     _Page(workspace).build()
 
 
@@ -25,7 +24,6 @@ class _Page:
         self._shown: str | None = None
 
     def build(self) -> None:
-        """Fill the page."""
         ui.label(
             "Drop logs here: CSV, Parquet, MF4, MATLAB, MCAP or CAN traces; DBC and ARXML files decode CAN frames. "
             f"They are copied to {self.workspace.folder}."
@@ -36,7 +34,7 @@ class _Page:
         # Not `reset`, which aborts an upload that the browser has not heard the answer of, so that it counts as failed.
         upload.on("uploaded", lambda: upload.run_method("removeUploadedFiles"), args=[])
         upload.on("failed", lambda: layout.say("Refused: too large, or there is no space."), args=[])
-        plots.preload()
+        documents.preload()
         self._logs()
         self._channels()
 
@@ -47,7 +45,6 @@ class _Page:
             self._channels.refresh()
 
     async def _keep(self, event: events.UploadEventArguments) -> None:
-        """Keep a dropped file; it appears under its name when it is complete."""
         path = self.workspace.place_for(event.file.name)
         self.workspace.require_space(event.file.size())
         part = path.with_name(f".{path.name}.part")
@@ -68,7 +65,6 @@ class _Page:
 
     @ui.refreshable_method
     def _logs(self) -> None:
-        """The list of logs, and the reading of those that are new."""
         databases = self.workspace.databases()
         if databases:
             ui.label(f"CAN databases: {', '.join(path.name for path in databases)}")
@@ -82,11 +78,10 @@ class _Page:
             for name in logs:
                 self._row(name, chosen=name == chosen)
         for name in logs:
-            progress.show(_key(name), lambda job: self.refresh())
+            layout.show_progress(_key(name), lambda job: self.refresh())
 
     @ui.refreshable_method
     def _channels(self) -> None:
-        """The chosen log."""
         self._shown = self._chosen()
         if self._shown is not None:
             asked = self._query.getlist("channel") if self._query.get("log") == self._shown else []

@@ -9,15 +9,15 @@ import numpy as np
 from nicegui import events, run, ui
 
 from fifthwheel._types import Array
-from fifthwheel.app import inputs, layout, plots
+from fifthwheel.app import documents, inputs, layout
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
-from fifthwheel.formatting import digits, percent
 from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.stored import StoredLog
+from fifthwheel.pages.html import COURSE_POINTS, course
 from fifthwheel.plots import Axis, Line, Panel, Plot, Span
-from fifthwheel.plots.sparkline import POINTS, sparkline
+from fifthwheel.report.log_contents import column_cells
 
 ROWS = 25
 """Channels of one page of the table."""
@@ -64,7 +64,6 @@ class _View:
         self._selecting = False
 
     def build(self) -> None:
-        """Fill the page."""
         low, high = self._relative(self._whole)
         with ui.row().classes("items-center"):
             mode = ui.toggle({False: "Zoom", True: "Select"}, value=False, on_change=self._set_mode)
@@ -78,7 +77,7 @@ class _View:
                 ("Keep only this", self._keep_only),
             ):
                 ui.button(text, on_click=action).props("outline dense no-caps")
-        self._plot = plots.show(self._described([]), height=self._height())
+        self._plot = documents.show_plot(self._described([]), height=self._height())
         self._plot.on("plotly_relayout", self._on_zoom, args=["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"])
         self._plot.on("plotly_selected", self._on_select, args=["range"])
         self._windows()
@@ -95,14 +94,13 @@ class _View:
         lines = await run.io_bound(_read, self._log, names, *self._range)
         if lines is None or names != self._shown:
             return  # the server ends, or another choice was made meanwhile
-        figure = plots.drawn(self._described(lines), height=self._height())
+        figure = documents.drawn(self._described(lines), height=self._height())
         figure["layout"] |= {"dragmode": "select" if self._selecting else "zoom", "selectdirection": "h"}
         bottom = {"range": list(self._relative(self._range)), "autorange": False}
         figure["layout"]["xaxis"] |= bottom
         self._plot.update_figure(figure)
 
     def _described(self, lines: Sequence[_Course]) -> Plot:
-        """The plot, one panel for each channel."""
         empty = (np.array([np.nan]), np.array([np.nan]))
         spans = [Span(*self._relative(window)) for window in self._excluded()]
         at = f" after {datetime.fromtimestamp(self._origin, UTC):%Y-%m-%d %H:%M:%S} UTC" if self._origin else ""
@@ -122,7 +120,6 @@ class _View:
         return 80 + _PANEL * max(len(self._shown), 1)
 
     def _relative(self, window: tuple[float, float]) -> tuple[float, float]:
-        """A window of the log as the page shows it."""
         return window[0] - self._origin, window[1] - self._origin
 
     def _chosen(self) -> tuple[float, float]:
@@ -182,7 +179,6 @@ class _View:
 
     @ui.refreshable_method
     def _windows(self) -> None:
-        """The windows that are left out."""
         windows = self._excluded()
         with ui.element("ul").props('aria-label="Excluded windows"'):
             for window in windows:
@@ -251,23 +247,15 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
 
 def _row(log: StoredLog, name: str, content: ColumnContent, ticked: bool, tick: Callable[..., object]) -> None:
     present = content.fault is None and content.missing < content.samples
-    cells = [
-        name,
-        content.column.unit or "",
-        f"{content.rate:.3g}" if np.isfinite(content.rate) else "–",
-        digits(content.low) if present else "text" if content.fault else "–",
-        digits(content.high) if present else "–",
-        percent(content.missing / max(content.samples, 1)) if present else "all",
-    ]
     with ui.element("tr"):
         with ui.element("td"):
             if present:
                 box = ui.checkbox(value=ticked, on_change=tick).props("dense")
                 box.props["aria-label"] = f"Plot {printable(name)}"
-        for cell in cells:
+        for cell in (name, *column_cells(content)):
             with ui.element("td"):
                 ui.label(printable(cell))
         with ui.element("td"):
             if present:
-                drawn = sparkline(*log.window(name, *log.span(), points=POINTS))
+                drawn = course(*log.window(name, *log.span(), points=COURSE_POINTS))
                 ui.html(drawn, sanitize=False).props('aria-hidden="true"')

@@ -3,21 +3,31 @@
 from functools import partial
 from typing import Any
 
-from nicegui import ui
+from nicegui import events, ui
 
-from fifthwheel.app import inputs, jobs, layout, plots
-from fifthwheel.app.pages import signal_rows
-from fifthwheel.app.pages.signal_plot import HEIGHT, signal_plot
+from fifthwheel.app import documents, inputs, jobs, layout
 from fifthwheel.app.workspace import SIGNALS, Workspace
+from fifthwheel.channels import IDENTIFIED, SignalName
 from fifthwheel.checks import Finding
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.formatting import percent
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.edited_map import with_channel, without_channel
-from fifthwheel.workflow import SignalEvidence
+from fifthwheel.logs.signal_map import SignalSource
+from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
+from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.workflow import ChannelEvidence, SignalEvidence
+
+HEIGHT = 170
+"""Height of the plot of a signal, pixels."""
+_WAIT = 500
+"""ms after the last key before a field counts."""
+_BETTER = 0.05
+"""Fraction of the variance by which the inverted signal must fit better for the sign to be doubted."""
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     known = [path.name for path in workspace.logs() if inputs.is_stored(workspace, path.name)]
     if not known:
         ui.label("First drop a log on the page Log.")
@@ -48,7 +58,6 @@ class _Page:
         self._plots: dict[str, ui.plotly] = {}
 
     def build(self) -> None:
-        """Fill the page."""
         known = self.workspace.vehicle() is not None
         truck = "your truck with uncertain tyres" if known else "usual trucks, for lack of a vehicle file"
         ui.label(
@@ -62,12 +71,11 @@ class _Page:
             self._busy = ui.spinner(size="1.5em").props('role=status aria-label="Computing"')
         self._findings()
         self._rows()
-        signal_rows.adding(self)
+        self._adding()
         first = self.propose if self.workspace.read(SIGNALS) is None else self.compare
         ui.timer(0, first, once=True)
 
     async def propose(self) -> None:
-        """Propose a map and write it."""
         self._busy.visible = True
         try:
             text = await jobs.compute(inputs.propose, self.workspace.folder, self.name)
@@ -77,7 +85,6 @@ class _Page:
         self._rows.refresh()
 
     async def change(self, signal: str, **keys: Any) -> None:
-        """Change keys of a signal."""
         text = self.workspace.read(SIGNALS) or ""
         changed = with_channel(text, signal, **keys)
         if changed != text:
@@ -93,7 +100,6 @@ class _Page:
         self._rows.refresh()
 
     async def remove(self, signal: str) -> None:
-        """Remove a signal from the map."""
         await self._write(without_channel(self.workspace.read(SIGNALS) or "", signal), f"remove {signal}")
         self._rows.refresh()
 
@@ -103,7 +109,6 @@ class _Page:
         self._rows.refresh()
 
     async def compare(self) -> None:
-        """Compute the evidence anew and show it."""
         self._latest += 1
         number = self._latest
         self._busy.visible = True
@@ -133,26 +138,19 @@ class _Page:
             element.update_figure(self._figure(signal))
 
     def _figure(self, signal: str) -> dict[str, Any]:
-        figure = plots.drawn(signal_plot(self.evidence, signal), height=HEIGHT)
+        figure = documents.drawn(_plot(self.evidence, signal), height=HEIGHT)
         figure["layout"] |= {"showlegend": False, "uirevision": signal}
         figure["layout"]["margin"] |= {"t": 8}
         return figure
 
     def _course(self, signal: str) -> None:
-        """The plot of a signal."""
         element = ui.plotly(self._figure(signal)).classes("fw-course")
         element.props["role"] = "img"
         element.props["aria-label"] = f"{signal} measured and predicted"
         self._plots[signal] = element
 
     @ui.refreshable_method
-    def _verdict(self, signal: str) -> None:
-        """What the prediction says about a signal."""
-        signal_rows.verdict(self, signal)
-
-    @ui.refreshable_method
     def _findings(self) -> None:
-        """What speaks against the map, each with a button that mends it."""
         if self.error:
             layout.failure(self.error)
         findings = self.evidence.findings if self.evidence is not None else ()
@@ -169,7 +167,6 @@ class _Page:
 
     @ui.refreshable_method
     def _rows(self) -> None:
-        """The signals of the map, with the fields that change them."""
         try:
             signal_map = self.signal_map()
         except FifthwheelError as error:
@@ -177,9 +174,94 @@ class _Page:
             return
         self._plots.clear()
         for signal, channel in signal_map.signals.items():
-            signal_rows.row(self, signal, channel, self._course, self._verdict)
+            self._row(signal, channel)
         if signal_map.reference:
             ui.label(f"For comparison only: {', '.join(signal_map.reference)}")
+
+    def _row(self, signal: str, channel: SignalSource) -> None:
+        with ui.element("section").classes("w-full") as section:
+            section.props["aria-label"] = signal
+            layout.heading(signal)
+            with ui.row().classes("items-end w-full"):
+                if channel.column is not None:
+                    self._column(signal, channel)
+                else:
+                    ui.label(f"sum of {', '.join(map(printable, channel.columns))}")
+                unit = self._unit_in_log(channel)
+                text = ui.input("Unit", value=channel.unit or unit or si_unit(signal) or "")
+                text.on_value_change(partial(self._changed, signal, "unit"))
+                sign = ui.toggle({1: "+", -1: "−"}, value=channel.sign).props("dense")
+                sign.props["aria-label"] = f"Sign of {signal}"
+                sign.on_value_change(partial(self._changed, signal, "sign"))
+                gain = ui.number("Gain", value=channel.gain, format="%.6g")
+                gain.on_value_change(partial(self._changed, signal, "gain"))
+                delay = ui.number("Delay, s", value=float(channel.delay), step=0.01, format="%.3f")
+                delay.on_value_change(partial(self._changed, signal, "delay"))
+                for field, key in ((text, "Unit"), (gain, "Gain"), (delay, "Delay")):
+                    field.props(f"dense debounce={_WAIT}").classes("w-24")
+                    field.props["aria-label"] = f"{key} of {signal}"
+                button = ui.button("Remove", on_click=partial(self.remove, signal)).props("flat dense no-caps")
+                button.props["aria-label"] = f"Remove {signal}"
+            self._course(signal)
+            self._verdict(signal)
+
+    def _column(self, signal: str, channel: SignalSource) -> None:
+        names = self._with_numbers()
+        options = names if channel.column in names else [channel.column, *names]
+        field = ui.select(options, value=channel.column, label="Column", with_input=True)
+        field.props("dense").classes("w-64").props["aria-label"] = f"Column of {signal}"
+        field.on_value_change(partial(self._changed, signal, "column"))
+
+    def _with_numbers(self) -> list[str]:
+        return [name for name, content in self.columns.items() if content.alive]
+
+    async def _changed(self, signal: str, key: str, event: events.ValueChangeEventArguments[Any]) -> None:
+        """A field has a new value; an empty one is the default."""
+        value = event.value
+        if key == "unit" and value == self._unit_in_log(self.signal_map().signals[signal]):
+            value = None
+        await self.change(signal, **{key: value})
+
+    def _unit_in_log(self, channel: SignalSource) -> str | None:
+        content = self.columns.get(channel.columns[0])
+        return content.column.unit if content is not None else None
+
+    def _adding(self) -> None:
+        with ui.row().classes("items-end"):
+            units = {SignalName.of(name).unit for name in self.signal_map().signals} - {"", None}
+            names = ["speed"]
+            for unit in sorted(units or {"tractor", "semitrailer"}):
+                names += [f"steer.{unit}.front", *[f"{channel.quantity}.{unit}" for channel in IDENTIFIED]]
+            signal = ui.input("Signal to add", autocomplete=names).props("dense").classes("w-64")
+            column = ui.select(self._with_numbers(), label="Its column", with_input=True).props("dense").classes("w-64")
+
+            async def add() -> None:
+                if signal.value and column.value:
+                    await self.set_and_show(signal.value.strip(), column=column.value)
+
+            ui.button("Add", on_click=add).props("outline dense no-caps")
+
+    @ui.refreshable_method
+    def _verdict(self, signal: str) -> None:
+        """What the prediction says about a signal, with buttons for sign and delay."""
+        if self.evidence is None:
+            return
+        channel = self.evidence.channels.get(signal)
+        mapped = self.signal_map().signals.get(signal)
+        if channel is None or mapped is None:
+            ui.label("Not predicted: the predictions of the others depend on it." if channel is None else "")
+            return
+        with ui.row().classes("items-center").props("aria-live=polite"):
+            ui.label(_words(channel))
+            if channel.explained is not None and (channel.inverted or 0.0) > channel.explained + _BETTER:
+                button = ui.button("Invert", on_click=partial(self.set_and_show, signal, sign=-mapped.sign))
+                button.props("outline dense no-caps").props["aria-label"] = f"Invert {signal}"
+            if channel.offset is not None and abs(channel.offset.offset) > 2 * channel.offset.sigma:
+                late = channel.offset.offset
+                delay = round(float(mapped.delay) + late, 3)
+                button = ui.button(f"Correct by {late:.2f} s", on_click=partial(self.set_and_show, signal, delay=delay))
+                label = f"Correct the delay of {signal} by {late:.2f} s"
+                button.props("outline dense no-caps").props["aria-label"] = label
 
     def _save(self) -> None:
         text = self.workspace.read(SIGNALS)
@@ -195,3 +277,32 @@ def _remedy(finding: Finding, channel: Any) -> dict[str, Any]:
     if channel is not None and "sign" in keys:
         keys["sign"] = -channel.sign
     return keys
+
+
+def _words(channel: ChannelEvidence) -> str:
+    if channel.explained is None:
+        return "Cannot be compared: too few samples, or the truck does not turn."
+    words = f"The prediction explains {percent(channel.explained)} of the variance"
+    if (channel.inverted or 0.0) > channel.explained + _BETTER:
+        words += f", with the sign inverted {percent(channel.inverted or 0.0)}"
+    if channel.offset is not None:
+        late = channel.offset.offset
+        words += f"; {abs(late):.2f} ± {channel.offset.sigma:.2f} s {'late' if late > 0 else 'early'}"
+        if channel.offset.significant:
+            words += f", corrected {percent(channel.offset.explained)}"
+    return f"{words}."
+
+
+def _plot(evidence: SignalEvidence | None, signal: str) -> Plot:
+    items: list[Item] = []
+    if evidence is not None and signal in evidence.others:
+        time, values = evidence.others[signal]
+        items = [Line(time, values, name="measured", colour=BLUE, gaps=False)]
+    elif evidence is not None and signal in evidence.channels:
+        time, channel = evidence.time, evidence.channels[signal]
+        items = [
+            Band(time, channel.lowest, channel.highest, name="range of the prediction", colour=GREY),
+            Line(time, channel.measured, name="measured", colour=BLUE),
+            Line(time, channel.predicted, name="predicted", colour=VERMILLION, width=1.5),
+        ]
+    return Plot(panels=[Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=si_unit(signal) or ""))])

@@ -6,14 +6,14 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.app import jobs, layout, plots, tables
+from fifthwheel.app import documents, jobs, layout
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
-from fifthwheel.diagnose.assumptions import AssumedNumber, assumed_numbers
-from fifthwheel.dynamics.summary import VehicleSummary, summarize
+from fifthwheel.diagnose.assumptions import assumed_numbers
+from fifthwheel.dynamics.summary import summarize
 from fifthwheel.errors import FifthwheelError, VehicleError, printable
-from fifthwheel.formatting import enumerated, percent, with_sigma
 from fifthwheel.input_files import MAX_TOML_SIZE
-from fifthwheel.vehicle import Vehicle, catalogue, unit_of
+from fifthwheel.report.vehicle import NOTHING_ASSUMED, assumed_blocks
+from fifthwheel.vehicle import Vehicle, catalogue
 from fifthwheel.workflow.new_vehicle import new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, Question, describe
 
@@ -22,7 +22,6 @@ UNKNOWN = ""
 
 
 def build(workspace: Workspace) -> None:
-    """Fill the page."""
     current = workspace.vehicle()
     with ui.element("div").classes("fw-truck"):
         with ui.element("section").classes("fw-file").props('aria-label="Vehicle file"'):
@@ -47,8 +46,6 @@ def build(workspace: Workspace) -> None:
 
 
 def _files(workspace: Workspace, current: Vehicle | None) -> None:
-    """Import, export and the catalogue."""
-
     def taken(text: str, label: str) -> None:
         """Replace the vehicle file; the answers to the questions go, because they describe another truck."""
         name = printable(Vehicle.loads(text).name)  # refuses what is not a vehicle
@@ -83,26 +80,25 @@ def _files(workspace: Workspace, current: Vehicle | None) -> None:
 
 def _draw(vehicle: Vehicle) -> None:
     """The truck to scale, with the legend clear of the axis."""
-    element = plots.show(vehicle.plot(), height=400)
+    element = documents.show_plot(vehicle.plot(), height=400)
     element.figure["layout"]["legend"]["y"] = -0.22
     element.update()
 
 
 def _numbers(vehicle: Vehicle) -> None:
-    """Its loads and handling."""
     try:
-        summary: VehicleSummary = summarize(vehicle)
+        summary = summarize(vehicle)
     except FifthwheelError as error:
         layout.failure(str(error))
         return
-    tables.table(("Quantity", f"{summary.at_speed}>"), summary.rows(), label="Loads and handling")
+    documents.show(summary.table(summary.at_speed))
 
 
 def _assumed(vehicle: Vehicle) -> None:
     """The numbers that the vehicle file leaves to classes; their effects take some seconds."""
     layout.heading("Assumed numbers")
     if not vehicle.assumed:
-        ui.label("No number is assumed from a vehicle class.")
+        ui.label(NOTHING_ASSUMED)
         return
     place = ui.column().classes("w-full")
     with place:
@@ -112,29 +108,9 @@ def _assumed(vehicle: Vehicle) -> None:
         numbers = await jobs.compute(assumed_numbers, vehicle)
         place.clear()
         with place:
-            _table_of(numbers)
+            documents.show(*assumed_blocks(numbers))
 
     ui.timer(0.1, show, once=True)
-
-
-def _table_of(numbers: tuple[AssumedNumber, ...]) -> None:
-    ui.label(
-        "Yaw, Roll: largest change of a yaw rate and of a roll rate in a lane change by one sigma of the number, as a "
-        "fraction of the rms value. Measure the numbers with the largest effects. Cornering stiffness, the trailer's "
-        "yaw inertia and the payload height are estimated from logs."
-    )
-    rows = [(n.path, with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll)) for n in numbers]
-    tables.table(("Assumed", "Value>", "Yaw>", "Roll>"), rows, label="Assumed numbers")
-    sources: dict[str, list[str]] = {}
-    for number in numbers:
-        sources.setdefault(number.source, []).append(number.path)
-    with ui.expansion("Sources").classes("w-full"):
-        for source, paths in sources.items():
-            ui.label(f"{enumerated(paths)}: {source}")
-
-
-def _effect(fraction: float | None) -> str:
-    return "–" if fraction is None else percent(fraction)
 
 
 def _questions(workspace: Workspace) -> None:
@@ -194,7 +170,6 @@ _BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTI
 
 
 def _valid(answers: Mapping[str, str]) -> dict[str, str]:
-    """Answers to questions that exist."""
     return {key: text for key, text in answers.items() if key in _BY_KEY}
 
 
@@ -221,7 +196,6 @@ def _error(question: Question, text: str) -> str | None:
 
 
 def _field(question: Question, answer: str, keep: Any) -> None:
-    """The field of a question."""
     with ui.element("div").classes("fw-question"):
         ui.label(question.text + (" *" if question.required else ""))
         field: ui.select | ui.input

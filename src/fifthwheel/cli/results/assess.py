@@ -1,6 +1,7 @@
 """fifthwheel assess"""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -57,8 +58,9 @@ def assess(
     """
     from fifthwheel.assess import assess as run_assessment
     from fifthwheel.errors import FifthwheelError
-    from fifthwheel.report import gather_provenance, show_assessment
-    from fifthwheel.report.figures.static import checked_format
+    from fifthwheel.pages.page import checked_format
+    from fifthwheel.report import gather_provenance
+    from fifthwheel.report.assessment import assessment_document
     from fifthwheel.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 
     if figures:
@@ -78,12 +80,7 @@ def assess(
             provenance = gather_provenance([source], {}, sys.argv[1:])
             written = write_assessment(assessment, folder, provenance=provenance, figures=figures)
             files = terminal.in_folder(out, written)
-    if as_json:
-        terminal.print_json(assessment.as_dict() | {"files": terminal.as_text(files)})
-        return
-    show_assessment(assessment)
-    if files:
-        terminal.print_files(files)
+    terminal.print_result(assessment.as_dict(), partial(assessment_document, assessment), files, as_json=as_json)
 
 
 def _parameters(texts: list[str]) -> tuple[dict[str, float], dict[str, float]]:

@@ -1,5 +1,6 @@
 """fifthwheel compare"""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -34,15 +35,10 @@ def compare(
     A difference of more than two sigma is real with a probability of 95 %. Errors of the vehicle file and of the model
     that all runs share cancel in a difference. Runs that share logs are marked: their difference is no test.
     """
-    from fifthwheel.report import show_comparison
+    from fifthwheel.report.comparison import comparison_document
     from fifthwheel.workflow import compare_runs, write_comparison
 
     with reserved(csv, html, force=force):
         comparison = compare_runs(runs)
         files = write_comparison(comparison, csv=csv, html=html)
-    if as_json:
-        terminal.print_json(comparison.as_dict() | {"files": terminal.as_text(files)})
-        return
-    show_comparison(comparison)
-    if files:
-        terminal.print_files(files)
+    terminal.print_result(comparison.as_dict(), partial(comparison_document, comparison), files, as_json=as_json)

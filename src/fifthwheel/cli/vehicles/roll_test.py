@@ -1,5 +1,6 @@
 """fifthwheel roll-test"""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,7 +40,7 @@ def roll_test(
     near the height of the roll axis, if there is one, measures how far the body moves to the side there. State the
     standard deviation of each reading after +-. The vehicle file describes the truck with the load.
     """
-    from fifthwheel.report.terminal.signals import show_roll_test
+    from fifthwheel.report.vehicle import roll_test_document
     from fifthwheel.vehicle import RollTest
     from fifthwheel.workflow import read_vehicle, roll_tested_vehicle, tested_numbers
 
@@ -55,12 +56,9 @@ def roll_test(
     with reserved(out, force=force):
         tested = roll_tested_vehicle(truck, test)
         tested.save(out)
-    files = {"vehicle": out}
-    if as_json:
-        terminal.print_json({"parameters": tested_numbers(truck, tested), "files": terminal.as_text(files)})
-    else:
-        show_roll_test(truck, tested)
-        terminal.print_files(files)
+    contents = {"parameters": tested_numbers(truck, tested)}
+    document = partial(roll_test_document, truck, tested)
+    terminal.print_result(contents, document, {"vehicle": out}, as_json=as_json)
 
 
 def _measured(option: str, text: str, si: str) -> "Measured":

@@ -1,5 +1,7 @@
 """fifthwheel vehicle catalogue and show"""
 
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -71,6 +73,7 @@ def show(
     """
     from fifthwheel.diagnose.assumptions import assumed_numbers
     from fifthwheel.dynamics.summary import summarize
+    from fifthwheel.report.vehicle import vehicle_document
     from fifthwheel.workflow import read_vehicle
 
     truck = read_vehicle(vehicle)
@@ -79,14 +82,5 @@ def show(
         if plot is not None:
             truck.plot().save(plot)
     files = {} if plot is None else {plot.name: plot}
-    if as_json:
-        from dataclasses import asdict
-
-        contents = {"summary": asdict(summary), "assumed": [asdict(number) for number in numbers]}
-        terminal.print_json(contents | {"files": terminal.as_text(files)})
-    else:
-        from fifthwheel.report.terminal.vehicle import show_vehicle
-
-        show_vehicle(truck, summary, numbers)
-        if files:
-            terminal.print_files(files)
+    contents = {"summary": asdict(summary), "assumed": [asdict(number) for number in numbers]}
+    terminal.print_result(contents, partial(vehicle_document, truck, summary, numbers), files, as_json=as_json)

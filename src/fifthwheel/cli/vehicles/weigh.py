@@ -1,5 +1,6 @@
 """fifthwheel weigh"""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -50,7 +51,7 @@ def weigh(
     masses and CoG positions are known.
     """
     from fifthwheel.errors import FifthwheelError
-    from fifthwheel.report.terminal.signals import show_weighed
+    from fifthwheel.report.vehicle import weighed_document
     from fifthwheel.vehicle.weighing.slip import Slip
     from fifthwheel.workflow import read_vehicle, vehicle_text, weigh_by_slip, weigh_vehicle
 
@@ -65,9 +66,5 @@ def weigh(
             weighed = weigh_by_slip(Slip.load(slip), text, name=slip.name)
         with atomic_write(out) as temporary:
             temporary.write_text(weighed.text or weighed.vehicle.to_toml(), encoding="utf-8")
-    files = {"vehicle": out}
-    if as_json:
-        terminal.print_json(weighed.as_dict() | {"files": terminal.as_text(files)})
-    else:
-        show_weighed(weighed.loads, truck, weighed.vehicle)
-        terminal.print_files(files)
+    document = partial(weighed_document, weighed.loads, truck, weighed.vehicle)
+    terminal.print_result(weighed.as_dict(), document, {"vehicle": out}, as_json=as_json)

@@ -2,12 +2,11 @@
 
 import zipfile
 from collections.abc import Iterable, Sequence
-from html import escape
 from importlib import resources
 from pathlib import Path
 
+from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
-from fifthwheel._html import table
 from fifthwheel.errors import FifthwheelError, suggestion
 from fifthwheel.export.fmu import description
 from fifthwheel.export.fmu.binaries import PLATFORMS, libraries
@@ -16,6 +15,7 @@ from fifthwheel.export.fmu.truck import truck_model
 from fifthwheel.export.fmu.variables import Model, Role
 from fifthwheel.export.fmu.variables import table as variable_table
 from fifthwheel.observe import Observer
+from fifthwheel.pages.page import page
 from fifthwheel.vehicle import Vehicle
 
 _COMMON = ("fmu.h", "fmu.c", "fmu_export.h")
@@ -120,17 +120,14 @@ def _header(model: Model, identity: str) -> str:
     )
 
 
-def _documentation(model: Model) -> str:
+def _documentation(model: Model) -> bytes:
     """The page to which an importer links."""
     rows = [
         [variable.name, description.VARIABILITY[variable.role][0], variable.unit or "", variable.description]
         for variable in model.variables
         if variable.role is not Role.TIME
     ]
-    notes = "".join(f"<li>{escape(note)}</li>" for note in model.notes)
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(model.name)}</title></head><body>'
-        f"<h1>{escape(model.description)}</h1><ul>{notes}</ul>"
-        "<p>All numbers are in SI; axes are those of ISO 8855 (x forward, y left, z up).</p>"
-        f"{table(['variable', 'role', 'unit', 'content'], rows)}</body></html>\n"
-    )
+    axes = "All numbers are in SI; axes are those of ISO 8855 (x forward, y left, z up)."
+    table = pages.Table(("variable", "role", "unit", "content"), rows)
+    content, _ = page(pages.Document(model.description, [pages.Items(model.notes), pages.Paragraph(axes), table]))
+    return content

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
+from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
-from fifthwheel._html import block
 from fifthwheel._types import Array
 from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
 from fifthwheel.dynamics.saturation import FRICTION
@@ -18,13 +18,14 @@ from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
-from fifthwheel.identify.result import plots, storage, summary
+from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage, settings_class
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
 from fifthwheel.vehicle import Vehicle
 
@@ -172,7 +173,7 @@ class Identification:
 
     def summary(self) -> str:
         """A table of parameters with sigma and verdict, derived quantities and fits, and the notes."""
-        return summary.text(self._title, (*self.parameters, *self.derived), self.fits, self.notes)
+        return str(self._document())
 
     def to_pandas(self) -> "pd.DataFrame":
         """Parameters and derived quantities by name: value, sigma, initial value and prior in SI, unit, verdict.
@@ -202,15 +203,15 @@ class Identification:
             SignalError: the kind or the log does not exist, or the result was loaded without time series.
         """
         if kind == "parameters":
-            return plots.parameter_plot(self.parameters, self._title)
+            return display.parameter_plot(self.parameters, self._title)
         if kind == "fits":
-            return plots.fit_plot(plots.chosen_fits(self.fits, log), self._title)
+            return display.fit_plot(display.chosen_fits(self.fits, log), self._title)
         if kind == "residuals":
-            return plots.residual_plot(plots.chosen_fits(self.fits, log), self._title)
+            return display.residual_plot(display.chosen_fits(self.fits, log), self._title)
         if kind == "histories":
             if not self.histories:
                 raise SignalError("histories: none in the file of this identification; identify again")
-            return plots.history_plot(self.histories, self.parameters, self._title)
+            return display.history_plot(self.histories, self.parameters, self._title)
         raise SignalError(f"{kind}: no such plot; available: parameters, fits, residuals, histories")
 
     def save(self, folder: str | Path) -> None:
@@ -316,8 +317,11 @@ class Identification:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: tables of estimates and fits."""
-        tables = summary.html_tables((*self.parameters, *self.derived), self.fits)
-        return block(self._title, *tables, *self.notes)
+        return notebook(self._document())
+
+    def _document(self) -> pages.Document:
+        estimates = display.estimates_table((*self.parameters, *self.derived))
+        return pages.Document(self._title, [estimates, display.fits_table(self.fits), pages.Items(self.notes)])
 
 
 def _unknowns(identification: Identification, log: str | None) -> dict[str, float]:

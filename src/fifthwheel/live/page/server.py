@@ -12,10 +12,11 @@ from typing import Any
 from fifthwheel._addresses import is_address
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.live.node import Output
-from fifthwheel.live.page.geometry import geometry
 from fifthwheel.live.page.snapshots import Snapshots
 from fifthwheel.live.session import Session
+from fifthwheel.plots.palette import CYCLE
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.drawing import FLOOR, FRAME, OVERHANG, TRACK, WHEEL_RADIUS, WHEEL_WIDTH
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; frame-ancestors 'none'"
@@ -66,11 +67,9 @@ class Page:
         self._thread.start()
 
     def show(self, output: Output) -> None:
-        """Show an output."""
         self.snapshots.show(output)
 
     def close(self) -> None:
-        """End the server."""
         self.snapshots.close()
         self._server.shutdown()
         self._server.server_close()
@@ -116,7 +115,6 @@ class _Handler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
-        """Answer a request."""
         if not is_address(self.headers.get("Host", "")):
             self._answer(
                 b"Use the address of this computer, such as 127.0.0.1.\n", status=HTTPStatus.MISDIRECTED_REQUEST
@@ -163,3 +161,39 @@ class _Handler(BaseHTTPRequestHandler):
     def _event(self, text: str) -> None:
         self.wfile.write(text.encode())
         self.wfile.flush()
+
+
+def geometry(vehicle: Vehicle) -> dict[str, Any]:
+    """The truck for the drawings, for JSON: lengths in m, on each unit with x forward from its own origin."""
+    units = []
+    for k, unit in enumerate(vehicle.units):
+        ahead = vehicle.couplings[k - 1].trailing_position if k else None
+        behind = vehicle.couplings[k].leading_position if k < len(vehicle.couplings) else None
+        ends = [axle.position for axle in unit.axles] + [x for x in (ahead, behind) if x is not None]
+        payload = unit.payload
+        units.append(
+            {
+                "name": unit.name,
+                "colour": CYCLE[k % 3],
+                "rear": min(ends) - OVERHANG,
+                "front": max(ends) + OVERHANG,
+                "width": payload.width if payload else TRACK + WHEEL_WIDTH,
+                "cog": unit.cog,
+                "ahead": ahead,
+                "behind": behind,
+                "axles": [
+                    {"x": axle.position, "steer": f"steer.{unit.name}.{axle.name}" if axle.steerable else ""}
+                    for axle in unit.axles
+                ],
+                "roll_axis": unit.roll_axis_height,
+                "frame": FRAME,
+                "floor": payload.floor_height if payload else max(FLOOR, 2 * unit.sprung.cog_height - FRAME),
+                "load": payload.height if payload else 0.0,
+            }
+        )
+    return {
+        "name": vehicle.name,
+        "units": units,
+        "track": TRACK,
+        "wheel": {"radius": WHEEL_RADIUS, "width": WHEEL_WIDTH},
+    }

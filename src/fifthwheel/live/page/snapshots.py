@@ -63,7 +63,6 @@ class Snapshots:
 
     @property
     def ended(self) -> bool:
-        """Whether the node has ended."""
         return self._ended
 
     def _snapshot(self, output: Output) -> Mapping[str, object]:

@@ -1,0 +1,156 @@
+"""An identification as tables and plots."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from fifthwheel import pages
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.formatting import percent, relative, shown, with_sigma
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.result.parts import Estimate, Fit
+from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
+from fifthwheel.plots.items import Dash
+from fifthwheel.plots.palette import BLUE, DARK, GREY, VERMILLION
+from fifthwheel.plots.panels import trimmed, visible_range
+from fifthwheel.record.signal_names import si_unit
+
+TIME = Axis(label="time", unit="s")
+FILTER_BAND = "± 1 sigma at that time"
+FINAL_SIGMA = "final ± 1 sigma, as in the table"
+
+
+def estimates_table(estimates: Iterable[Estimate]) -> pages.Table:
+    """Name, value with sigma and unit, sigma in per cent, and verdict of each estimate."""
+    rows = [
+        (
+            e.name,
+            with_sigma(e.value, e.sigma, e.unit),
+            relative(e.value, e.sigma).removesuffix(" %").replace("> ", ">"),
+            pages.Mark(e.verdict.replace("_", " "), e.verdict),
+        )
+        for e in estimates
+    ]
+    return pages.Table(("Parameter", "Value>", "± %>", "Verdict"), rows)
+
+
+def fits_table(fits: Iterable[Fit]) -> pages.Table:
+    """Log, signal, and the fraction of its variance that the model explains."""
+    rows = [
+        (
+            fit.log if fit.identified_on else f"{fit.log} (validation)",
+            fit.signal,
+            percent(max(fit.explained, 0.0), round_down=True),
+        )
+        for fit in fits
+    ]
+    return pages.Table(("Log", "Signal", "Explained"), rows)
+
+
+def parameter_plot(estimates: Sequence[Estimate], title: str) -> Plot:
+    """Every estimate with its sigma, and the initial value, as fractions of the estimate."""
+    drawn = [e for e in estimates if e.value]
+    rows = np.arange(len(drawn), 0, -1.0)
+    value = np.array([e.value for e in drawn])
+    sigma = np.array([e.sigma or 0.0 for e in drawn])
+    initial = np.array([e.initial for e in drawn])
+    texts = tuple(f"{e.name}: {with_sigma(e.value, e.sigma, e.unit)}, {e.verdict.replace('_', ' ')}" for e in drawn)
+    items: list[Item] = [
+        Points(initial / value, rows, name="initial value", colour=GREY, marker="diamond"),
+        Points(value / value, rows, x_sigma=sigma / abs(value), name="estimate ± 1 sigma", colour=BLUE, texts=texts),
+    ]
+    ticks = dict(zip(rows.tolist(), [e.name for e in drawn], strict=True))
+    names = Axis(ticks=ticks, range=(0.4, len(rows) + 0.6))
+    height = max(1.0, len(rows) / 8)
+    return Plot(
+        title=title, panels=[Panel(items=items, x=Axis(label="fraction of the estimate"), y=names, height=height)]
+    )
+
+
+def fit_plot(fits: Sequence[Fit], title: str) -> Plot:
+    """Each channel as measured and as predicted by the model without correction by measurements."""
+    return Plot(title=title, panels=list(map(fit_panel, fits)))
+
+
+def residual_plot(fits: Sequence[Fit], title: str) -> Plot:
+    """Each channel as measured less as predicted."""
+    return Plot(title=title, panels=list(map(residual_panel, fits)))
+
+
+def history_plot(histories: Mapping[str, ParameterHistory], estimates: Sequence[Estimate], title: str) -> Plot:
+    """Every estimate over the data, as of `history_panel`."""
+    by_name = {e.name: e for e in estimates}
+    panels = [
+        history_panel(history, by_name[name])
+        for history in histories.values()
+        for name in history.names
+        if name in by_name
+    ]
+    return Plot(title=title, panels=panels, shared_x=len(histories) == 1)
+
+
+def fit_panel(fit: Fit, *predictions: Line, title: str = "") -> Panel:
+    """A channel as measured and as predicted by the free-running model; by other models with lines of their own."""
+    unit = shown(si_unit(fit.signal))
+    measured = Line(fit.time, fit.measured * unit.factor, name="measured", colour=GREY, width=1.2, gaps=True)
+    predictions = predictions or (prediction(fit, "predicted", colour=BLUE),)
+    return Panel(items=[measured, *predictions], title=title or _fit_title(fit), x=TIME, y=Axis(unit=unit.name))
+
+
+def prediction(fit: Fit, name: str, colour: str, dash: Dash = "solid") -> Line:
+    """A channel as predicted."""
+    factor = shown(si_unit(fit.signal)).factor
+    return Line(fit.time, fit.predicted * factor, name=name, colour=colour, dash=dash, gaps=True)
+
+
+def residual_panel(fit: Fit) -> Panel:
+    """A channel as measured less as predicted."""
+    unit = shown(si_unit(fit.signal))
+    residual = (fit.measured - fit.predicted) * unit.factor
+    items: list[Item] = [Guide(y=0.0), Line(fit.time, residual, colour=DARK, width=0.8, gaps=True)]
+    return Panel(items=items, title=_fit_title(fit), x=TIME, y=Axis(label="residual", unit=unit.name))
+
+
+def history_panel(history: ParameterHistory, estimate: Estimate) -> Panel:
+    """The history of one estimate with a band of one sigma of the filter, the initial and the final value.
+
+    An error bar at the end shows the sigma of the result, which includes more than that of the filter. Vertical lines
+    separate the passes.
+    """
+    unit, column, time = shown(estimate.unit), history.names.index(estimate.name), history.time
+    values, sigma = history.values[:, column] * unit.factor, history.sigma[:, column] * unit.factor
+    ends = np.array([time[0], time[-1]])
+    initial, final = estimate.initial * unit.factor, estimate.value * unit.factor
+    items: list[Item] = [
+        Band(time, values - sigma, values + sigma, name=FILTER_BAND, colour=BLUE, gaps=True),
+        Line(ends, [initial, initial], name="initial", colour=GREY, width=1.5, dash="dot"),
+        Line(ends, [final, final], name="final", colour=VERMILLION, width=1.5, dash="dash"),
+        Line(time, values, name="estimate", colour=BLUE, gaps=True),
+    ]
+    final_sigma = (estimate.sigma or 0.0) * unit.factor
+    low, high = final - final_sigma, final + final_sigma
+    if final_sigma:
+        at, cap = np.dot([-0.025, 1.025], ends), 0.008 * np.ptp(ends)
+        x = [at - cap, at + cap, at, at, at - cap, at + cap]
+        items.append(Line(x, [low, low, low, high, high, high], name=FINAL_SIGMA, colour=VERMILLION, width=2.2))
+    passes = [float(time[start]) for start in history.starts[1:] if start < len(time)]
+    items += [Guide(x=at, colour="#bbbbbb", width=1, dash="solid") for at in passes]
+    visible = visible_range([initial, final, low, high], trimmed(values, 0.002))
+    y = Axis(unit=unit.name, range=visible)
+    return Panel(items=items, title=estimate.name, x=Axis(label="driving time", unit="s"), y=y)
+
+
+def chosen_fits(fits: Sequence[Fit], log: str | None) -> Sequence[Fit]:
+    """The fits of one log, of the first by default; a SignalError for an unknown log, or without time series."""
+    chosen = [fit for fit in fits if fit.log == (log or fits[0].log)]
+    if not chosen:
+        raise SignalError(f"{log}: not a log of this identification; {suggestion(str(log), {f.log for f in fits})}")
+    if not any(len(fit.time) for fit in chosen):
+        raise SignalError(
+            "fits: the file of this identification has no time series; identify again and save the result"
+        )
+    return chosen
+
+
+def _fit_title(fit: Fit) -> str:
+    return f"{fit.signal}, {fit.log}" + ("" if fit.identified_on else " (validation)")

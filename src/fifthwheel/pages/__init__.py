@@ -1,0 +1,216 @@
+"""A document as data: a title and blocks, in reading order.
+
+Texts are plain; each renderer escapes them. What has something to show makes a `Document`, usually from a generator of
+blocks: `html` writes it as a page or for a notebook, `terminal` prints it, the workbench has a renderer of its own.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from fifthwheel.plots import Plot
+
+
+class Markup(str):
+    """HTML, for what no other block can show; a terminal leaves it out."""
+
+    __slots__ = ()
+
+
+class Code(str):
+    """The path of a parameter, signal or file; it may break after a dot."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A word with a severity, such as a verdict."""
+
+    text: str
+    kind: str
+    """Its colour: the value of a `Verdict`, or "plain"."""
+    symbol: str = ""
+    """In front of the word, on a page."""
+    row: Literal["", "off", "warn"] = ""
+    """Colour of its row on a page: grey for what is no result, or a warning."""
+
+
+Cell = str | Mark
+
+
+class TableColumn(NamedTuple):
+    """A column of a table."""
+
+    head: str
+    style: str = ""
+    """Words: "n" aligns to the right, "w" does not break, "wide" is left out on a narrow screen of the workbench. On a
+    narrow page a row becomes a card: there "name" and "full" have their own line, and "main" is bold."""
+    label: str = ""
+    """Before the cell on a card, which has no head."""
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is aligned to the right."""
+        return "n" in self.style.split()
+
+
+def column(text: str) -> TableColumn:
+    """A column from "head|style|label", of which the head may be alone; a ">" after it stands for the style "n".
+
+    A number that is not "main" has its head as label.
+    """
+    head, style, label = [*text.split("|"), "", ""][:3]
+    if head.endswith(">"):
+        head, label = head[:-1], label or ("" if "main" in style else f"{head[:-1]}: ")
+        style = f"n {style}".rstrip()
+    return TableColumn(head, style, label)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells."""
+
+    heads: Sequence[str | TableColumn]
+    """A text as of `column`; a `TableColumn` for a head that may be any text."""
+    rows: Sequence[Sequence[Cell]]
+    label: str = ""
+    """For screen readers."""
+
+    @property
+    def columns(self) -> list[TableColumn]:
+        """The columns, from the heads."""
+        return [column(head) if isinstance(head, str) else head for head in self.heads]
+
+    def lines(self) -> list[str]:
+        """Heads and rows as texts with aligned columns."""
+        texts = [[c.head for c in self.columns], *[list(map(plain, row)) for row in self.rows]]
+        widths = [max(map(len, cells)) for cells in zip(*texts, strict=True)]
+        aligned = [str.rjust if c.is_number else str.ljust for c in self.columns]
+        return [
+            "  ".join(align(cell, width) for align, cell, width in zip(aligned, row, widths, strict=True)).rstrip()
+            for row in texts
+        ]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading; with a key it begins a section, to which links lead, without a key a part of a section."""
+
+    title: str
+    key: str = ""
+    badge: str = ""
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A text."""
+
+    text: str
+
+
+class Hint(Paragraph):
+    """A text that explains what follows, or what to do; less prominent than a paragraph."""
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list of sentences; nothing if there is none."""
+
+    lines: Sequence[str]
+    title: str = ""
+    ordered: bool = False
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The result in one sentence, with lists beside each other in the same box of a page."""
+
+    text: str
+    good: bool = True
+    columns: Sequence[Sequence[Items | Paragraph]] = ()
+
+
+@dataclass(frozen=True)
+class Values:
+    """Values by their names."""
+
+    values: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Verbatim:
+    """A text as it is, such as that of a file."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class CaptionedPlot:
+    """A plot with its caption."""
+
+    name: str
+    plot: Plot
+    group: str
+    """Plots of one group zoom together, and have one cursor."""
+    path: tuple[str, str, str]
+    """Log, section, and signal or parameter: title and place of an image of it."""
+    text: str = ""
+    """Of the caption, after the name."""
+    note: str = ""
+    """Below the caption."""
+    small: bool = False
+    """One of three in a row."""
+
+    @property
+    def size(self) -> str:
+        """ "small", "tall" for two panels one above the other or a drawing to scale, or ""."""
+        tall = len(self.plot.panels) > 1 or self.plot.panels[0].equal
+        return "small" if self.small else "tall" * tall
+
+
+@dataclass(frozen=True)
+class Plots:
+    """Plots side by side; a terminal leaves them out."""
+
+    plots: Sequence[CaptionedPlot]
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Blocks that are folded away on a page below their summary."""
+
+    summary: str
+    blocks: "Sequence[Block]"
+    detail: str = ""
+    """A sentence after the summary."""
+
+
+Block = Headline | Heading | Paragraph | Items | Table | Values | Verbatim | Plots | Folded | Markup
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a reader sees, from the title on."""
+
+    title: str
+    blocks: Sequence[Block]
+    subtitle: str = ""
+
+    def __str__(self) -> str:
+        """Title, tables and lists as text."""
+        texts = [self.title]
+        for block in self.blocks:
+            match block:
+                case Table(rows=rows) if rows:
+                    texts.append("\n".join(block.lines()))
+                case Items(lines=lines) if lines:
+                    texts.append("\n".join(f"- {line}" for line in lines))
+                case Paragraph():
+                    texts.append(block.text)
+        return "\n\n".join(texts)
+
+
+def plain(cell: Cell) -> str:
+    """A cell as text; "" for HTML."""
+    return cell.text if isinstance(cell, Mark) else "" if isinstance(cell, Markup) else cell

@@ -1,0 +1,186 @@
+"""A document as a page: one HTML file that contains its style, its plots and plotly.js, so that it needs no network.
+
+Plots and plotly.js are compressed (deflate) in base64; the browser decompresses them with DecompressionStream.
+"""
+
+import base64
+import functools
+import json
+import re
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from fifthwheel import pages
+from fifthwheel._atomic import atomic_write
+from fifthwheel._extras import require
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.native import cache
+from fifthwheel.pages import html
+from fifthwheel.plots import Plot, plotly_figure
+
+POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
+"""What the page may load: nothing from elsewhere."""
+LEVEL = 5
+"""Of the compression; 9 takes twice as long for 1 % less."""
+MARGINS = {"": {"l": 56, "r": 12, "t": 30, "b": 44}, "small": {"l": 46, "r": 10, "t": 26, "b": 40}}
+"""Around a plot by its size, pixels."""
+IMAGE_SIZES = {"tall": (6.4, 4.6), "small": (4.2, 3.0)}
+"""Inches."""
+IMAGE_FORMATS = ("svg", "png", "pdf")
+
+
+def write(path: Path, document: pages.Document, *, images: str | None = None) -> list[Path]:
+    """Write a document as a page, atomically.
+
+    Args:
+        images: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
+
+    Returns:
+        The images that were written.
+
+    Raises:
+        FifthwheelError: the format of the images is unknown, or matplotlib is not installed.
+        OSError: a file cannot be written.
+    """
+    content, figures = page(document)
+    written = [] if images is None else save_images(path.parent / "figures", figures, images)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content)
+    return written
+
+
+def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
+    """The bytes of the page, and its figures in their order."""
+    figures: list[pages.CaptionedPlot] = []
+
+    def place(figure: pages.CaptionedPlot) -> str:
+        figures.append(figure)
+        return f"plot{len(figures) - 1}"
+
+    sections = [block for block in document.blocks if isinstance(block, pages.Heading) and block.key]
+    links = "".join(f'<a href="#{section.key}">{html.text(section.title)}</a>' for section in sections)
+    body = f"""{_head(document.title)}<h1>{html.text(document.title)}</h1>
+<p class="subtitle">{html.text(document.subtitle)}</p>
+<nav>{links}</nav>
+{html.blocks(document.blocks, place)}
+<noscript><p>The plots need JavaScript; the tables do not.</p></noscript>
+"""
+    content = [body.encode()]
+    if figures:
+        content += [
+            b'<p id="unsupported" class="hint" hidden>This browser is too old for the plots. They need Chrome or Edge '
+            b"80, Firefox 113, Safari 16.4 or later. The tables are complete.</p>\n",
+            _data_script("figures", compressed(script_json(list(map(_drawn, figures))).encode())),
+            _data_script("library", _plotly()),
+            b"<script>",
+            _asset("page.js"),
+            b"</script>\n",
+        ]
+    return b"".join([*content, b"</body>\n</html>\n"]), figures
+
+
+def _drawn(figure: pages.CaptionedPlot) -> dict[str, Any]:
+    """A figure as the script of the page takes it; the script makes a legend that wraps."""
+    drawn = plotly_figure.figure(_untitled(figure.plot))
+    layout = {"showlegend": False, "margin": MARGINS.get(figure.size, MARGINS[""])}
+    return {"group": figure.group, "name": figure.path, "data": drawn["data"], "layout": drawn["layout"] | layout}
+
+
+def _untitled(plot: Plot) -> Plot:
+    """A plot without titles, in place of which a figure has its caption."""
+    return replace(plot, title="", panels=[replace(panel, title="") for panel in plot.panels])
+
+
+def checked_format(name: str) -> str:
+    """The format of images, if they can be written in it.
+
+    Raises:
+        FifthwheelError: the format is unknown, or matplotlib is not installed.
+    """
+    if name not in IMAGE_FORMATS:
+        raise FifthwheelError(f"--figures: expected {', '.join(IMAGE_FORMATS)}, got {name}")
+    try:
+        require("matplotlib", "figures")
+    except FifthwheelError as error:
+        raise FifthwheelError(f"--figures: {error}") from None
+    return name
+
+
+def save_images(folder: Path, figures: Sequence[pages.CaptionedPlot], image_format: str) -> list[Path]:
+    """Write every figure as folder/log/section/signal.format; returns the paths; errors as of `checked_format`."""
+    checked_format(image_format)
+    written: list[Path] = []
+    for figure in figures:
+        path = folder.joinpath(*map(file_name, figure.path))
+        path, number = path.with_name(f"{path.name}.{image_format}"), 2
+        while path in written:
+            path, number = path.with_name(f"{path.stem} {number}.{image_format}"), number + 1
+        path.parent.mkdir(parents=True, exist_ok=True)
+        log, _, name = figure.path
+        replace(_untitled(figure.plot), title=f"{log}: {name}").save(path, size=IMAGE_SIZES.get(figure.size))
+        written.append(path)
+    return written
+
+
+def file_name(text: str) -> str:
+    """A text as a file name that every file system accepts."""
+    return re.sub(r"[^\w.+ -]+", "_", text).strip(" .")[:80] or "_"
+
+
+def script_json(value: object) -> str:
+    """JSON that cannot end a <script>; a number that is not finite is an error."""
+    text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def compressed(data: bytes) -> bytes:
+    """Data compressed by deflate, in base64."""
+    return base64.b64encode(zlib.compress(data, LEVEL))
+
+
+def decompressed(data: bytes) -> bytes:
+    """The inverse of `compressed`."""
+    return zlib.decompress(base64.b64decode(data))
+
+
+def _data_script(key: str, data: bytes) -> bytes:
+    return b'<script type="application/octet-stream" id="%b">%b</script>\n' % (key.encode(), data)
+
+
+@functools.cache
+def _plotly() -> bytes:
+    """The plotly.js of the installed plotly, compressed; a cache on disk has it from an earlier report."""
+    script = (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    key = cache.DIGEST(b"plotly.js, deflate %d\n" % LEVEL + script).digest()
+    result = cache.read(key)
+    if result is None:
+        result = compressed(script)
+        cache.write(key, result)
+    return result
+
+
+@functools.cache
+def _asset(name: str) -> bytes:
+    return (resources.files(__package__) / name).read_bytes()
+
+
+def _head(title: str) -> str:
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{escape(POLICY)}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{html.text(title)}: fifthwheel</title>
+<style>
+{_asset("page.css").decode()}</style>
+</head>
+<body>
+"""

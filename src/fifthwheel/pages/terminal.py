@@ -1,0 +1,105 @@
+"""A document on a terminal, in Unicode or ASCII."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from fifthwheel import pages
+from fifthwheel.errors import printable_lines
+from fifthwheel.formatting import plain_ascii
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+COLOURS = {
+    "converged": "green",
+    "doubtful": "yellow",
+    "not_converged": "yellow",
+    "not_excited": "red",
+    "not_identifiable": "red",
+    "at_bound": "red",
+    "fixed": "cyan",
+}
+"""Kind of a mark, which is a verdict, -> colour; its word is always shown too."""
+
+
+def show(document: pages.Document, console: "Console | None" = None) -> None:
+    """Print the blocks of a document, except plots and HTML; in ASCII where that is no terminal with Unicode."""
+    if console is None:
+        from rich.console import Console
+
+        console = Console()
+    _Printer(console).show(document.blocks)
+
+
+class _Printer:
+    def __init__(self, console: "Console") -> None:
+        self._console = console
+        self._ascii = not (console.is_terminal and console.encoding.lower().startswith("utf"))
+
+    def show(self, blocks: Iterable[pages.Block]) -> None:
+        for block in blocks:
+            match block:
+                case pages.Headline():
+                    self._line(block.text, "bold" if block.good else "bold yellow")
+                    for column in block.columns:
+                        self.show(column)
+                case pages.Heading():
+                    self._title(block.title)
+                case pages.Paragraph() | pages.Verbatim():
+                    self._line(block.text)
+                case pages.Values():
+                    for name, value in block.values.items():
+                        self._line(f"{name}: {value}")
+                case pages.Table():
+                    self._table(block)
+                case pages.Items():
+                    self._items(block)
+                case pages.Folded():
+                    self._title(block.summary + (f": {block.detail}" if block.detail else ""))
+                    self.show(block.blocks)
+
+    def _text(self, text: str) -> str:
+        """A text for this console, with brackets that are no markup and without control characters."""
+        from rich.markup import escape
+
+        text = printable_lines(text)
+        return escape(plain_ascii(text) if self._ascii else text)
+
+    def _line(self, text: str, style: str = "") -> None:
+        self._console.print(self._text(text), style=style, highlight=False)
+
+    def _title(self, text: str) -> None:
+        self._console.print()
+        self._line(text, "bold")
+
+    def _table(self, table: pages.Table) -> None:
+        """A table without lines, and without the columns that have HTML."""
+        from rich.table import Table as Grid
+
+        shown = [k for k, cell in enumerate(table.rows[0]) if not isinstance(cell, pages.Markup)] if table.rows else []
+        columns = [table.columns[k] for k in shown] or table.columns
+        grid = Grid(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
+        for column in columns:
+            head, right = self._text(column.head), column.is_number
+            grid.add_column(head, justify="right" if right else "left", overflow="fold", no_wrap=right)
+        for row in table.rows:
+            grid.add_row(*[self._cell(row[k]) for k in shown])
+        self._console.print()
+        self._console.print(grid)
+
+    def _cell(self, cell: pages.Cell) -> str:
+        text = self._text(pages.plain(cell))
+        colour = COLOURS.get(cell.kind) if isinstance(cell, pages.Mark) else None
+        return f"[{colour}]{text}[/]" if colour else text
+
+    def _items(self, items: pages.Items) -> None:
+        from rich.table import Table as Grid
+
+        if not items.lines:
+            return
+        if items.title:
+            self._title(items.title)
+        grid = Grid.grid(padding=(0, 1, 0, 0))
+        for line in items.lines:
+            grid.add_row("-", self._text(line))
+        self._console.print(grid)

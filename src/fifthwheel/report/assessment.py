@@ -1,0 +1,238 @@
+"""The page of an assessment, its section in the report of an identification, and its result on a terminal."""
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import fifthwheel
+from fifthwheel import pages
+from fifthwheel._types import Array
+from fifthwheel.assess import Assessment, MeasureResult
+from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
+from fifthwheel.assess.measures import SCHEME
+from fifthwheel.assess.rollover import Rollover, rollover
+from fifthwheel.assess.truck import Truck
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.formatting import enumerated, with_sigma
+from fifthwheel.pages import page, terminal
+from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
+from fifthwheel.plots.items import Dash
+from fifthwheel.plots.palette import CYCLE, GREY
+from fifthwheel.report.provenance import Provenance
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Runs = Mapping[str, LaneChange]
+"""The lane change by model, "linear" and "nonlinear"."""
+LIKELY = 0.95
+"""Probability from which a threshold counts as met without doubt."""
+DASHES: Mapping[str, Dash] = {"linear": "solid", "nonlinear": "dash"}
+SHOWN = 15.0
+"""Distance that the last coupling drives beyond the circle in the picture, m."""
+OUTLINES = 7
+"""Drawn positions of the truck in the low-speed turn."""
+
+
+def write_assessment_report(
+    path: Path, assessment: Assessment, *, provenance: Provenance | None = None, figures: str | None = None
+) -> list[Path]:
+    """Write the page of an assessment as one HTML file; returns the figures that were written.
+
+    Args:
+        provenance: command, files and versions, to reproduce the result.
+        figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
+
+    Raises:
+        FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
+    """
+    truck = Truck(vehicle=assessment.vehicle, body=assessment.body, speed=assessment.speed)
+    blocks: list[pages.Block] = [
+        pages.Headline(headline(assessment), is_good(assessment)),
+        pages.Heading("Measures", key="measures"),
+        assessment.table(),
+        pages.Items(explanations(assessment)),
+        *(_lane_change(assessment.runs) if assessment.runs else ()),
+        *_turns(truck),
+        pages.Heading("Uncertain parameters", key="uncertain"),
+        pages.Hint("Standard deviation of each uncertain parameter, SI. A parameter that is not listed is exact."),
+        pages.Values({name: f"{sigma:.3g}" for name, sigma in assessment.uncertain.items()}),
+        *(provenance.blocks() if provenance is not None else ()),
+    ]
+    subtitle = f"What this truck does, fifthwheel {fifthwheel.__version__}"
+    return page.write(path, pages.Document(assessment.title, blocks, subtitle), images=figures)
+
+
+def section(assessment: Assessment) -> Iterator[pages.Block]:
+    """The section of the report of an identification: the measures, and how to get all of them."""
+    yield pages.Heading("What this truck will do", key="performance")
+    half_track = f"{assessment.body.half_track:g} m ± {assessment.body.half_track_sigma:g} m"
+    yield pages.Hint(
+        f"Predicted by the linear model of the identified truck at {3.6 * assessment.speed:.0f} km/h. Sigma is that of "
+        f"the parameters, with the half track taken as {half_track}. fifthwheel assess on this folder computes all "
+        "measures, at any speed and payload, beside the nonlinear truck."
+    )
+    yield assessment.table()
+    yield from map(pages.Hint, assessment.notes)
+
+
+def show_assessment(assessment: Assessment, console: "Console | None" = None) -> None:
+    """Print an assessment: measures with sigma, thresholds and notes."""
+    terminal.show(assessment_document(assessment), console)
+
+
+def assessment_document(assessment: Assessment) -> pages.Document:
+    """Each measure with sigma, the nonlinear truck, the threshold and the probability that it is met."""
+    blocks = (
+        pages.Headline(headline(assessment), is_good(assessment)),
+        assessment.table(),
+        pages.Items(explanations(assessment), "Notes"),
+    )
+    return pages.Document(assessment.title, blocks)
+
+
+def failed(assessment: Assessment) -> list[MeasureResult]:
+    """Measures that meet no level of their thresholds."""
+    return [m for m in assessment if (t := m.best_threshold()) is not None and not m.meets(t)]
+
+
+def doubtful(assessment: Assessment) -> list[MeasureResult]:
+    """Measures that meet a threshold with a probability below `LIKELY`."""
+    return [
+        m
+        for m in assessment
+        if (t := m.best_threshold()) is not None and m.meets(t) and t.probability is not None and t.probability < LIKELY
+    ]
+
+
+def is_good(assessment: Assessment) -> bool:
+    """Whether every threshold is met without doubt."""
+    return not failed(assessment) and not doubtful(assessment)
+
+
+def headline(assessment: Assessment) -> str:
+    if missed := failed(assessment):
+        return f"{assessment.title}: misses {enumerated([m.title for m in missed])}."
+    if uncertain := doubtful(assessment):
+        names = enumerated([m.title for m in uncertain])
+        return f"{assessment.title}: meets all thresholds, but with its uncertainty not surely those of {names}."
+    return f"{assessment.title}: meets all thresholds that are assessed."
+
+
+def explanations(assessment: Assessment) -> list[str]:
+    """What sigma, thresholds and assumed dimensions mean."""
+    body = assessment.body
+    sigma = body.half_track_sigma or None
+    overhang = "rear overhang unknown" if body.rear_overhang is None else f"rear overhang {body.rear_overhang:g} m"
+    notes = [
+        *assessment.notes,
+        f"Sigma: from {assessment.origin}.",
+        f"Body: half track {with_sigma(body.half_track, sigma, 'm')}, width {body.width:g} m, front overhang "
+        f"{body.front_overhang:g} m, {overhang}. A vehicle file does not have these numbers: give them by --body.",
+        f"{SCHEME}: thresholds of the Australian performance-based standards (2008), strictest level that is met. "
+        "The linear model decides; probability: that the truck meets it, given the sigma.",
+    ]
+    if sampled := [m.title for m in assessment if m.order == "sampled"]:
+        notes.append(f"Sampled, because not linear in the parameters: {enumerated(sampled)}.")
+    if unknown := [m.title for m in assessment if m.sigma is None]:
+        notes.append(f"Without sigma, because a truck within the uncertainty is unstable: {enumerated(unknown)}.")
+    return notes
+
+
+def _lane_change(runs: Runs) -> Iterator[pages.Block]:
+    yield pages.Heading("Lane change", key="lane-change")
+    yield pages.Hint(
+        "Single lane change of ISO 14791: one sine of 0.15 g at 0.4 Hz at the front axle. Dashed: nonlinear."
+    )
+    yield pages.Plots(
+        [
+            _figure("From above", "paths", _paths(runs), note="Front axle, and last axle of each unit."),
+            _over_time("Lateral acceleration", "lateral acceleration", "m/s²", runs, lambda run: run.acceleration),
+            _over_time("Roll angle", "roll", "deg", runs, lambda run: {n: np.degrees(v) for n, v in run.roll.items()}),
+            _over_time("Load transfer ratio", "load transfer ratio", "", runs, _load_transfer),
+        ]
+    )
+
+
+def _turns(truck: Truck) -> Iterator[pages.Block]:
+    figures = []
+    try:
+        above = turn_from_above(truck, turn(truck))
+        figures.append(_figure("Low-speed turn of 90°", "low-speed turn", above))
+        note = "A vertical line marks the lift of the inner wheels of an axle group."
+        rolling = roll_by_acceleration(rollover(truck))
+        figures.append(_figure("Roll in a steady turn", "roll in a steady turn", rolling, note=note))
+    except FifthwheelError:  # a note on the measure says why
+        pass
+    if figures:
+        yield pages.Heading("Turns", key="turns")
+        yield pages.Plots(figures)
+
+
+def _figure(caption: str, name: str, panel: Panel, *, group: str = "", note: str = "") -> pages.CaptionedPlot:
+    return pages.CaptionedPlot(caption, Plot(panels=[panel]), group or name, ("truck", "assessment", name), note=note)
+
+
+def _paths(runs: Runs) -> Panel:
+    items: list[Item] = []
+    for model, run in runs.items():
+        for name, colour in zip(("front", *run.roll), cycle(CYCLE), strict=False):
+            line = Line(run.x[name], run.y[name], name=_name(name, model), colour=colour, dash=DASHES[model])
+            items.append(line)
+    return Panel(items=items, x=Axis(label="along the road", unit="m"), y=Axis(label="across the road", unit="m"))
+
+
+def _over_time(
+    caption: str, title: str, unit: str, runs: Runs, series: Callable[[LaneChange], Mapping[str, Array]]
+) -> pages.CaptionedPlot:
+    items: list[Item] = []
+    for model, run in runs.items():
+        same_order = sorted(series(run).items(), key=lambda item: item[0] != "front")  # so that models share colours
+        for (name, values), colour in zip(same_order, cycle(CYCLE), strict=False):
+            items.append(Line(run.time, values, name=_name(name, model), colour=colour, dash=DASHES[model]))
+    panel = Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=unit))
+    return _figure(caption, title, panel, group="lane change")
+
+
+def _load_transfer(run: LaneChange) -> Mapping[str, Array]:
+    """At 1 all inner wheels of the following axles lift."""
+    return {"load transfer ratio": run.load_transfer}
+
+
+def _name(name: str, model: str) -> str:
+    return f"{'front axle' if name == 'front' else name}, {model}"
+
+
+def turn_from_above(truck: Truck, run: LowSpeedTurn) -> Panel:
+    """The units at some instants of the low-speed turn, and the paths of the first and the last axle."""
+    items: list[Item] = []
+    shown = int(np.argmax(np.append(run.origins[:, -1].imag > RADIUS + SHOWN, True))) or len(run.steer)
+    width, last = truck.body.width, len(truck.vehicle.units) - 1
+    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
+        rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if i == last else 0.0)
+        corners = np.array([front + 0.5j * width, rear + 0.5j * width, rear - 0.5j * width, front - 0.5j * width])
+        outlines = [
+            np.append(run.origins[row, i] + np.append(corners, corners[0]) * np.exp(1j * run.headings[row, i]), np.nan)
+            for row in np.linspace(0, shown - 1, OUTLINES).astype(int)
+        ]
+        outline = np.concatenate(outlines)
+        colour = CYCLE[i % len(CYCLE)]
+        items.append(Line(outline.real, outline.imag, name=unit.name, colour=colour, width=1.2))
+    for name, i, axle in (("first axle", 0, truck.front_axle), ("last axle", last, truck.rear_axle)):
+        path = (run.origins[:, i] + axle.position * np.exp(1j * run.headings[:, i]))[:shown]
+        items.append(Line(path.real, path.imag, name=name, colour=GREY, width=1.5, dash="dash"))
+    return Panel(items=items, x=Axis(label="x", unit="m"), y=Axis(label="y", unit="m"), equal=True)
+
+
+def roll_by_acceleration(sets: tuple[Rollover, ...]) -> Panel:
+    """Roll angle of each unit against the lateral acceleration of a steady turn, with the lift of each axle group."""
+    items: list[Item] = [
+        Line(acceleration, np.degrees(roll), name=name) for s in sets for name, (acceleration, roll) in s.roll.items()
+    ]
+    lifts = [lift for s in sets for lift in s.lifts.values()]
+    items += [Guide(x=lift, colour="#bbbbbb", width=1, dash="solid") for lift in lifts]
+    return Panel(items=items, x=Axis(label="lateral acceleration", unit="g"), y=Axis(label="roll", unit="deg"))

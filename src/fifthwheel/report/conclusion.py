@@ -1,0 +1,244 @@
+"""The conclusion of an identification or of a state estimation: result, cautions and next steps in sentences."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fifthwheel import pages
+from fifthwheel.diagnose.advice import next_steps
+from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
+from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
+from fifthwheel.diagnose.run_summary import summarise_runs
+from fifthwheel.diagnose.state_summary import StateSummary, summarise_states, valid_fraction
+from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
+from fifthwheel.dynamics.saturation import FRICTION
+from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.names import ParameterPath
+from fifthwheel.observe import States
+from fifthwheel.record import Record
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
+
+if TYPE_CHECKING:
+    from fifthwheel.identify.design.assess import InformationAssessment
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conclusion:
+    """The conclusion of a report, one sentence or more in each item."""
+
+    good: bool  # whether every parameter is identified, or all states are reliable
+    headline: str
+    results: tuple[str, ...] = ()
+    not_identified: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+    next_steps: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    def box(self) -> pages.Headline:
+        """The headline with all lists, at the top of a page."""
+        found = (pages.Items(self.results, "Result"), pages.Items(self.not_identified, "Not identified"))
+        advice = (
+            pages.Items(self.next_steps, "Next steps", ordered=True),
+            pages.Items(self.cautions, "Cautions"),
+            pages.Items(self.notes, "Notes"),
+        )
+        return pages.Headline(self.headline, self.good, (found, advice))
+
+    def advice(self) -> tuple[pages.Items, ...]:
+        """The lists at the end of an output on a terminal."""
+        lists = {"Cautions": self.cautions, "Next steps": self.next_steps, "Notes": self.notes}
+        return tuple(pages.Items(lines, title) for title, lines in lists.items())
+
+
+def conclude_identification(
+    identification: Identification,
+    records: Sequence[Record] = (),
+    outlook: "InformationAssessment | None" = None,
+    states: Sequence[States] = (),
+) -> Conclusion:
+    """The conclusion of an identification.
+
+    Args:
+        records: the logs, for how they were driven.
+        outlook: information at the identified truck, for the effect of a change.
+        states: of the identified truck, for whether they fit the measurements.
+    """
+    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
+    converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
+    derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
+    runs = summarise_runs(identification, records)
+    return Conclusion(
+        good=len(converged) == len(estimated),
+        headline=_headline(identification, converged, estimated),
+        results=(
+            *[_identified(identification, e) for e in converged],
+            *[sentence(f"{spoken(e.name)}, derived: {with_sigma(e.value, e.sigma, e.unit)}") for e in derived],
+            *[_validated(p) for p in predicted_logs(identification) if not p.poor],
+        ),
+        not_identified=tuple(_not_identified(identification)),
+        cautions=tuple(map(str, identification_cautions(identification, runs, states))),
+        next_steps=tuple(step.message for step in next_steps(identification, runs, outlook)),
+        notes=identification.notes,
+    )
+
+
+def _headline(identification: Identification, converged: Sequence[Estimate], estimated: Sequence[Estimate]) -> str:
+    logs = counted(len(identification.logs), "log")
+    if not estimated:
+        return "All parameters are fixed: nothing was estimated."
+    if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
+        identified = f"{len(converged)} of {len(estimated)} parameters are identified"
+        return f"{identified} from {logs}; {counted(doubtful, 'estimate')} {'is' if doubtful == 1 else 'are'} doubtful."
+    if not converged:
+        unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
+        return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
+    wide = sum(map(has_wide_sigma, converged))
+    sigma = ""
+    if wide:
+        subject = "One parameter has" if wide == 1 else f"{wide} parameters have"
+        sigma = f" {subject} a sigma above {percent(WIDE_SIGMA)} of {'its' if wide == 1 else 'their'} value."
+    if len(converged) == len(estimated):
+        return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
+    verb = "is" if len(converged) == 1 else "are"
+    return f"{len(converged)} of {len(estimated)} parameters {verb} identified from {logs}.{sigma}"
+
+
+def _identified(identification: Identification, e: Estimate) -> str:
+    text = f"{spoken(e.name)}: {with_sigma(e.value, e.sigma, e.unit)}"
+    if e.sigma is not None and e.value:
+        text += f" (±{relative(e.value, e.sigma)})"
+    given = identification.initial_vehicle.parameters().get(e.name)
+    if given:
+        change = e.value / given - 1
+        difference = (
+            f"{percent(abs(change))} {'above' if change > 0 else 'below'}" if abs(change) >= 5e-4 else "equal to"
+        )
+        text += f", {difference} the vehicle file"
+    return sentence(text)
+
+
+def _validated(predicted: PredictedLog) -> str:
+    """The result of a log that was only predicted, and not poorly."""
+    if predicted.explained is not None:
+        explained = percent(predicted.explained, round_down=True)
+        result = (
+            f"the model explains at least {explained} of the variance of each channel whose residual is larger than "
+            "the "
+            "sensor noise"
+        )
+    elif predicted.excited:
+        result = "no residual is larger than the sensor noise"
+    else:
+        result = "it does not validate the result, because the truck hardly turns in it"
+    return f"{predicted.log} (validation log): {result}."
+
+
+def _not_identified(identification: Identification) -> list[str]:
+    """Parameters without an estimate and the reason, those with the same reason together."""
+    names: dict[str, list[str]] = {}
+    for e in identification.parameters:
+        if e.verdict is not Verdict.CONVERGED:
+            names.setdefault(f"({spoken_verdict(e.verdict)}): {_reason(identification, e)}", []).append(spoken(e.name))
+    return [sentence(f"{', '.join(same)} {reason}") for reason, same in names.items()]
+
+
+def _reason(identification: Identification, e: Estimate) -> str:
+    """Why there is no estimate of a parameter, and what its value is."""
+    value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
+    if e.verdict is Verdict.FIXED:
+        return f"{value}, as requested"
+    if e.verdict is Verdict.AT_BOUND:
+        return f"{value} is the limit of the permitted range and not an estimate"
+    if e.verdict is Verdict.DOUBTFUL:
+        estimate = with_sigma(e.value, e.sigma, e.unit)
+        return f"{estimate} depends on an assumption that the logs contradict; see the cautions"
+    if e.verdict is Verdict.NOT_CONVERGED:
+        estimate = with_sigma(e.value, e.sigma, e.unit)
+        return f"{estimate} is provisional: the last step still changed it, or the model does not explain the log"
+    origin = _origin(identification, e)
+    if e.verdict is Verdict.NOT_IDENTIFIABLE:
+        if e.correlated_with:
+            others = " and ".join(spoken(name) for name in e.correlated_with)
+            return f"strongly correlated with {others}; {origin}"
+        if e.name == FRICTION:
+            return f"the run uses too little of it; {origin}"
+        return f"the roll rate of the {unit} is not logged; {origin}"
+    if e.sigma is None:
+        return f"it was not estimated, because no roll rate of the {unit} was logged; {origin}"
+    prior = e.prior if e.prior is not None else e.sigma
+    limit = identification.settings.excited * prior
+
+    def magnitude(sigma: float) -> str:
+        absolute = ParameterPath.of(e.name).is_payload_height
+        return f"±{approximate(sigma, e.unit) if absolute else percent(sigma / abs(e.initial))}"
+
+    return (
+        f"the logs reduce sigma too little: {magnitude(limit)} or less is required, the prior sigma is "
+        f"{magnitude(prior)}; {origin}"
+    )
+
+
+def _origin(identification: Identification, e: Estimate) -> str:
+    given = identification.initial_vehicle.parameters().get(e.name)
+    if given is not None and not np.isclose(given, e.value, rtol=1e-6):
+        initial, file = (with_sigma(value, None, e.unit) for value in (e.value, given))
+        return f"the value shown, {initial}, is the initial value, the vehicle file has {file}"
+    if given is None:
+        return "the value shown is the initial value"
+    return "the value shown is that of the vehicle file"
+
+
+def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conclusion:
+    """The conclusion of a state estimation with a given vehicle file."""
+    summaries = [summarise_states(s, records) for s in states]
+    cautions = [caution for s in states for caution in state_cautions(s, "vehicle file")]
+    lifting = [c.log for c in cautions if c.log and c.kind is CautionKind.WHEEL_LIFT]
+    doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.kind is not CautionKind.WHEEL_LIFT))
+    valid = valid_fraction(states)
+    return Conclusion(
+        good=valid > RELIABLE and not cautions,
+        headline=_states_headline(valid, len(states), doubtful, lifting),
+        results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
+        cautions=tuple(map(str, cautions)),
+        next_steps=tuple(
+            f"Cut {s.name} to the part in which the truck drives, or map the missing channels."
+            for s in summaries
+            if s.valid < USABLE
+        ),
+        notes=tuple(dict.fromkeys(f"{r.name}: {note}" for r in records for note in r.notes)),
+    )
+
+
+def _states_headline(valid: float, logs: int, doubtful: Sequence[str], lifting: Sequence[str]) -> str:
+    def where(names: Sequence[str]) -> str:
+        return "" if logs == 1 else f" in {', '.join(names)}"
+
+    if doubtful:
+        return f"The vehicle file does not fit the measurements{where(doubtful)}: do not rely on these states."
+    if lifting:
+        return f"A wheel lifts{where(lifting)}: do not rely on the states from there on."
+    return f"The states are reliable in {_of_samples(valid)} of {counted(logs, 'log')}."
+
+
+def _states_result(summary: StateSummary, doubtful: bool) -> list[str]:
+    rest = "; ".join(f"{percent(fraction)} {STATUSES[s]}" for s, fraction in summary.status.items() if s != "OK")
+    doubt = ", but they do not fit the vehicle file" if doubtful else ""
+    samples = f"{_of_samples(summary.valid)}{f' ({rest})' if rest else ''}"
+    lines = [f"{summary.name}: inputs and measurements are present and consistent in {samples}{doubt}."]
+    if summary.lift_warning is not None:
+        lines.append(f"{summary.name}: {summary.lift_warning}.")
+    differences = [f"{n} {approximate(rms, si_unit(n))}" for n, rms in summary.reference_rms.items() if rms is not None]
+    if differences:
+        lines.append(f"{summary.name}: rms difference from the reference: {', '.join(differences)}.")
+    return lines
+
+
+def _of_samples(fraction: float) -> str:
+    return "all samples" if fraction == 1 else f"{percent(fraction, round_down=True)} of the samples"

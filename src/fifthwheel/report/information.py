@@ -1,0 +1,118 @@
+"""The information in logs: which parameters are identifiable, what would help, and errors in the logs."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fifthwheel import pages
+from fifthwheel.diagnose.advice import describe_remedy
+from fifthwheel.diagnose.thresholds import WIDE_SIGMA
+from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.identify import Verdict
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.report.words import spoken_verdict
+
+if TYPE_CHECKING:
+    from fifthwheel.identify.design.assess import InformationAssessment, ParameterAssessment
+    from fifthwheel.identify.design.remedies import Remedy
+
+PREDICTION_NOTE = (
+    "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
+    "include model errors."
+)
+HEADS = (
+    *("Parameter|name", "Value>|wide", "Prior\nsigma>|wide", "Predicted\nsigma>", "Prior and predicted sigma"),
+    "Verdict",
+)
+
+
+def information_document(outlook: "InformationAssessment") -> pages.Document:
+    """Predicted sigma and verdict of each parameter, what would help, and what is wrong with the logs."""
+    errors = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity == "error"]
+    others = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity != "error"]
+    identifiable = [p for p in outlook.parameters if is_identifiable(p)]
+    correlated = [p for p in outlook.parameters if p.correlated_with and p.remedies]
+    complete = len(identifiable) == len(outlook.parameters) and not errors
+    blocks: list[pages.Block] = [
+        pages.Headline(_headline(outlook, identifiable, bool(errors)), complete),
+        pages.Items(errors, "Errors in the logs"),
+        pages.Table(HEADS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
+        pages.Items([_improvement(p) for p in outlook.parameters if p.remedies], "What would help"),
+        pages.Items([f"{p.name} with {', '.join(p.correlated_with)}" for p in correlated], "Strongly correlated"),
+        pages.Items([*outlook.cautions, *others], "Cautions"),
+        pages.Items([*outlook.notes, *_notes(outlook)], "Notes"),
+    ]
+    return pages.Document("Information in the logs", blocks)
+
+
+def is_identifiable(assessment: "ParameterAssessment") -> bool:
+    """Whether an identification would estimate it."""
+    return assessment.verdict is Verdict.CONVERGED
+
+
+def _row(p: "ParameterAssessment") -> tuple[pages.Cell, ...]:
+    return (
+        pages.Code(p.name),
+        with_sigma(p.value, None, p.unit),
+        f"±{relative(p.value, p.prior)}",
+        f"±{relative(p.value, p.sigma)}" if is_identifiable(p) else "–",
+        _bar(p),
+        pages.Mark(spoken_verdict(p.verdict, predicted=True), p.verdict),
+    )
+
+
+def _bar(p: "ParameterAssessment") -> pages.Markup:
+    """Prior and predicted sigma as bars of up to 100 % of the value."""
+    prior, predicted = (min(sigma / abs(p.value), 1.0) if p.value else 1.0 for sigma in (p.prior, p.sigma))
+    return pages.Markup(
+        f'<div class="fw-bar" aria-hidden="true"><span class="prior" style="width: {100 * prior:.1f}%"></span>'
+        f'<span class="predicted" style="width: {100 * predicted if is_identifiable(p) else 0:.1f}%"></span></div>'
+    )
+
+
+def explain_known(remedies: "Sequence[Remedy]") -> Iterator[str]:
+    """What "known" means, if a remedy uses it."""
+    texts = " ".join(map(describe_remedy, remedies))
+    if "--fix" in texts:
+        yield "Measured and fixed (--fix): measure it, write it into the vehicle file, and give --fix NAME."
+    if "known exactly" in texts:
+        yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
+
+
+def _headline(outlook: "InformationAssessment", identifiable: "Sequence[ParameterAssessment]", has_errors: bool) -> str:
+    """How many parameters are identifiable, and whether the logs have errors."""
+    logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
+    if not identifiable:
+        unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
+        text = f"{logs}: no parameter is identifiable" + (", the excitation is too small." if unexcited else ".")
+    else:
+        wide = sum(p.sigma / abs(p.value) > WIDE_SIGMA for p in identifiable)
+        sigma = f", {wide} with a sigma above {percent(WIDE_SIGMA)}" if wide else ""
+        text = f"{logs}: {len(identifiable)} of {len(outlook.parameters)} parameters are identifiable{sigma}."
+    if has_errors:
+        text += " The logs have errors: correct them first. The predictions below use the logs as they are."
+    return text
+
+
+def _improvement(p: "ParameterAssessment") -> str:
+    """ "name: 20 % -> 12 % if semitrailer.roll_axis_height is calibrated, -> 9 % if one more lane change is driven"."""
+    start = relative(p.value, p.sigma) if is_identifiable(p) else spoken_verdict(p.verdict)
+    changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy)}" for remedy in p.remedies]
+    return f"{p.name}: {start} {', '.join(changes)}"
+
+
+def _notes(outlook: "InformationAssessment") -> Iterator[str]:
+    """What the words and numbers mean, and the assumed noise."""
+    remedies = [remedy for p in outlook.parameters for remedy in p.remedies]
+    if any(remedy.drive == "lane_change" for remedy in remedies):
+        speed = f"{3.6 * outlook.speed:.0f} km/h"
+        yield f"One more lane change: SAE J2179, 1.5 m lateral offset within 61 m, at {speed}."
+    yield from explain_known(remedies)
+    variances: dict[str, list[float]] = {}
+    for noise in outlook.noise.values():
+        for name, variance in noise.items():
+            variances.setdefault(name, []).append(variance)
+    sigmas = [f"{name} {approximate(float(np.sqrt(np.mean(v))), si_unit(name))}" for name, v in variances.items()]
+    yield f"Noise of one sample (one sigma): {', '.join(sigmas)}."
+    yield PREDICTION_NOTE

@@ -1,0 +1,158 @@
+"""The report of states, their section in the report of an identification, and their result on a terminal."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import fifthwheel
+from fifthwheel import pages
+from fifthwheel.channels import is_sensor_error
+from fifthwheel.diagnose.run_summary import summarise_records
+from fifthwheel.diagnose.state_summary import StateSummary, record_of, summarise_states
+from fifthwheel.formatting import approximate, percent
+from fifthwheel.names import split_log
+from fifthwheel.observe import States, Status
+from fifthwheel.observe.states import SHADES
+from fifthwheel.pages import page, terminal
+from fifthwheel.pages.html import text
+from fifthwheel.plots import Plot
+from fifthwheel.plots.palette import rgba
+from fifthwheel.record import Record
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.report import consistency
+from fifthwheel.report.conclusion import Conclusion, conclude_states
+from fifthwheel.report.provenance import Provenance, logs_and_origin
+from fifthwheel.report.words import STATUSES, counted, sentence
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateConditions:
+    """How states were estimated."""
+
+    smoothed: bool = False
+    uncertain: tuple[str, ...] = ()  # vehicle parameters and sensor errors whose uncertainty every sigma includes
+
+    def in_words(self, *, identified: bool = False) -> str:
+        """What the bands include; `identified` for states in the report of an identification."""
+        errors = len({split_log(name)[0] for name in self.uncertain if is_sensor_error(name)})
+        parameters = sum(not is_sensor_error(name) for name in self.uncertain)
+        if self.uncertain:
+            counts = f"{counted(parameters, 'vehicle parameter')} and {counted(errors, 'sensor error')}"
+            band = f"The band includes the uncertainty of {counts} from the identification."
+        else:
+            band = "The band does not include the uncertainty of the parameters and sensor errors. " + (
+                "Only the one-stage method estimates this uncertainty."
+                if identified
+                else "To include it, give identification.json (-i)."
+            )
+        return f"{band} Smoothed: each sample also uses later measurements." if self.smoothed else band
+
+
+def write_states_report(
+    path: str | Path,
+    states: Sequence[States],
+    records: Sequence[Record],
+    *,
+    title: str,
+    conclusion: Conclusion | None = None,
+    conditions: StateConditions | None = None,
+    provenance: Provenance | None = None,
+    figures: str | None = None,
+) -> list[Path]:
+    """Write the report of the states of a given vehicle as one HTML file; arguments, result and errors as of
+    `write_report`."""
+    conclusion = conclusion or conclude_states(states, records)
+    blocks: list[pages.Block] = [conclusion.box()]
+    if states:
+        blocks += states_section(states, records, conditions, reliable=not conclusion.cautions)
+        blocks += consistency.section(states, ())
+    blocks += [pages.Heading("Logs", key="logs"), *logs_and_origin(records, summarise_records(records), provenance)]
+    subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
+    return page.write(Path(path), pages.Document(title, blocks, subtitle), images=figures)
+
+
+def show_states(
+    states: Sequence[States],
+    records: Sequence[Record],
+    console: "Console | None" = None,
+    conclusion: Conclusion | None = None,
+) -> None:
+    """Print how reliable states are, with their uncertainty, cautions and next steps."""
+    terminal.show(states_document(states, records, conclusion), console)
+
+
+def states_document(
+    states: Sequence[States], records: Sequence[Record], conclusion: Conclusion | None = None
+) -> pages.Document:
+    """How reliable the states of each record are, their uncertainty, cautions and next steps."""
+    conclusion = conclusion or conclude_states(states, records)
+    blocks: list[pages.Block] = [pages.Headline(conclusion.headline, conclusion.good)]
+    for s in states:
+        blocks += _tables(summarise_states(s, records))
+    return pages.Document(conclusion.headline, [*blocks, *conclusion.advice()])
+
+
+def _tables(summary: StateSummary) -> Iterator[pages.Block]:
+    """The states of a record in a few numbers."""
+    rows = [
+        (name, *["–" if v is None else approximate(v, si_unit(name)) for v in (band, summary.reference_rms[name])])
+        for name, band in summary.band.items()
+    ]
+    yield pages.Table((pages.TableColumn(summary.name), "2 sigma, median>", "rms from reference>"), rows)
+    statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
+    yield pages.Paragraph(f"Samples: {'; '.join(statuses)}")
+    if summary.lift_warning is not None:
+        yield pages.Paragraph(sentence(str(summary.lift_warning)))
+    sizes = [
+        (name, f"{size.rms:.2f}" if np.isfinite(size.rms) else "–", percent(size.rejected))
+        for name, size in summary.innovations.items()
+    ]
+    yield pages.Table(("Measured", "Innovation rms, sigma>", "Rejected>"), sizes)
+
+
+def states_section(
+    states: Sequence[States],
+    records: Sequence[Record],
+    conditions: StateConditions | None,
+    *,
+    reliable: bool = True,
+    identified: bool = False,
+) -> Iterator[pages.Block]:
+    """Each state of each log with its band, its measurement and its reference."""
+    yield pages.Heading("States", key="states")
+    band = f" {conditions.in_words(identified=identified)}" if conditions else ""
+    doubt = "" if reliable else " Do not rely on these states: the truck does not fit the measurements (see the top)."
+    yield pages.Hint(
+        f"The lines are the estimated states; the band is ± 2 sigma (95 %).{band} Measured values are not corrected "
+        f"for offsets. Do not use the states in shaded intervals.{doubt}"
+    )
+    for s in states:
+        record, summary = record_of(s, records), summarise_states(s, records)
+        yield pages.Heading(s.name)
+        yield _statuses(summary)
+        yield pages.Plots([_state(s, record, summary, name) for name in s.values])
+
+
+def _statuses(summary: StateSummary) -> pages.Markup:
+    items = []
+    for name, fraction in summary.status.items():
+        shade = SHADES.get(Status[name])
+        swatch = f'<span class="swatch" style="background:{rgba(*shade)}"></span>' if shade else ""
+        items.append(f"{swatch}{percent(fraction)} {text(STATUSES[name])}")
+    return pages.Markup(f'<p class="hint">Samples: {", ".join(items)}.</p>')
+
+
+def _state(states: States, record: Record | None, summary: StateSummary, name: str) -> pages.CaptionedPlot:
+    unit, width, rms = si_unit(name), summary.band[name], summary.reference_rms[name]
+    note = "never estimated" if width is None else f"± {approximate(width, unit)} (2 sigma, median)"
+    note += "" if rms is None else f"; rms difference from the reference {approximate(rms, unit)}"
+    panel = states.panel(name, record, states.status_spans())
+    return pages.CaptionedPlot(
+        pages.Code(name), Plot(panels=[panel]), f"log {states.name}", (states.name, "states", name), note=note
+    )

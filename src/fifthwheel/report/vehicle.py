@@ -1,0 +1,86 @@
+"""A vehicle: loads, handling, oscillations, the numbers that are assumed, and those that a measurement has set."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from fifthwheel import pages
+from fifthwheel.checks.axle_loads import StaticLoad
+from fifthwheel.formatting import enumerated, percent, with_sigma
+from fifthwheel.vehicle import Vehicle, unit_of
+
+if TYPE_CHECKING:
+    from fifthwheel.diagnose.assumptions import AssumedNumber
+    from fifthwheel.dynamics.summary import VehicleSummary
+
+NOTHING_ASSUMED = "No number is assumed from a vehicle class."
+
+
+def vehicle_document(vehicle: Vehicle, summary: "VehicleSummary", assumed: "Sequence[AssumedNumber]") -> pages.Document:
+    """The summary of a vehicle, and its assumed numbers."""
+    headline = f"{vehicle.name}: {' + '.join(unit.name for unit in vehicle.units)}, {summary.at_speed}"
+    rest = assumed_blocks(assumed) if assumed else [pages.Paragraph(f"\n{NOTHING_ASSUMED}")]
+    return pages.Document(vehicle.name, [pages.Headline(headline), summary.table(), *rest])
+
+
+def assumed_blocks(numbers: "Sequence[AssumedNumber]") -> list[pages.Block]:
+    """The numbers that a vehicle file leaves to classes, with their effects and sources."""
+    rows = [
+        (pages.Code(n.path), with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll))
+        for n in numbers
+    ]
+    sources: dict[str, list[str]] = {}
+    for number in numbers:
+        sources.setdefault(number.source, []).append(number.path)
+    notes = (
+        "Yaw, Roll: largest change of a yaw rate and of a roll rate in a lane change by one sigma of the number, as a "
+        "fraction of the rms value.",
+        "Measure the numbers with the largest effects, and write them into the vehicle file. Cornering stiffness, the "
+        "trailers' yaw inertia and payload heights are estimated from logs.",
+    )
+    return [
+        pages.Table(("Assumed", "Value>", "Yaw>", "Roll>"), rows, label="Assumed numbers"),
+        pages.Folded("Sources", [pages.Items([f"{enumerated(paths)}: {source}" for source, paths in sources.items()])]),
+        pages.Items(notes, "Notes"),
+    ]
+
+
+def _effect(fraction: float | None) -> str:
+    return "–" if fraction is None else percent(fraction)
+
+
+def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Vehicle) -> pages.Document:
+    """Measured axle loads and those of the vehicle file, and the masses and CoG positions from them.
+
+    Args:
+        before: the vehicle of the file.
+        after: the vehicle with masses and CoG positions from the measured loads.
+    """
+    old_loads, new_loads = before.axle_loads(), after.axle_loads()
+    rows = []
+    for path in old_loads:
+        load = loads.get(path)
+        measured = ("–", "–") if load is None else (f"{load.value / 1e3:.2f}", f"{load.scatter / 1e3:.2f}")
+        rows.append((path, *measured, f"{old_loads[path] / 1e3:.2f}", f"{new_loads[path] / 1e3:.2f}"))
+    units = [
+        (new.name, f"{new.mass:.0f}", f"{old.mass:.0f}", f"{new.cog:.3f}", f"{old.cog:.3f}")
+        for old, new in zip(before.units, after.units, strict=True)
+    ]
+    heads = ("Axle group", "Measured, kN>", "Scatter>", "File, kN>", "New, kN>")
+    of_units = ("Unit", "New mass, kg>", "File>", "New CoG, m>", "File>")
+    return pages.Document(after.name, [pages.Table(heads, rows), pages.Table(of_units, units)])
+
+
+def roll_test_document(before: Vehicle, after: Vehicle) -> pages.Document:
+    """The numbers that a roll test has set.
+
+    Args:
+        before: the vehicle of the file.
+        after: the vehicle with the result of the test.
+    """
+    old = before.parameters()
+    rows = [
+        (path, with_sigma(value, after.stated[path], unit_of(path)), with_sigma(old[path], None, unit_of(path)))
+        for path, value in after.parameters().items()
+        if value != old[path]
+    ]
+    return pages.Document(after.name, [pages.Table(("Parameter", "New>", "File>"), rows)])
