@@ -26,6 +26,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics.steps import step_limit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.model import packed_size, unpack_array
 from fifthwheel.manoeuvres.courses import STANDARD_SPEED, Course
@@ -34,9 +35,9 @@ from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.native.c_code import function
 from fifthwheel.observe import Observer, ObserverSettings, monitor, offline
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.segments import observer_segments
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
+from fifthwheel.stream import stream_segments
 from fifthwheel.vehicle import Vehicle
 from limits import PEAK, SIGNALS, UNITS
 from trust_runs import TRUCK, table
@@ -169,7 +170,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, model: ObserverModel, record: Record) -> "Samples":
-        _, (segment, *_) = observer_segments(record, model.model, model.settings, model.step_limit)
+        _, (segment, *_) = stream_segments(record, model.stream, step_limit(model.vehicle, model.model.roll))
         carry = np.append(model.start(segment.first), monitor.START)
         return cls(carry, segment.rows, model.constant())
 

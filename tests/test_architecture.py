@@ -38,6 +38,7 @@ ROOMS = (
     "simulate",
     "plant",
     "time_bases",
+    "stream",
     "observe",
     "identify",
     "export",

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from fifthwheel.dynamics import steps
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import sizes, unpack_array
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.observe.parameter_variance import parameter_variance
-from fifthwheel.observe.segments import observer_segments
 from fifthwheel.observe.sigma_points import SigmaPoints
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.stream import stream_segments
 from tests.observe.exact import TRUCK
 from tests.observe.test_stream import LANE_CHANGES, observer
 
@@ -27,7 +28,7 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     model, report = o.model, o.report
     pairs = o.pairs(Uncertainty(names=NAMES, covariance=np.diag(SIGMA**2)))
     points, constant = SigmaPoints.of(o, pairs), o.constant(gate=np.inf)
-    _, (segment, *_) = observer_segments(LANE_CHANGES.cut(0, 1.5), model, o.settings, o.step_limit)
+    _, (segment, *_) = stream_segments(LANE_CHANGES.cut(0, 1.5), o.stream, steps.step_limit(o.vehicle, model.roll))
     start, rows = o.start(segment.first), segment.rows
     n, n_d, _, n_c, m = sizes(model)
     reported = len(report.outputs)

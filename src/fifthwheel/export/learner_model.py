@@ -18,9 +18,9 @@ from fifthwheel.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.identify import doubts
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
 from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.online.steering import Excitation
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath, SignalName

@@ -15,9 +15,9 @@ from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYP
 from fifthwheel.names import SignalName
 from fifthwheel.native import c_code
 from fifthwheel.observe import Observer
-from fifthwheel.observe.inputs import largest_rate, magnitude
 from fifthwheel.observe.observer_model import SUSPECT_STEER_SIGMA
 from fifthwheel.record.signal_names import si_unit
+from fifthwheel.stream import magnitude
 
 
 def header(observer: Observer) -> str:
@@ -50,7 +50,7 @@ def source(observer: Observer) -> str:
     columns = ("time", *observer.inputs, *observer.outputs)
     tables: dict[str, Iterable[float]] = {
         "input_magnitude": [magnitude(name) for name in observer.inputs],
-        "input_rate": [largest_rate(name, settings) for name in observer.inputs],
+        "input_rate": [rule.rate for rule in observer.stream.settings.inputs],
         "measured_magnitude": [magnitude(name) for name in observer.outputs],
         "steer_gain": [errors.get(f"{name}.gain", 1.0) for name in steered],
         "initial_variance": floor,

@@ -13,7 +13,6 @@ per sample are bounded. The two filters are lanes of one compiled step.
 """
 
 import copy
-import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -103,7 +102,7 @@ class RelinearisedFilter:
     """Both filters of a model.
 
     The first lane of `carry`, `sample` and `output` belongs to the first filter, the second lane to the second filter.
-    `row` and `out` are the memory of `sample` and `output` as flat C arrays, which Python accesses ten times as fast.
+    `row` and `out` are views of the first filter's sample and output, which Python accesses ten times as fast.
 
     Args:
         model: of the samples.
@@ -127,11 +126,10 @@ class RelinearisedFilter:
         self.output = output = np.zeros((self.scan.n_output, joint.LANES))
         self.constant = joint.constants(c, noise, scaling, walk)
         self._addresses = tuple(a.ctypes.data for a in (carry, sample, self.constant, output))
-        self.row: Any = (ctypes.c_double * sample.size).from_buffer(sample.data)
-        self.out: Any = (ctypes.c_double * output.size).from_buffer(output.data)
+        self.row: Any = sample[:, 0].data
+        self.out: Any = output[:, 0].data
         k = 1 + n_d + 2 * n_y + 1  # length of [dt, d, y, weight, learn]
-        self._learn = joint.LANES * (k - 1)
-        self._diverged = joint.LANES * 2 * n_y
+        self._learn, self._n_y = k - 1, n_y
         # views of what is copied between the lanes
         self._z, self._estimate = carry[layout.z, 0], carry[layout.estimate, 0]
         self._second_z = carry[layout.z, 1]
@@ -196,11 +194,11 @@ class RelinearisedFilter:
         self.scan.vector(1, 1, *self._addresses)
         out = self.out
         if self._count:
-            if out[self._diverged + 1]:
+            if self.output[-1, 1]:
                 self._clear_segment()
             elif self._complete and self._position == self._count:
                 restart = self._end_pass()
-        return any(out[: self._diverged // 2 : joint.LANES]), restart or out[self._diverged] > 0
+        return any(out[: self._n_y]), restart or out[-1] > 0
 
     def memory(self) -> dict[str, Any]:
         """Everything that changes, for `restore`."""
@@ -236,7 +234,7 @@ class RelinearisedFilter:
 
     def _pause_second(self) -> None:
         """Give the second filter a sample without effect: dt = 0 and no measurements."""
-        self.row[1] = 0.0
+        self._second_sample[0] = 0.0
         np.copyto(self._second_d, self._d)
         self._second_weight_learn[:] = 0.0
 

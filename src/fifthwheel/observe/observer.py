@@ -5,7 +5,6 @@ as `push`, bit for bit. Both are causal: missing inputs are not interpolated fro
 """
 
 import copy
-import ctypes
 import functools
 import math
 from collections.abc import Iterable, Mapping
@@ -15,20 +14,20 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import SPEED_RATE, steps
+from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
-from fifthwheel.observe.inputs import HeldInputs, magnitude
 from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
-from fifthwheel.observe.observer_model import ObserverModel, signals_with_position
+from fifthwheel.observe.observer_model import ObserverModel, signals_with_position, stream_settings
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.observe.settings import ObserverSettings
-from fifthwheel.observe.states import States, Status
+from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.stream import Status, Stream
 from fifthwheel.vehicle import Vehicle
 
 MEASURED = ("yaw_rate", "articulation", "roll_rate", "roll", ACCELEROMETER)
@@ -89,7 +88,6 @@ class Observer:
         for path in self.settings.brakes:
             if path not in groups:
                 raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
-        self._measured = [(name, magnitude(name)) for name in self.outputs]
         self._names = [(name, f"{name}.sigma") for name in self.reported]
         self._carry: Array | None = None  # of a copied observer
         self.reset()
@@ -140,12 +138,8 @@ class Observer:
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
-        self._time = math.nan
-        derived = [SPEED_RATE] if self.settings.tyres == "saturating" else []
-        self._held = HeldInputs((*self.inputs, *derived), self.settings)
-        self._accepted = -math.inf  # time of the last accepted measurement
-        self._running = False
-        self._last: list[float] = []  # inputs of the previous sample
+        settings = stream_settings(self.settings, self.inputs, self.outputs)
+        self.stream = Stream(settings, steps.step_limit(self.vehicle, self.roll))
 
     def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
         """Process one sample.
@@ -160,85 +154,38 @@ class Observer:
         Raises:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
         """
-        time = sample.get("time", math.nan)
-        if time is None or not math.isfinite(time):
-            raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
-        gap = time - self._time
-        if gap <= 0:
-            raise SignalError(
-                f"time: expected after {self._time:g} s, got {time:g} s; push samples in the order of time"
-            )
-        fresh = self._held.update(time, sample)
-        inputs = list(self._held.values)
-        slow = Status.TOO_SLOW if inputs[0] < self.settings.min_speed else Status.OK
-        status = slow if fresh else Status.INPUT_MISSING
-        previous, self._time = self._time, time
+        stream, get = self.stream, sample.get
+        status = stream.take(get("time"), list(map(get, self.inputs)))
         if status != Status.OK:
-            self._running = False
             return self._answer(status)
-        buffers = self._buffers
-        row = buffers.row
-        k, m = len(inputs), len(self.outputs)
-        if not self._running or gap > self.settings.max_gap:
-            self._start(inputs, monitor.START)
-            self._running, self._accepted = True, time
-            row[0] = 0.0
-            row[1 : 1 + k] = inputs
-        else:
-            last, short = self._last, self._model.step_limit.safe_step_by_speed
-            if gap > short[int(inputs[0])] or gap > short[int(last[0])]:
-                self._subdivide(previous, time, last, inputs)
-            else:
-                row[0] = gap
-                row[1 : 1 + k] = last
-        row[1 + k : 1 + 2 * k] = inputs
-        for i, (name, largest) in enumerate(self._measured, 1 + 2 * k):
-            value = sample.get(name)
-            present = value is not None and abs(value) <= largest
-            row[i] = value if present else 0.0
-            row[i + m] = present
+        buffers, out, m = self._buffers, self._buffers.out, len(self.outputs)
+        if stream.starts:
+            self._start(monitor.START)
+        measured = list(map(get, self.outputs))
+        stream.write(buffers.row, stream.last, stream.inputs, measured, buffers.step)
         buffers.step()
-        out = buffers.out
         if out[-1]:  # the measurements contradict the state
-            self._start(inputs, monitor.after_restart(out[-2]), suspect=True)
-            row[0] = 0.0
-            row[1 : 1 + k] = inputs
+            stream.start()
+            self._start(monitor.after_restart(out[-2]), suspect=True)
+            stream.write(buffers.row, stream.last, stream.inputs, measured, buffers.step)
             buffers.step()
-        self._last = inputs
-        if any(out[-2 - m : -2]):
-            self._accepted = time
-        elif time - self._accepted > self.settings.coast:
-            status = Status.COASTING
-        if out[-2] > self.settings.max_nis:
-            status = Status.INCONSISTENT
-        return self._answer(status)
+        status = stream.finish(any(out[-2 - m : -2]))
+        return self._answer(Status.INCONSISTENT if out[-2] > self.settings.max_nis else status)
 
-    def _start(self, inputs: list[float], monitored: Array, *, suspect: bool = False) -> None:
+    def _start(self, monitored: Array, *, suspect: bool = False) -> None:
         """Start the filter at the steady state of the inputs; `monitored` is the carry of the monitor."""
-        start = self._model.start(dict(zip(self.model.inputs, inputs, strict=True)), suspect=suspect)
-        self._buffers.carry[:] = np.append(start, monitored)
-
-    def _subdivide(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:
-        """Run all steps but the last one without measurements, and store the last one in the row."""
-        buffers = self._buffers
-        limits = self._model.step_limit(np.array([last[0], inputs[0]]))
-        fine, columns, _ = steps.subdivide(np.array([before, time]), np.array([last, inputs]), limits)
-        dt, d = steps.step_inputs(fine, columns)
-        rows = np.zeros((len(fine) - 1, self.scan.n_sample))
-        rows[:, 0], rows[:, 1 : 1 + d.shape[1]] = dt[1:], d[1:]
-        buffers.carry[:], _ = self.scan(buffers.carry, rows[:-1], buffers.constant)
-        buffers.sample[0] = rows[-1]
+        inputs = dict(zip(self.stream.settings.names, self.stream.inputs, strict=True))
+        self._buffers.carry[:] = np.append(self._model.start(inputs, suspect=suspect), monitored)
 
     def _answer(self, status: Status) -> dict[str, float]:
         """The result of `push`."""
-        answer: dict[str, float] = {"time": self._time, "status": status}
+        answer: dict[str, float] = {"time": self.stream.time, "status": status}
         if status in (Status.OK, Status.COASTING, Status.INCONSISTENT):
-            n = len(self.reported)
-            values = self._buffers.out[: 2 * n]
-            answer["nis"] = self._buffers.out[-2]
-            for i, (name, sigma) in enumerate(self._names):
-                answer[name] = values[i]
-                answer[sigma] = math.sqrt(max(values[n + i], 0.0))
+            out, n = self._buffers.out.tolist(), len(self.reported)
+            answer["nis"] = out[-2]
+            for (name, sigma), value, variance in zip(self._names, out, out[n:], strict=False):
+                answer[name] = value
+                answer[sigma] = math.sqrt(0.0 if variance < 0.0 else variance)
         else:
             answer["nis"] = math.nan
             for name, sigma in self._names:
@@ -277,21 +224,7 @@ class Observer:
 
     def save(self) -> dict[str, Any]:
         """The state of the observer for `resume`, for JSON."""
-
-        def finite(values: Iterable[float]) -> list[float | None]:
-            return [value if math.isfinite(value) else None for value in values]
-
-        return {
-            "made_for": self._identity(),
-            "time": finite([self._time])[0],
-            "inputs": finite(self._held.values),
-            "seen": finite(self._held.times),
-            "speed_rate": self._held.speed_rate.carry.tolist() if self._held.speed_rate else None,
-            "accepted": finite([self._accepted])[0],
-            "running": self._running,
-            "last": finite(self._last),
-            "carry": self._buffers.carry.tolist(),
-        }
+        return {"made_for": self._identity(), **self.stream.save(), "carry": self._buffers.carry.tolist()}
 
     def resume(self, saved: Mapping[str, Any]) -> None:
         """Continue from the result of `save`, also in another process.
@@ -303,30 +236,19 @@ class Observer:
             raise SignalError(
                 "state: expected one of the same vehicle, signals and settings, got another one; start without it"
             )
-        self._time = math.nan if saved["time"] is None else saved["time"]
-        self._held.values = [math.nan if value is None else value for value in saved["inputs"]]
-        self._held.times = [-math.inf if value is None else value for value in saved["seen"]]
-        if self._held.speed_rate:
-            self._held.speed_rate.carry = np.array(saved["speed_rate"])
-        self._accepted = -math.inf if saved["accepted"] is None else saved["accepted"]
-        self._running = saved["running"]
-        self._last = [math.nan if value is None else value for value in saved["last"]]
+        self.stream.resume(saved)
         self._buffers.carry[:] = saved["carry"]
 
 
 class _Buffers:
-    """Arrays of the compiled step for one sample.
-
-    `row` and `out` are the memory of `sample` and `output` as C arrays, which Python accesses ten times as fast.
-    """
+    """Arrays of the compiled step for one sample; `row` and `out` are views of its sample and output."""
 
     def __init__(self, scan: Scan, constant: Array, carry: Array | None) -> None:
         self.constant = constant
         self.carry = np.zeros(scan.n_carry) if carry is None else carry.copy()
-        self.sample = np.zeros((1, scan.n_sample))
-        self.output = np.zeros((1, scan.n_output))
-        self.row: Any = (ctypes.c_double * self.sample.size).from_buffer(self.sample.data)
-        self.out: Any = (ctypes.c_double * self.output.size).from_buffer(self.output.data)
-        addresses = (a.ctypes.data for a in (self.carry, self.sample, constant, self.output))
-        self.step = functools.partial(scan.single, 1, 1, *addresses)
+        sample, output = np.zeros(scan.n_sample), np.zeros(scan.n_output)
+        self.row: Any = sample.data
+        self.out: Any = output.data
+        arrays = (self.carry, sample, constant, output)
+        self.step = functools.partial(scan.single, 1, 1, *(array.ctypes.data for array in arrays))
         """Process the sample in place."""

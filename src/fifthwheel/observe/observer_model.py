@@ -1,6 +1,6 @@
 """The numbers of an observer's compiled step, for the vehicle as given and with changed parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,6 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
-from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import (
@@ -28,13 +27,33 @@ from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_step import observer_step
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
+from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""
+SHORTEST = 0.01
+"""s; the change of this time is plausible within any shorter time, because of noise and repeated samples."""
 NO_CHANGES: Mapping[str, float] = {}
 SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", "roll_yaw_product"})
 """Quantities of a vehicle that may be negative; all others keep their sign."""
+
+
+def stream_settings(settings: ObserverSettings, inputs: Iterable[str], outputs: Iterable[str]) -> StreamSettings:
+    """How an observer treats faults of its signals: the speed and the steer angles, and the measurements."""
+    rates = {name: settings.max_acceleration if name == "speed" else settings.max_steer_rate for name in inputs}
+    return StreamSettings(
+        inputs=tuple(
+            InputRule(name=name, largest=magnitude(name), jump=rate * SHORTEST, rate=rate)
+            for name, rate in rates.items()
+        ),
+        measured={name: magnitude(name) for name in outputs},
+        min_speed=settings.min_speed,
+        hold=settings.hold,
+        max_gap=settings.max_gap,
+        coast=settings.coast,
+        speed_smoothing=settings.speed_smoothing if settings.tyres == "saturating" else None,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,10 +74,10 @@ class ObserverModel:
         """The compiled step."""
         return observer_step(self.model, self.report)
 
-    @lazy
-    def step_limit(self) -> StepLimit:
-        """The longest step of the model."""
-        return StepLimit(self.vehicle, roll=self.model.roll)
+    @property
+    def stream(self) -> StreamSettings:
+        """How it treats faults of the signals."""
+        return stream_settings(self.settings, ("speed", *self.vehicle.steer_signals()), self.model.outputs)
 
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""

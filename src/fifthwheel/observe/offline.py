@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import kalman, smoother
 from fifthwheel.filters.model import packed_size, sizes
 from fifthwheel.observe import monitor
-from fifthwheel.observe.inputs import measured_inputs
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.parameter_variance import parameter_variance
-from fifthwheel.observe.segments import ObserverSegment, measurements, observer_segments, without_measurement
 from fifthwheel.observe.sigma_points import SigmaPoints, sigma_point_variance
-from fifthwheel.observe.states import States, Status
+from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
 
 CHUNK = 500
 """Number of rows in one pass, which bounds the memory of the smoother. Its forward pass stores only the carry before
@@ -40,14 +40,14 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
     Raises:
         SignalError: the record does not have a signal of the observer, or an uncertain name does not exist.
     """
-    model = observer.model
-    for name in (*measured_inputs(model.inputs), *model.outputs):
+    stream = observer.stream
+    for name in (*(rule.name for rule in stream.inputs), *stream.measured):
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
     uncertain = _uncertain(record, observer, uncertainty, smooth=smooth)
     pairs = observer.pairs(uncertain)
-    status, segments = observer_segments(record, model, observer.settings, observer.step_limit)
-    n, m = len(observer.report.outputs), len(model.outputs)
+    status, segments = stream_segments(record, stream, steps.step_limit(observer.vehicle, observer.model.roll))
+    n, m = len(observer.report.outputs), len(stream.measured)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
     points, with_bank = SigmaPoints.of(observer, pairs), BANK in uncertain.names
@@ -76,7 +76,7 @@ def is_finite(result: Array) -> bool:
 
 def reported_states(
     observer: ObserverModel,
-    part: ObserverSegment,
+    part: StreamSegment,
     start: Array,
     output: Array,
     points: SigmaPoints,
@@ -131,7 +131,7 @@ def _uncertain(
     return uncertain
 
 
-def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterator[tuple[ObserverSegment, Array, Array]]:
+def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[tuple[StreamSegment, Array, Array]]:
     """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs.
 
     The rows of a part are its own. As in `Observer.push`, the filter restarts at samples only; rows between the last
@@ -193,7 +193,7 @@ def _states(record: Record, observer: ObserverModel, output: Array, status: NDAr
     columns = np.split(output, np.cumsum([n, n, m, m, m]), axis=1)
     values, variances, innovation, innovation_variance, accepted, findings = columns
     sigma = np.sqrt(variances)
-    innovation = np.where(np.isfinite(measurements(record, measured)), innovation, np.nan)
+    innovation = np.where(np.isfinite(measurements(record, observer.stream.measured)), innovation, np.nan)
     return States(
         name=record.name,
         time=record.time,

@@ -18,8 +18,8 @@ from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand
 from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR, HEIGHT_BOUNDS
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
-from fifthwheel.observe.inputs import magnitude
 from fifthwheel.record.signal_names import si_unit
+from fifthwheel.stream import magnitude
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.vehicle import require_vehicle
 

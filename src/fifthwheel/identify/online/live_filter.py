@@ -1,28 +1,24 @@
 """The filter of a learner: takes one sample, and updates states and estimates."""
 
 import math
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
-from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
-from fifthwheel.identify.online.excitation import Excitation
 from fifthwheel.identify.online.innovations import InnovationStatistics
-from fifthwheel.identify.online.inputs import HeldInputs
 from fifthwheel.identify.online.problem import OnlineProblem, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.online.start import steady_slopes
-from fifthwheel.identify.online.steering import Steering
-from fifthwheel.names import SignalName
-from fifthwheel.observe import Status
+from fifthwheel.identify.online.start import block_diagonal, discrepancy_variances, start_state
+from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.observe.observer_step import reported_signals
+from fifthwheel.stream import InputRule, Status, Stream, StreamSettings, magnitude
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are
@@ -48,17 +44,14 @@ class LiveFilter:
         self.innovations = InnovationStatistics(problem.outputs, learner.innovation_window, problem.settings.gate)
         """Of the samples from which it learned."""
         inputs = problem.inputs
-        self._inputs = HeldInputs(len(inputs), learner, problem.settings.min_speed)
+        self.stream = Stream(stream_settings(problem, learner), StepLimit(problem.vehicle, roll=True))
         self._steering = Steering(len(inputs) - 1)
         estimated = [u.name for u in problem.estimated]
         self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
         self._excitation = Excitation(problem.vehicle, len(inputs) - 1, learner, tyres=problem.settings.tyre_law)
-        self._step_limit = steps.StepLimit(problem.vehicle, roll=True)
-        self._running = False  # whether there is a state
-        self._time = -math.inf  # of the last sample, s
+        self._in_segment = False  # whether the last sample belongs to a segment with excitation
         self._start_time = -math.inf  # of the state, s
-        self._accepted_time = -math.inf  # of the last accepted measurement, s
-        self._last_inputs: Sequence[float] = ()  # of the last sample
+        self._dropout_time = -math.inf  # of the last long dropout of a steer angle, s
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: filters of one structure share it."""
@@ -76,7 +69,7 @@ class LiveFilter:
 
     def discrepancy_variances(self) -> Array:
         """Of each discrepancy among the states, SI squared."""
-        return _discrepancy_variances(self.problem, self.learner)
+        return discrepancy_variances(self.problem, self.learner)
 
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
@@ -86,48 +79,43 @@ class LiveFilter:
             inputs: of the model; None or NaN if missing.
             measured: the problem's outputs; None or NaN if missing.
         """
-        learner = self.learner
-        status, held = self._inputs.update(time, inputs)
-        gap, previous, self._time = time - self._time, self._time, time
+        stream, learner, row, m = self.stream, self.learner, self.filter.row, len(measured)
+        status = stream.take(time, inputs)
         if status != Status.OK:
-            self._running = self.learning = False
+            self.learning = False
             return status
-        if not self._running or gap > learner.max_gap:
-            gap = 0.0
-            self._start(time, held)
+        if stream.starts:
+            self._start()
         was_excited = self._excitation.on
-        excited = self._excitation.update(gap, held) and time - self._start_time >= learner.settling_time
-        if was_excited and not self._excitation.on and self._is_worse_than_a_start():
-            gap = 0.0
-            self._start(time, held)
-        self.learning = excited and self._inputs.has_settled(time)
-        last, max_step = self._last_inputs, self._step_limit.safe_step_by_speed
-        before, after = self._steering.update(gap, last, held, self._play())
-        if gap > max_step[int(held[0])] or gap > max_step[int(last[0])]:
-            before = self._divide_step(previous, time, before, after, excited)
-        elif gap:
-            self.filter.row[0] = gap
-        row, k, m = self.filter.row, 2 * len(after), len(measured)
-        for i, value in enumerate((*before, *after), 1):
-            row[2 * i] = value
-        self._last_inputs = held
-        any_measured = False
-        for i, reading in enumerate(measured, 1 + k):
-            present = reading is not None and math.isfinite(reading)
-            row[2 * i], row[2 * (i + m)] = (reading if present else 0.0), present
-            any_measured |= present
-        accepted, diverged = self.filter.advance(excited, self.learning)
+        excited = self._excitation.update(stream.gap, stream.inputs)
+        if was_excited and not excited and self._is_worse_than_a_start():
+            self._start()
+        self._in_segment = excited and time - self._start_time >= learner.settling_time
+        self.learning = self._has_settled() and self._in_segment
+        before, after = self._steering.update(stream.gap, stream.last, stream.inputs, self._play())
+        stream.write(row, before, after, measured, self._pass)
+        accepted, diverged = self.filter.advance(self._in_segment, self.learning)
+        weights = row[1 + 2 * len(after) + m :][:m]
         if self.learning:
-            first = 2 * (1 + k + m)  # of the weights
-            self.innovations.update(gap, self.filter.out[2 * m : 4 * m : 2], row[first : first + 2 * m : 2])
-        if accepted:
-            self._accepted_time = time
-        coasting = time - self._accepted_time > learner.coast
-        if diverged or (coasting and any_measured):
-            self._start(time, held)
+            self.innovations.update(stream.gap, self.filter.out[m : 2 * m], weights)
+        status = stream.finish(accepted)
+        if diverged or (status == Status.COASTING and any(weights)):
+            self._start()
             self.filter.advance(False, False)
             return Status.OK
-        return Status.COASTING if coasting else Status.OK
+        return status
+
+    def _pass(self) -> None:
+        """Process a step between two samples."""
+        self.filter.advance(self._in_segment, False)
+
+    def _has_settled(self) -> bool:
+        """Whether every steer angle is measured now, and the last long dropout is `settling_time` ago."""
+        stream, learner = self.stream, self.learner
+        age = stream.time - min(stream.times[1:])
+        if age > learner.max_steer_dropout:
+            self._dropout_time = stream.time
+        return not age and stream.time - self._dropout_time >= learner.settling_time
 
     def _is_worse_than_a_start(self) -> bool:
         """Whether the bank of the road is less certain than at a start.
@@ -137,40 +125,24 @@ class LiveFilter:
         """
         return self.view.bank_variance() > self.problem.settings.bank_prior**2
 
-    def _start(self, time: float, inputs: Sequence[float]) -> None:
-        """Start the state again at the steady state of these inputs; the estimates stay."""
+    def _start(self) -> None:
+        """Start the state again at the steady state of the inputs; the estimates stay."""
+        stream = self.stream
+        stream.start()
         self.filter.end_segment()
-        estimate = self.filter.estimate()
-        first = dict(zip(self.problem.inputs, inputs, strict=True))
-        x, P, V = start_state(self.problem, self.learner, estimate.z, first)
-        before, after = self._steering.update(0.0, inputs, inputs, self._play())
+        first = dict(zip(self.problem.inputs, stream.inputs, strict=True))
+        x, P, V = start_state(self.problem, self.learner, self.filter.estimate().z, first)
+        before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
-        self._start_time = self._accepted_time = time
-        self._last_inputs = inputs
-        self._running, self.learning = True, False
+        self._start_time = stream.accepted = stream.time
+        self.learning = False
 
     def _play(self) -> list[float]:
         """Estimates of the plays of the steerings, rad."""
         scaling, row = self.problem.scaling, self.filter.carry
         first = self.filter.layout.z.start
         return [scaling.scale[i] * row[first + i, 0] for i in self._plays]
-
-    def _divide_step(
-        self, previous: float, time: float, before: Sequence[float], after: Sequence[float], excited: bool
-    ) -> list[float]:
-        """Advance by short steps without measurements; the last one remains for the sample, with these first inputs."""
-        limits = self._step_limit(np.array([before[0], after[0]]))
-        times, columns, _ = steps.subdivide(np.array([previous, time]), np.array([before, after]), limits)
-        dt, d = steps.step_inputs(times, columns)
-        sample, k, m = self.filter.sample, 2 * len(after), len(self.problem.outputs)
-        sample[1 + k : 1 + k + 2 * m, 0] = 0.0
-        for i in range(1, len(times)):
-            sample[0, 0], sample[1 : 1 + k, 0] = dt[i], d[i]
-            if i < len(times) - 1:
-                self.filter.advance(excited, False)
-        first: list[float] = d[-1][: len(after)].tolist()
-        return first
 
 
 class StateView:
@@ -214,13 +186,29 @@ class StateView:
         return values
 
 
+def stream_settings(problem: OnlineProblem, learner: LearnerSettings) -> StreamSettings:
+    """How a learner treats faults of its signals. A spike of an input moves the state and its sensitivities alike, so
+    that the filter would learn from it."""
+    steer, rate = min(learner.max_steer, sys.float_info.max), learner.max_steer_rate
+    speed = InputRule(name="speed", largest=magnitude("speed"), jump=learner.max_speed_change, rate=0.0)
+    steers = (InputRule(name=name, largest=steer, jump=0.0, rate=rate) for name in problem.inputs[1:])
+    return StreamSettings(
+        inputs=(speed, *steers),
+        measured=dict.fromkeys(problem.outputs, sys.float_info.max),
+        min_speed=problem.settings.min_speed,
+        hold=learner.hold,
+        max_gap=learner.max_gap,
+        coast=learner.coast,
+    )
+
+
 def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> RelinearisedFilter:
     settings, vehicle, model = problem.settings, problem.vehicle, problem.model
     table = variances.PROCESS_VARIANCE | {"bank": settings.bank_walk**2}
     factor = max(settings.process_noise, MIN_PROCESS_NOISE)
-    discrepancies = _discrepancy_variances(problem, learner)
+    discrepancies = discrepancy_variances(problem, learner)
     of_states = variances.process_covariance(model.chain.states, table, factor)
-    process = _block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
+    process = block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
     noise = Noise(
         process=process,
         measurement=np.array([variances.sensor_variance(vehicle, name, settings.noise) for name in problem.outputs]),
@@ -235,48 +223,3 @@ def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> Re
         walk=np.array([2 / (learner.offset_time if u.per_log else learner.parameter_time) for u in problem.estimated]),
         settings=learner.relinearisation,
     )
-
-
-def _discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> Array:
-    """Of each discrepancy among the states, SI squared."""
-    names = problem.outputs if problem.model.discrepancies else ()
-    return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
-
-
-def start_state(
-    problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
-) -> tuple[Array, Array, Array]:
-    """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
-    vehicle, chain, unknowns = problem.vehicle, problem.model.chain, problem.unknowns
-    p = problem.scaling.to_p(np.append(z, np.zeros(len(unknowns) - len(z))))
-    values = problem.given(problem.outputs)
-    values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
-    bank = problem.settings.bank_prior if chain.bank else None
-    x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
-    _, m = steady_initial_state(vehicle, first, values, roll=True)
-    c = problem.model.constant(values, unknowns, learner.discrepancy_time)
-    slopes = _steady_slopes(problem, m, np.array([first[name] for name in problem.inputs]), x, np.append(p, c))
-    V = np.zeros((len(x) + problem.model.discrepancies, len(p)))
-    V[: len(slopes)] = slopes * problem.scaling.slope(p)
-    discrepancies = _discrepancy_variances(problem, learner)
-    return np.pad(x, (0, len(discrepancies))), _block_diagonal(P, np.diag(discrepancies)), V
-
-
-def _steady_slopes(problem: OnlineProblem, m: dynamics.Matrices, inputs: Array, x: Array, constant: Array) -> Array:
-    """Derivative (n, n_p) of the steady state with respect to the values of all unknowns.
-
-    Args:
-        problem: of the learner.
-        m: at the speed and the values.
-        inputs: speed and steer angles (k,).
-        x: steady state, then other states.
-        constant: [p, c] of the model.
-    """
-    n = len(m.A) - 1
-    _, output = steady_slopes(problem.model)(np.zeros(0), np.append(inputs, x[:n])[None], constant)
-    return equilibrium(m, np.linalg.solve(m.E[:n, :n], output[0].reshape(n, -1, order="F")))
-
-
-def _block_diagonal(first: Array, second: Array) -> Array:
-    n, m = len(first), len(second)
-    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])

@@ -1,0 +1,80 @@
+"""Which samples a filter uses, and its status after each."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from fifthwheel.checks.samples import LIMITS
+from fifthwheel.dynamics import SPEED_RATE
+from fifthwheel.names import SignalName
+
+
+class Status(IntEnum):
+    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.Status(2).name
+        'TOO_SLOW'
+    """
+
+    OK = 0
+    COASTING = 1
+    """No accepted measurement for longer than `ObserverSettings.coast`: the model predicts from its inputs."""
+    TOO_SLOW = 2
+    """Below the lowest speed of the model."""
+    INPUT_MISSING = 3
+    """The speed or a steer angle is missing or implausible for longer than `ObserverSettings.hold`."""
+    INCONSISTENT = 4
+    """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
+    `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputRule:
+    """Which values of an input are plausible; any other value counts as missing."""
+
+    name: str
+    largest: float
+    """Magnitude, SI."""
+    jump: float
+    """Largest change within any time, SI: of noise and repeated samples."""
+    rate: float
+    """Largest change per second, SI, if that is more."""
+
+    def follows(self, change: Any, age: Any, hold: float) -> Any:
+        """Whether a value can follow the last plausible one, by its change and the age of that; numbers or arrays."""
+        return (change <= self.jump) | (change <= self.rate * age) | (age > hold)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamSettings:
+    """How a filter treats faults of its signals."""
+
+    inputs: tuple[InputRule, ...]
+    """Of the speed and the steer angles. An input that is implausible for longer than `hold` takes any value up to its
+    largest: the last plausible one is outdated, or was the wrong one."""
+    measured: Mapping[str, float]
+    """Largest magnitude of each measured signal, SI; a larger one counts as missing."""
+    min_speed: float
+    """m/s; below it the status is TOO_SLOW."""
+    hold: float
+    """Longest time for which a missing input keeps its value, s; then the status is INPUT_MISSING."""
+    max_gap: float
+    """Longest time between samples, s, without a new start."""
+    coast: float
+    """Longest time without an accepted measurement, s; then the status is COASTING."""
+    speed_smoothing: float | None = None
+    """Time constant of the derivative of the speed, s; None if that is not an input of the model."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The inputs of the model."""
+        derived = () if self.speed_smoothing is None else (SPEED_RATE,)
+        return (*(rule.name for rule in self.inputs), *derived)
+
+
+def magnitude(name: str) -> float:
+    """Largest magnitude of a signal of a heavy vehicle, SI."""
+    return LIMITS[SignalName.of(name).quantity].magnitude
