@@ -7,12 +7,9 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from fifthwheel.checks.samples import LIMITS
-from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.steps import SPEEDS, step_limit
+from fifthwheel.export import c_text
 from fifthwheel.export import learner_functions as functions
-from fifthwheel.export.c_text import enumerations, integers, table, texts
-from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
+from fifthwheel.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
 from fifthwheel.filters.joint import MAX_STATE
 from fifthwheel.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.identify import doubts
@@ -23,15 +20,12 @@ from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.steering import Excitation
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import ParameterPath, SignalName
+from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle.paths import unit_of
 
 NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 """In place of the index of a channel: none is needed; it is not measured."""
-LARGEST = 1e30
-"""In place of an infinite setting: a number that fits into single precision."""
 
 
 def reported(learner: Learner) -> list[Unknown]:
@@ -57,13 +51,7 @@ def _header(learner: Learner) -> str:
     """Enumerations of signals, states and estimates, and sizes, for the public header."""
     live = learner.live
     problem, layout, relinearisation = live.problem, live.filter.layout, live.learner.relinearisation
-    signals = {
-        "INPUT": problem.inputs,
-        "MEASURED": problem.outputs,
-        "STATE": tuple(name for name, _ in live.view.names),
-    }
     estimates = {u.name: sensor_error_unit(u.name) if u.nuisance else unit_of(u.name) for u in reported(learner)}
-    groups = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
     saved = layout.size - layout.estimate.start + 2 * len(problem.outputs)
     sizes = {
         "STEER_COUNT": (len(problem.inputs) - 1, "steered axles"),
@@ -74,12 +62,7 @@ def _header(learner: Learner) -> str:
         "SEGMENT_COUNT": (relinearisation.samples, "samples of a segment"),
         "SAVED_COUNT": (saved, "numbers in a saved state"),
     }
-    return "\n".join(
-        [
-            *enumerations(groups | {"ESTIMATE": estimates}),
-            *(f"#define FW_{name} {size} /* {text} */" for name, (size, text) in sizes.items()),
-        ]
-    )
+    return c_text.header(live.stream.settings, [name for name, _ in live.view.names], sizes, ESTIMATE=estimates)
 
 
 def _sizes_and_limits(learner: Learner, slopes: int) -> str:
@@ -91,29 +74,20 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits, tyres=settings.tyre_law)
     sizes = {
         "X_COUNT": layout.n_x,
-        "MODEL_STATES": len(state_names(vehicle, roll=True)),
         "BANKS": int(chain.bank),
         "BANK_STATE": live.view.bank or 0,
         "DISCREPANCIES": problem.model.discrepancies,
         "P_COUNT": layout.n_z + layout.n_c,
         "CONSIDERED": layout.n_c,
-        "HELD": len(chain.inputs),
+        "MODEL_INPUT_COUNT": len(chain.inputs),
         "SLOPES": slopes,
-        "SPEED_COUNT": len(SPEEDS),
         "LAG": relinearisation.lag,
     }
     sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("P", "V", "z", "Pz", "B")}
     sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("gradient", "information")}
     numbers = {
-        "MIN_SPEED": settings.min_speed,
-        "MAX_SPEED": LIMITS["speed"].magnitude,
-        "MAX_SPEED_CHANGE": limits.max_speed_change,
-        "MAX_STEER": limits.max_steer,
-        "MAX_STEER_RATE": limits.max_steer_rate,
         "SMALLEST_PLAY": SMALLEST_PLAY,
         "MAX_STATE": MAX_STATE,
-        "STEER_RATE": 2 * np.pi * STEER_BANDWIDTH,
-        "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
         "BANK_SIGMA": settings.bank_prior if chain.bank else 0.0,
         "WHEELBASE": excitation.wheelbase,
         "UNDERSTEER": excitation.understeer,
@@ -138,20 +112,9 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "AS_LIKELY": doubts.AS_LIKELY,
         "HARMFUL_SHIFT": doubts.HARMFUL_SHIFT,
     }
-    times = {
-        "HOLD": limits.hold,
-        "MAX_GAP": limits.max_gap,
-        "COAST": limits.coast,
-        "SETTLING_TIME": limits.settling_time,
-        "MAX_STEER_DROPOUT": limits.max_steer_dropout,
-    }
-    return "\n".join(
-        [
-            *(f"#define FW_{name} {size}" for name, size in sizes.items()),
-            *(f"#define FW_{name} {c_code.literal(min(float(v), LARGEST))}" for name, v in numbers.items()),
-            *(f"#define FW_{name} {min(float(v), LARGEST)!r} /* s */" for name, v in times.items()),
-        ]
-    )
+    times = {"SETTLING_TIME": limits.settling_time, "MAX_STEER_DROPOUT": limits.max_steer_dropout}
+    stream = stream_definitions(live.stream.settings, vehicle, roll=True)
+    return "\n".join([*definitions(sizes, numbers, times), *stream])
 
 
 def _source(learner: Learner, linearisation: functions.Slopes) -> str:
@@ -193,24 +156,16 @@ def _function(step: ca.Function, name: str, arguments: Sequence[str], results: S
 
 def _tables(live: LiveFilter) -> list[str]:
     """Numbers of the filter and of its start."""
-    problem, given = live.problem, functions.constants(live)
-    vehicle = problem.vehicle
-    states = state_names(vehicle, roll=True)
-    columns = ("time", *problem.inputs, *problem.outputs)
-    discrepancy = live.discrepancy_variances()
+    given, discrepancy = functions.constants(live), live.discrepancy_variances()
     tables = {
         "process": given.process,
         "noise": given.noise,
         "walk": given.walk,
-        "initial_variance": [*(INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states)],
         "discrepancy_variance": discrepancy if len(discrepancy) else [0.0],
-        "step_speed": SPEEDS,
-        "step_limit": step_limit(vehicle, True).longest,
     }
     return [
         *(table(name, np.ravel(np.array(values)).tolist(), static=False) for name, values in tables.items()),
-        texts("names", columns),
-        texts("units", [str(si_unit(name)) for name in columns]),
+        *stream_tables(live.stream.settings, live.problem.vehicle, roll=True, static=False),
     ]
 
 

@@ -10,12 +10,12 @@ from fifthwheel.export import learner_model, observer_model
 from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer
 
-SHARED = ("fw_math.h", "fw_algebra.h", "fw_step_length.h", "replay_log.h")
+SHARED = ("fw_samples.h", "fw_math.h", "fw_algebra.h", "fw_stream.h", "fw_step_length.h", "replay_log.h")
 FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_model.h", *SHARED, "replay.c")
 """The files of an exported observer."""
 LEARNER_SOURCES = (
     "fw_learner.c",
-    "fw_inputs.c",
+    "fw_excitation.c",
     "fw_learner_model.c",
     "fw_joint.c",
     "fw_start.c",
@@ -80,14 +80,14 @@ def observer_texts(observer: Observer) -> dict[str, str]:
         "ENUMERATIONS": observer_model.header(observer),
         "MODEL": observer_model.source(observer),
     }
-    return {name: _text("", name, marks) for name in FILES}
+    return {name: source(name, marks) for name in FILES}
 
 
 def learner_texts(learner: Learner) -> dict[str, str]:
     """The content of each of `LEARNER_FILES`."""
     problem = learner.live.problem
     marks = _common(problem.vehicle.name, (*problem.inputs, *problem.outputs)) | learner_model.texts_of(learner)
-    return {name: _text("" if name in SHARED else "learner", name, marks) for name in LEARNER_FILES}
+    return {name: source(name if name in SHARED else f"learner/{name}", marks) for name in LEARNER_FILES}
 
 
 def _common(vehicle: str, columns: Sequence[str]) -> dict[str, str]:
@@ -95,13 +95,11 @@ def _common(vehicle: str, columns: Sequence[str]) -> dict[str, str]:
     return {"TITLE": title, "VERSION": __version__, "COLUMNS": ", ".join(columns)}
 
 
-def _text(folder: str, name: str, marks: Mapping[str, str]) -> str:
-    """Content of a file, made from that of a folder of this package; `marks` are replaced."""
-    place = resources.files("fifthwheel.export") / "c" / folder
-    given = place / name
-    if given.is_file():
-        return given.read_text(encoding="utf-8")
-    text = (place / f"{name}.in").read_text(encoding="utf-8")
-    for key, value in marks.items():
+def source(name: str, marks: Mapping[str, str] | None = None) -> str:
+    """Content of a file of `export/c`, in which marks such as @TITLE@ are replaced."""
+    folder = resources.files("fifthwheel.export") / "c"
+    given = folder / name
+    text = (given if given.is_file() else folder / f"{name}.in").read_text(encoding="utf-8")
+    for key, value in (marks or {}).items():
         text = text.replace(f"@{key}@", value)
     return text

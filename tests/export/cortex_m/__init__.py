@@ -40,7 +40,7 @@ class Emulation:
 
 
 CALLS = {
-    "observer": ("fw_observer_push", "fw_start|fw_step|fw_subdivide", "fw_matrices|fw_random_steer|fw_solve"),
+    "observer": ("fw_observer_push", "fw_start|fw_advance", "fw_matrices|fw_random_steer|fw_solve|fw_step"),
     "learner": (
         "fw_learner_push",
         "fw_advance",

@@ -11,6 +11,7 @@ from fifthwheel.dynamics.sensors import NEEDS_COUPLING, QUANTITIES
 from fifthwheel.dynamics.state_space import MAX_SPEED
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.export import project
 from fifthwheel.export.c_text import table
 from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
 from fifthwheel.identify import OneStage
@@ -119,7 +120,7 @@ def truck_model(
                 "} fmu_model;",
             ]
         ),
-        sources={"fw_truck.h": _equations(model, vehicle)},
+        sources={"fw_truck.h": _equations(model, vehicle), "fw_step_length.h": project.source("fw_step_length.h")},
         notes=(
             "All states are 0 at the start: the truck drives straight ahead.",
             "Inputs are constant during a step, or, with FMI 2.0, change linearly by their derivatives. The model "
