@@ -16,8 +16,7 @@ from fifthwheel.filters.model import packed_size, sizes
 from fifthwheel.observe import monitor
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.parameter_variance import parameter_variance
-from fifthwheel.observe.sigma_points import SigmaPoints, sigma_point_variance
+from fifthwheel.observe.parameter_variance import SigmaPoints, parameter_variance, sigma_point_variance
 from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
@@ -44,22 +43,20 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
     for name in (*(rule.name for rule in stream.inputs), *stream.measured):
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
-    uncertain = _uncertain(record, observer, uncertainty, smooth=smooth)
-    pairs = observer.pairs(uncertain)
+    points = SigmaPoints.of(observer, _uncertain(record, observer, uncertainty, smooth=smooth))
     status, segments = stream_segments(record, stream, steps.step_limit(observer.vehicle, observer.model.roll))
     n, m = len(observer.report.outputs), len(stream.measured)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
-    points, with_bank = SigmaPoints.of(observer, pairs), BANK in uncertain.names
     for segment in segments:
         for part, start, filtered in filtered_parts(observer, segment):
             samples, rows = part.samples, part.rows
             output[samples] = filtered[part.sample_indices]
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
-            reported = partial(reported_states, observer, part, start, output[samples], points, with_bank=with_bank)
+            reported = partial(reported_states, observer, part, start, output[samples], points)
             if smooth and is_finite(result := reported(smooth=True)):
                 output[samples, : 2 * n] = result
-            elif smooth or pairs:  # the states of the filter remain where the smoother diverges
+            elif smooth or points.steps.size:  # the states of the filter remain where the smoother diverges
                 output[samples, : 2 * n] = reported(smooth=False)
             del part, filtered, rows, reported  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
@@ -75,14 +72,7 @@ def is_finite(result: Array) -> bool:
 
 
 def reported_states(
-    observer: ObserverModel,
-    part: StreamSegment,
-    start: Array,
-    output: Array,
-    points: SigmaPoints,
-    *,
-    with_bank: bool,
-    smooth: bool,
+    observer: ObserverModel, part: StreamSegment, start: Array, output: Array, points: SigmaPoints, *, smooth: bool
 ) -> Array:
     """Values and variances (N, 2 n) of the reported signals for the N samples of a part.
 
@@ -92,26 +82,24 @@ def reported_states(
         start: carry before the first row, without the monitor.
         output: of the filter (N, n_output).
         points: sigma points of the uncertain parameters.
-        with_bank: whether the bank is one of them.
         smooth: with all samples of the part, instead of the past ones.
     """
-    model, n, ungated = observer.model, len(observer.report.outputs), observer.constant(gate=np.inf)
+    model, n = observer.model, len(observer.report.outputs)
     excess = monitor.excess(output[:, -2:-1])
     values, raised = output[:, :n], output[:, n : 2 * n]
     own = raised / excess
     run = partial(smoother_pass, model, observer.report, part.rows)
     if smooth:
         start = start[: len(model.states) + packed_size(len(model.states))]
-        values, own = np.hsplit(run(start[None], ungated[None])[0, part.sample_indices], 2)
+        values, own = np.hsplit(run(start[None], observer.constant(gate=np.inf)[None])[0, part.sample_indices], 2)
         raised = own * excess
     if not points.steps.size:
         return np.hstack([values, raised])
     effects = observer.effects(part.first)
-    variance = (
-        sigma_point_variance(points, effects, start, run, observer.scan.lanes)
-        if smooth
-        else parameter_variance(model, observer.report, points, effects, start, part.rows, ungated, with_bank=with_bank)
-    )
+    if smooth:
+        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+    else:
+        variance = parameter_variance(observer, points, effects, start, part.rows)
     total = np.maximum(own + variance[part.sample_indices], 0.0)
     # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
     raised = np.where(total < own, excess * total, raised)  # less: the bank is known
