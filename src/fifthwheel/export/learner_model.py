@@ -4,19 +4,17 @@ import math
 import zlib
 from collections.abc import Sequence
 
-import casadi as ca
-import numpy as np
-
 from fifthwheel.export import c_text
 from fifthwheel.export import learner_functions as functions
 from fifthwheel.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
 from fifthwheel.filters.joint import MAX_STATE
+from fifthwheel.filters.model import pack_array
 from fifthwheel.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.identify import doubts
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
-from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
+from fifthwheel.identify.online.start import discrepancy_variances
 from fifthwheel.identify.online.steering import Excitation
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -83,8 +81,8 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "SLOPES": slopes,
         "LAG": relinearisation.lag,
     }
-    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("P", "V", "z", "Pz", "B")}
-    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("gradient", "information")}
+    parts = ("P", "V", "z", "Pz", "B", "gradient", "information")
+    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in parts}
     numbers = {
         "SMALLEST_PLAY": SMALLEST_PLAY,
         "MAX_STATE": MAX_STATE,
@@ -120,22 +118,22 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
 def _source(learner: Learner, linearisation: functions.Slopes) -> str:
     """Tables and functions of the vehicle."""
     live = learner.live
-    parts = [
-        *_tables(live),
-        *_unknown_tables(learner),
-        integers("slope_place", linearisation.places.tolist()),
-        _function(
-            linearisation.function,
-            "linearise",
-            ("state", "z", "row"),
-            ("later", "f", "first", "last", "predicted", "h", "direct"),
-        ),
-        _function(functions.channel_update(live), "correct", ("carry", "channel"), ("next", "out")),
-        _function(functions.report(live), "report", ("state", "z", "inputs"), ("value", "slope")),
-        _function(functions.start_matrices(live), "start_matrices", ("inputs", "p"), ("a", "b", "steer", "bank")),
-        _function(functions.start_slopes(live), "start_slopes", ("inputs", "p", "state"), ("f", "slope")),
-    ]
-    return "\n".join(parts)
+    step_results = ("later", "f", "first", "last", "predicted", "h", "direct")
+    equations = {
+        "linearise": (linearisation.function, ("state", "z", "row"), step_results),
+        "correct": (functions.channel_update(live), ("carry", "channel"), ("next", "out")),
+        "report": (functions.report(live), ("state", "z", "inputs"), ("value", "slope")),
+        "start_matrices": (functions.start_matrices(live), ("inputs", "p"), ("a", "b", "steer", "bank")),
+        "start_slopes": (functions.start_slopes(live), ("inputs", "p", "state"), ("f", "slope")),
+    }
+    return "\n".join(
+        [
+            *_tables(live),
+            *_unknown_tables(learner),
+            integers("slope_place", linearisation.places.tolist()),
+            *(c_code.function(f, f"fw_{name}", *names, static=False) for name, (f, *names) in equations.items()),
+        ]
+    )
 
 
 def _memory(learner: Learner) -> int:
@@ -150,21 +148,17 @@ def _memory(learner: Learner) -> int:
     return 8 * numbers + 32
 
 
-def _function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
-    return c_code.function(step, f"fw_{name}", arguments, results, static=False)
-
-
 def _tables(live: LiveFilter) -> list[str]:
     """Numbers of the filter and of its start."""
-    given, discrepancy = functions.constants(live), live.discrepancy_variances()
+    joint, discrepancy = live.filter, discrepancy_variances(live.problem, live.learner)
     tables = {
-        "process": given.process,
-        "noise": given.noise,
-        "walk": given.walk,
+        "process": pack_array(joint.noise.process),
+        "noise": joint.noise.measurement,
+        "walk": joint.walk,
         "discrepancy_variance": discrepancy if len(discrepancy) else [0.0],
     }
     return [
-        *(table(name, np.ravel(np.array(values)).tolist(), static=False) for name, values in tables.items()),
+        *(table(name, values, static=False) for name, values in tables.items()),
         *stream_tables(live.stream.settings, live.problem.vehicle, roll=True, static=False),
     ]
 
@@ -177,15 +171,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
     plays = [f"{name}.play" for name in inputs[1:]]
     scaling = problem.scaling
     return [
-        *(
-            table(name, values.tolist(), static=False)
-            for name, values in (
-                ("centre", scaling.centre),
-                ("scale", scaling.scale),
-                ("lower", scaling.lower),
-                ("upper", scaling.upper),
-            )
-        ),
+        *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),
         integers("logarithmic", [int(u.logarithmic) for u in problem.unknowns]),
         integers("sensor_error", [int(u.nuisance) for u in problem.unknowns]),
         integers("roll_channel", [_roll_channel(u, problem.outputs) for u in problem.unknowns]),

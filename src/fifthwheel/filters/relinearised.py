@@ -22,6 +22,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters import joint
 from fifthwheel.filters.dual import Scaling
+from fifthwheel.filters.joint_equations import JointLayout
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
 
@@ -64,7 +65,7 @@ class Estimate:
         return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=np.zeros((n_z, n_c)), gradient=none, information=none)
 
     @classmethod
-    def of(cls, vector: Array, layout: joint.Layout) -> "Estimate":
+    def of(cls, vector: Array, layout: JointLayout) -> "Estimate":
         """The inverse of `vector`."""
         start, n_z = layout.estimate.start, layout.n_z
         z, Pz, B, gradient, information = (
@@ -118,9 +119,9 @@ class RelinearisedFilter:
     ) -> None:
         n_x, n_d, n_p, _, n_y = sizes(model)
         n_z = len(walk)
-        self.layout = layout = joint.Layout(n_x, n_z, n_p - n_z)
+        self.layout = layout = JointLayout(n_x, n_z, n_p - n_z)
         self.scan = joint.joint_step(model, scaling.logarithmic, n_z)
-        self.settings = settings
+        self.c, self.noise, self.walk, self.settings = c, noise, walk, settings
         self.carry = carry = np.zeros((layout.size, joint.LANES))
         self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
         self.output = output = np.zeros((self.scan.n_output, joint.LANES))

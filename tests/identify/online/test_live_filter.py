@@ -7,8 +7,7 @@ from fifthwheel import dynamics
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import play_contact
 from fifthwheel.identify.online import LearnerSettings
-from fifthwheel.identify.online.innovations import InnovationStatistics
-from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.online.live_filter import InnovationStatistics, LiveFilter
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.observe import Status

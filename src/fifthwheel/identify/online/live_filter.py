@@ -2,17 +2,15 @@
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
 from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
-from fifthwheel.identify.online.innovations import InnovationStatistics
 from fifthwheel.identify.online.problem import OnlineProblem, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import block_diagonal, discrepancy_variances, start_state
@@ -23,6 +21,10 @@ from fifthwheel.stream import InputRule, Status, Stream, StreamSettings, magnitu
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are
 slow."""
+AVERAGING_TIME = 1.0
+"""Time constant of the average whose variance shows an autocorrelation of the innovations, s."""
+WINDOWS = 10.0
+"""Innovation windows over which that variance is averaged: it has fewer independent values than the mean square."""
 
 
 class LiveFilter:
@@ -67,10 +69,6 @@ class LiveFilter:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
-    def discrepancy_variances(self) -> Array:
-        """Of each discrepancy among the states, SI squared."""
-        return discrepancy_variances(self.problem, self.learner)
-
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample that is later than the last one.
 
@@ -93,7 +91,7 @@ class LiveFilter:
         self._in_segment = excited and time - self._start_time >= learner.settling_time
         self.learning = self._has_settled() and self._in_segment
         before, after = self._steering.update(stream.gap, stream.last, stream.inputs, self._play())
-        stream.write(row, before, after, measured, self._pass)
+        stream.write(row, before, after, measured, self._run_row)
         accepted, diverged = self.filter.advance(self._in_segment, self.learning)
         weights = row[1 + 2 * len(after) + m :][:m]
         if self.learning:
@@ -105,7 +103,7 @@ class LiveFilter:
             return Status.OK
         return status
 
-    def _pass(self) -> None:
+    def _run_row(self) -> None:
         """Process a step between two samples."""
         self.filter.advance(self._in_segment, False)
 
@@ -143,6 +141,57 @@ class LiveFilter:
         scaling, row = self.problem.scaling, self.filter.carry
         first = self.filter.layout.z.start
         return [scaling.scale[i] * row[first + i, 0] for i in self._plays]
+
+
+class InnovationStatistics:
+    """Recursive statistics of normalised innovations, which are white with variance 1 if the model is correct.
+
+    Args:
+        channels: their names.
+        window: time constant of the mean square, s of learning.
+        limit: larger innovations count as this.
+    """
+
+    def __init__(self, channels: Sequence[str], window: float, limit: float) -> None:
+        count, self.channels = len(channels), tuple(channels)
+        self.window, self.limit = window, limit
+        self.mean_square = [1.0] * count
+        """Of each channel; 1 is expected."""
+        self.autocorrelation = [1.0] * count
+        """Variance inflation factor of each channel: the variance of an average over that of white innovations."""
+        self._average = [0.0] * count
+
+    def update(self, dt: float, innovations: Sequence[float], present: Sequence[float]) -> None:
+        """Take up the normalised innovations of a sample, dt seconds after the last one; 0 in `present` if missing."""
+        if dt <= 0:
+            return
+        limit, fraction, slow = self.limit, dt / (self.window + dt), dt / (WINDOWS * self.window + dt)
+        weight = dt / (AVERAGING_TIME + dt)
+        expected = weight / (2 - weight)  # variance of the average of white innovations
+        for i, innovation in enumerate(innovations):
+            if present[i]:
+                innovation = min(max(innovation, -limit), limit)
+                self.mean_square[i] += fraction * (innovation * innovation - self.mean_square[i])
+                self._average[i] = average = self._average[i] + weight * (innovation - self._average[i])
+                self.autocorrelation[i] += slow * (average * average / expected - self.autocorrelation[i])
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The channels that had a sample while learning."""
+        pairs = zip(self.channels, self.mean_square, strict=True)
+        return tuple(name for name, mean_square in pairs if mean_square != 1.0)  # the first sample changes it
+
+    def as_dict(self) -> dict[str, dict[str, float]]:
+        """Both statistics by channel."""
+        return {
+            "mean_square": dict(zip(self.channels, self.mean_square, strict=True)),
+            "autocorrelation": dict(zip(self.channels, self.autocorrelation, strict=True)),
+        }
+
+    def restore(self, mean_square: Mapping[str, float], autocorrelation: Mapping[str, float]) -> None:
+        """Continue from those of `as_dict`; a channel that is not among them starts."""
+        self.mean_square[:] = [mean_square.get(name, 1.0) for name in self.channels]
+        self.autocorrelation[:] = [autocorrelation.get(name, 1.0) for name in self.channels]
 
 
 class StateView:
