@@ -13,13 +13,12 @@ from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.export import project
 from fifthwheel.export.c_text import table
-from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
+from fifthwheel.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
 from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR, HEIGHT_BOUNDS
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.stream import magnitude
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.vehicle import require_vehicle
@@ -47,7 +46,7 @@ def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
 
 def truck_model(
     vehicle: Vehicle, *, outputs: Sequence[str] | None = None, tunable: Sequence[str] | None = None
-) -> Model:
+) -> FmuModel:
     """Inputs are the speed, the steer angles and the bank of the road.
 
     Args:
@@ -68,6 +67,7 @@ def truck_model(
     if BANK in names:
         raise SignalError(f"{BANK}: an input of the truck; leave it out of the outputs")
     model = dynamics.model(vehicle, names, roll=True, free=free, bank=True)
+    bank = "bank of the road, positive with the left edge higher"
     inputs = [
         Variable(
             name="speed",
@@ -87,25 +87,17 @@ def truck_model(
             )
             for name in vehicle.steer_signals()
         ),
-        Variable(
-            name=BANK,
-            role=Role.INPUT,
-            unit="rad",
-            description="bank of the road, positive with the left edge higher",
-            limits=(-BANK_LIMIT, BANK_LIMIT),
-        ),
+        Variable(name=BANK, role=Role.INPUT, unit="rad", description=bank, limits=(-BANK_LIMIT, BANK_LIMIT)),
     ]
     parameters = [_parameter(path, vehicle.parameters()[path]) for path in free]
-    reported = [
-        Variable(name=name, role=Role.OUTPUT, unit=si_unit(name), description=described(name)) for name in names
-    ]
+    reported = [of_signal(name, Role.OUTPUT) for name in names]
     places = {
         "FMU_FIRST_INPUT": 1,
         "FMU_FIRST_PARAMETER": 1 + len(inputs),
         "FMU_FIRST_OUTPUT": 1 + len(inputs) + len(parameters),
     }
     sizes = {"FW_STATES": len(model.states) - 1, "FW_INPUTS": len(inputs), "FW_PARAMETERS": len(parameters)}
-    return Model(
+    return FmuModel(
         name=f"{vehicle.name} truck",
         description=f"Linear yaw-roll model of {vehicle.name}",
         variables=(TIME, *inputs, *parameters, *reported),
