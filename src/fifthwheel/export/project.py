@@ -68,11 +68,7 @@ def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:
 
 
 def observer_texts(observer: Observer) -> dict[str, str]:
-    """The content of each of `FILES`.
-
-    Raises:
-        FifthwheelError: two signals have the same name in C.
-    """
+    """The content of each of `FILES`."""
     derived = len(observer.model.inputs) - len(observer.inputs)
     numbers = 2 + 3 * len(observer.inputs) + 4 * derived + observer.scan.n_carry
     marks = _common(observer.vehicle.name, (*observer.inputs, *observer.outputs)) | {

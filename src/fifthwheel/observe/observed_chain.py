@@ -113,13 +113,10 @@ def observed_chain(
     estimate_bank: bool,
     tyres: TyreLaw = "linear",
 ) -> ObservedChain:
-    """The model of a vehicle; vehicles of equal topology share one model.
+    """The model of a vehicle, see `dynamics.model`; vehicles of equal topology share one model.
 
-    Args:
-        vehicle, outputs, roll: as in `dynamics.model`, also the errors.
-        accelerometers: signals whose offsets are states, whether or not they are among the outputs.
-        estimate_bank: whether the bank is a state.
-        tyres: law of the side forces; with saturating tyres, the derivative of the speed is an input.
+    The offsets of `accelerometers` are states, whether or not these are among the outputs. With saturating tyres, the
+    derivative of the speed is an input.
     """
     offsets = tuple(f"{name}.offset" for name in (*vehicle.steer_signals(), *accelerometers))
     known, braking = dynamics.all_parameters(vehicle, outputs), tyres == "saturating"

@@ -60,8 +60,7 @@ def stream_settings(settings: ObserverSettings, inputs: Iterable[str], outputs: 
 class ObserverModel:
     """A vehicle with the models of its measured and its reported signals.
 
-    Methods with an argument `changed` take values of parameters and sensor errors, by name, that replace the given ones
-    in the constants of the models. These values are not validated.
+    `changed` are values of parameters and sensor errors, by name, that replace the given ones; they are not validated.
     """
 
     vehicle: Vehicle
@@ -158,9 +157,7 @@ class ObserverModel:
     def start(self, inputs: Mapping[str, float], *, suspect: bool = False) -> Array:
         """[x, P, considered] before a first sample: the steady state of the inputs and of the means of the unknowns.
 
-        Args:
-            inputs: speed, m/s, and steer angles, rad, of the sample.
-            suspect: whether the measurements contradict the inputs; then P allows for any steer angle.
+        If the measurements contradict the inputs (`suspect`), P allows for any steer angle.
         """
         values, n = self.values(), len(self.model.states)
         unknowns = self.model.unknowns
@@ -176,11 +173,7 @@ class ObserverModel:
         return np.concatenate([x0, pack_array(P0), [] if self.model.estimates_bank else bank])
 
     def effects(self, inputs: Mapping[str, float]) -> Array:
-        """Change (u, n) of the first state per unit of each of the u unknowns.
-
-        Args:
-            inputs: of the first sample.
-        """
+        """Change (u, n) of the first state, from the inputs there, per unit of each of the u unknowns."""
         _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.model.roll)
         return self._effects(m)
 

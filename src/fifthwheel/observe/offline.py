@@ -28,17 +28,7 @@ each chunk; the backward pass repeats the filter chunk by chunk."""
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
-    """All states of a record.
-
-    Args:
-        record: with the signals of the observer.
-        observer: the models and the settings.
-        uncertainty: of parameters and sensor errors; their contribution is added to every variance.
-        smooth: with all samples, instead of the past ones.
-
-    Raises:
-        SignalError: the record does not have a signal of the observer, or an uncertain name does not exist.
-    """
+    """All states of a record, with all samples (`smooth`) or the past ones; see `Observer.batch`."""
     stream = observer.stream
     for name in (*(rule.name for rule in stream.inputs), *stream.measured):
         if name not in record.signals:
@@ -76,13 +66,8 @@ def reported_states(
 ) -> Array:
     """Values and variances (N, 2 n) of the reported signals for the N samples of a part.
 
-    Args:
-        observer: the models and the settings.
-        part: its rows have weights only where the filter accepted the measurement.
-        start: carry before the first row, without the monitor.
-        output: of the filter (N, n_output).
-        points: sigma points of the uncertain parameters.
-        smooth: with all samples of the part, instead of the past ones.
+    Its rows have weights only where the filter accepted the measurement; `start` is the carry before the first row,
+    without the monitor, `output` that of the filter (N, n_output).
     """
     model, n = observer.model, len(observer.report.outputs)
     excess = monitor.excess(output[:, -2:-1])
@@ -148,18 +133,14 @@ def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[
     yield segment.part(first, row), start, outputs[first:]
 
 
-def chunks(rows: Array) -> list[slice]:
-    """Consecutive slices of at most `CHUNK` rows."""
-    return [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
-
-
 def smoother_pass(model: ObservedChain, report: ObservedChain, rows: Array, carry: Array, constant: Array) -> Array:
-    """Outputs of `report` and their variances given all rows, (B, M, 2 n); arguments as in `filter_pass`."""
+    """Outputs of `report` and their variances given all M rows, for B carries and constants, (B, M, 2 n)."""
     n_x, n_d, _, _, n_y = sizes(model)
     n_P = packed_size(n_x)
     forwards, backwards = kalman.kalman_step(model), smoother.smoother_step(model, report)
     filter_constant, constant = constant[:, : forwards.n_constant], constant[:, : backwards.n_constant]
-    slices, starts = chunks(rows), [carry]
+    slices = [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
+    starts = [carry]
     for chunk in slices[:-1]:
         starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
     back = np.zeros((len(carry), backwards.n_carry))

@@ -57,8 +57,7 @@ def parameter_variance(
     With the bank among them, it is without the variance of the filter, which considers the bank itself.
 
     Args:
-        observer: the models and the settings.
-        points: of the uncertain parameters.
+        observer, points: the models, and the uncertain parameters.
         effects: change (u, n_x) of the first state per unit of bank and offsets.
         start: [x, P, s] before the first row; it does not depend on the other parameters, because P is wide enough.
         rows: (N, n_sample); their weights determine the samples that are used.
@@ -82,13 +81,9 @@ def parameter_variance(
 
 
 def sigma_point_variance(points: SigmaPoints, effects: Array, start: Array, run: Pass, lanes: int) -> Array:
-    """Variance (N, n) of the n reported signals, as a smoother gives them, over the parameters.
+    """The same as a smoother gives them; `run` is the smoother over N rows, with an even number of vehicles in a pass.
 
-    Args:
-        points, effects: as in `parameter_variance`.
-        start: [x, P] before the first row.
-        run: the smoother over N rows.
-        lanes: number of vehicles in one pass, even.
+    `start` is [x, P] before the first row.
     """
     total: Array | float = 0.0
     moved = np.zeros((len(points.constants), len(start)))

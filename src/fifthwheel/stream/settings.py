@@ -36,12 +36,9 @@ class InputRule:
     """Which values of an input are plausible; any other value counts as missing."""
 
     name: str
-    largest: float
-    """Magnitude, SI."""
-    jump: float
-    """Largest change within any time, SI: of noise and repeated samples."""
-    rate: float
-    """Largest change per second, SI, if that is more."""
+    largest: float  # magnitude, SI
+    jump: float  # largest change within any time, SI: of noise and repeated samples
+    rate: float  # largest change per second, SI, if that is more
 
     def follows(self, change: Any, age: Any, hold: float) -> Any:
         """Whether a value can follow the last plausible one, by its change and the age of that; numbers or arrays."""
@@ -50,23 +47,19 @@ class InputRule:
 
 @dataclass(frozen=True, kw_only=True)
 class StreamSettings:
-    """How a filter treats faults of its signals."""
+    """How a filter treats faults of its signals.
 
-    inputs: tuple[InputRule, ...]
-    """Of the speed and the steer angles. An input that is implausible for longer than `hold` takes any value up to its
-    largest: the last plausible one is outdated, or was the wrong one."""
-    measured: Mapping[str, float]
-    """Largest magnitude of each measured signal, SI; a larger one counts as missing."""
-    min_speed: float
-    """m/s; below it the status is TOO_SLOW."""
-    hold: float
-    """Longest time for which a missing input keeps its value, s; then the status is INPUT_MISSING."""
-    max_gap: float
-    """Longest time between samples, s, without a new start."""
-    coast: float
-    """Longest time without an accepted measurement, s; then the status is COASTING."""
-    speed_smoothing: float | None = None
-    """Time constant of the derivative of the speed, s; None if that is not an input of the model."""
+    An input that is implausible for longer than `hold` takes any value up to its largest: the last plausible one is
+    outdated, or was the wrong one.
+    """
+
+    inputs: tuple[InputRule, ...]  # of the speed and the steer angles
+    measured: Mapping[str, float]  # largest magnitude of each measured signal, SI
+    min_speed: float  # m/s; below it the status is TOO_SLOW
+    hold: float  # longest time for which a missing input keeps its value, s; then the status is INPUT_MISSING
+    max_gap: float  # longest time between samples without a new start, s
+    coast: float  # longest time without an accepted measurement, s; then the status is COASTING
+    speed_smoothing: float | None = None  # time constant of the derivative of the speed, s; None if it is no input
 
     @property
     def names(self) -> tuple[str, ...]:

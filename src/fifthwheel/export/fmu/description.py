@@ -28,14 +28,7 @@ def token(sources: Mapping[str, str]) -> str:
 
 
 def model_description(model: FmuModel, fmi: int, identity: str, source_files: Iterable[str]) -> str:
-    """modelDescription.xml.
-
-    Args:
-        model: to describe.
-        fmi: version of the standard, 2 or 3.
-        identity: from `token`.
-        source_files: names of the C files to compile.
-    """
+    """modelDescription.xml of FMI 2 or 3, with an identity from `token` and the names of the C files to compile."""
     root = ET.Element(
         "fmiModelDescription",
         {

@@ -13,11 +13,7 @@ SAMPLE_TIMES = (0.0, 10.0)
 
 
 def observer_model(observer: Observer) -> FmuModel:
-    """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status.
-
-    Raises:
-        FifthwheelError: two signals have the same name in C.
-    """
+    """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status."""
     inputs = [of_signal(name, Role.INPUT, "measured") for name in observer.inputs]
     inputs += [of_signal(name, Role.INPUT, "measured", f"{MEASURED}{name}") for name in observer.outputs]
     words = "least time from one sample to the next; 0: each step is a sample"

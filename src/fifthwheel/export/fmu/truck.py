@@ -47,19 +47,7 @@ def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
 def truck_model(
     vehicle: Vehicle, *, outputs: Sequence[str] | None = None, tunable: Sequence[str] | None = None
 ) -> FmuModel:
-    """Inputs are the speed, the steer angles and the bank of the road.
-
-    Args:
-        vehicle: with its numbers.
-        outputs: names of signals; by default those of `default_outputs`.
-        tunable: parameters that the importer can change, by path or by the end of it; by default those that one stage
-            estimates.
-
-    Raises:
-        SignalError: the model does not have an output, or it is an input.
-        VehicleError: a parameter does not exist, or no axle is steerable.
-        FifthwheelError: a tunable parameter is not above 0.
-    """
+    """Inputs are the speed, the steer angles and the bank of the road; arguments and errors as in `export_fmu`."""
     require_vehicle(vehicle)
     vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
     free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable, OneStage())

@@ -31,10 +31,6 @@ class LiveFilter:
     """A joint filter of the yaw-roll model, the road's bank, the unknown parameters and the sensors' errors.
 
     The constructor compiles the filter's step for the model, or takes it from the cache.
-
-    Args:
-        problem: unknowns, signals and model.
-        learner: when to learn, and how to treat faults of the signals.
     """
 
     def __init__(self, problem: OnlineProblem, learner: LearnerSettings) -> None:
@@ -70,13 +66,7 @@ class LiveFilter:
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
-        """Process a sample that is later than the last one.
-
-        Args:
-            time: s.
-            inputs: of the model; None or NaN if missing.
-            measured: the problem's outputs; None or NaN if missing.
-        """
+        """Process a sample of the problem's inputs and outputs, SI; None or NaN if missing."""
         stream, learner, row, m = self.stream, self.learner, self.filter.row, len(measured)
         status = stream.take(time, inputs)
         if status != Status.OK:
@@ -146,10 +136,7 @@ class LiveFilter:
 class InnovationStatistics:
     """Recursive statistics of normalised innovations, which are white with variance 1 if the model is correct.
 
-    Args:
-        channels: their names.
-        window: time constant of the mean square, s of learning.
-        limit: larger innovations count as this.
+    The window is the time constant of the mean square, s of learning; innovations above the limit count as the limit.
     """
 
     def __init__(self, channels: Sequence[str], window: float, limit: float) -> None:
@@ -195,12 +182,7 @@ class InnovationStatistics:
 
 
 class StateView:
-    """The reported states of a filter and their variances, which include the uncertainty of the unknowns.
-
-    Args:
-        problem: of the filter; of the unknowns the vehicle's and the steer sensors' have an effect on the states.
-        joint_filter: its memory is read.
-    """
+    """The reported states of a filter, whose memory it reads, and their variances with those of the unknowns."""
 
     def __init__(self, problem: OnlineProblem, joint_filter: RelinearisedFilter) -> None:
         vehicle, scaling = problem.vehicle, problem.scaling

@@ -26,12 +26,9 @@ class Steering:
     def update(
         self, gap: float, last: Sequence[float], inputs: Sequence[float], plays: Sequence[float]
     ) -> tuple[list[float], list[float]]:
-        """Inputs of the extended model at the beginning and at the end of a step.
+        """Inputs of the extended model at both ends of a step of `gap` seconds.
 
-        Args:
-            gap: duration of the step, s.
-            last, inputs: speed and steer angles before and after it.
-            plays: estimates of the plays, rad; empty if they are exactly zero.
+        `last` and `inputs` are speed and steer angles there; `plays`, rad, is empty if they are exactly zero.
         """
         before = self._contacts
         after = list(before)
@@ -52,12 +49,7 @@ class Excitation:
     first unit and the understeer gradient K of the vehicle. Its mean over `high_pass_time` is subtracted; the rest is
     squared and averaged over `excitation_window`. The steered axle with the largest result counts. Beyond
     `max_lateral_acceleration`, averaged over the same time, nothing is learned, except of tyres that saturate.
-
-    Args:
-        vehicle: the vehicle file; estimates do not change the excitation.
-        axles: number of steer angles.
-        settings: time constants and thresholds.
-        tyres: law of the side forces.
+    Estimates do not change the excitation.
     """
 
     def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings, *, tyres: TyreLaw = "linear") -> None:
@@ -74,12 +66,7 @@ class Excitation:
         self.on = False
 
     def update(self, dt: float, inputs: Sequence[float]) -> bool:
-        """Whether to learn from a sample that follows the last one after dt seconds.
-
-        Args:
-            dt: s.
-            inputs: speed, m/s, and steer angles, rad.
-        """
+        """Whether to learn from the speed, m/s, and steer angles, rad, of a sample dt seconds after the last one."""
         settings, squared = self.settings, inputs[0] * inputs[0]
         gain = squared / (self.wheelbase + self.understeer * squared)
         slow, fast = dt / (settings.high_pass_time + dt), dt / (settings.excitation_window + dt)
