@@ -26,7 +26,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.steps import step_limit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.model import packed_size, unpack_array
 from fifthwheel.manoeuvres.courses import STANDARD_SPEED, Course
@@ -119,7 +118,7 @@ def observer_model(vehicle: Vehicle, signals: Iterable[str], settings: ObserverS
     base = Observer(vehicle, signals, settings)._model
     if kind in ("linear", "extended"):
         return base
-    return UnscentedModel(vehicle=base.vehicle, model=base.model, report=base.report, settings=base.settings, form=kind)
+    return UnscentedModel(**base.__getstate__(), form=kind)
 
 
 def with_friction(settings: ObserverSettings, kind: Filter, friction: float) -> ObserverSettings:
@@ -170,7 +169,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, model: ObserverModel, record: Record) -> "Samples":
-        _, (segment, *_) = stream_segments(record, model.stream, step_limit(model.vehicle, model.model.roll))
+        _, (segment, *_) = stream_segments(record, model.stream, model.step_limit)
         carry = np.append(model.start(segment.first), monitor.START)
         return cls(carry, segment.rows, model.constant())
 

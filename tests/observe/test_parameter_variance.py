@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from fifthwheel.dynamics import steps
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import sizes, unpack_array
 from fifthwheel.observe.observer_step import reported_signals
@@ -27,7 +26,7 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     model, report = o.model, o.report
     points = SigmaPoints.of(o, Uncertainty(names=NAMES, covariance=np.diag(SIGMA**2)))
     constant = o.constant(gate=np.inf)
-    _, (segment, *_) = stream_segments(LANE_CHANGES.cut(0, 1.5), o.stream, steps.step_limit(o.vehicle, model.roll))
+    _, (segment, *_) = stream_segments(LANE_CHANGES.cut(0, 1.5), o.stream, o.step_limit)
     start, rows = o.start(segment.first), segment.rows
     n, n_d, _, n_c, m = sizes(model)
     reported = len(report.outputs)

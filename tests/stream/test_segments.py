@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from fifthwheel.dynamics import SPEED_RATE, steps
-from fifthwheel.observe import ObserverSettings
-from fifthwheel.observe.observer_model import stream_settings
+from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.simulate import simulate
 from fifthwheel.stream import Status, Stream, StreamSettings, without_measurement
 from fifthwheel.stream.segments import held_inputs
 from fifthwheel.vehicle import get
 from tests.observe.conftest import STEER, YAWS, put
+from tests.stream.test_stream import Rows
 
 TRUCK = get("cheng_cebon_2011")
 LANE_CHANGES = simulate(TRUCK, count=2, seed=7)
 
 
 def settings_of(**settings: float) -> StreamSettings:
-    return stream_settings(ObserverSettings(**settings), ("speed", STEER), YAWS)
+    return Observer(TRUCK, ("speed", STEER, YAWS[0]), ObserverSettings(**settings)).stream.settings
 
 
 def test_a_jump_that_lasts_is_accepted_after_the_hold():
@@ -41,9 +41,9 @@ def test_both_forms_agree():
     record = LANE_CHANGES.with_signals(noisy)
     assert settings.names == (*noisy, SPEED_RATE)
     held, fresh = held_inputs(record, settings)
-    stream = Stream(settings, steps.step_limit(TRUCK, True))
+    stream, rows = Stream(settings, steps.step_limit(TRUCK, True)), Rows(inputs=3)
     for k, time in enumerate(record.time.tolist()):
-        status = stream.take(time, [float(values[k]) for values in noisy.values()])
+        status = stream.process_sample(rows, time, [float(values[k]) for values in noisy.values()], [0.1])
         assert (status is Status.OK) == fresh[k]
         if fresh[k]:
             np.testing.assert_array_equal(stream.inputs, held[k])

@@ -7,27 +7,27 @@ as `push`, bit for bit. Both are causal: missing inputs are not interpolated fro
 import copy
 import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Self
 
 import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.sensors import NEEDS_ROLL
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import ACCELEROMETER, SignalName
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
-from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
-from fifthwheel.observe.observer_model import ObserverModel, signals_with_position, stream_settings
+from fifthwheel.observe.observed_chain import ObservedChain
+from fifthwheel.observe.observer_model import ObserverModel, signals_with_position
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.stream import Status, Stream
+from fifthwheel.stream.settings import Status
+from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
 
 MEASURED = ("yaw_rate", "articulation", "roll_rate", "roll", ACCELEROMETER)
@@ -89,29 +89,15 @@ class Observer:
             if path not in groups:
                 raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
         self._names = [(name, f"{name}.sigma") for name in self.reported]
-        self._carry: Array | None = None  # of a copied observer
-        self.reset()
-
-    @lazy
-    def _model(self) -> ObserverModel:
-        """The models of measured and reported signals."""
-        model, report = (
-            observed_chain(
-                self.vehicle,
-                names,
-                accelerometers=[name for name in self.outputs if SignalName.of(name).quantity == ACCELEROMETER],
-                roll=self.roll,
-                estimate_bank=self.settings.estimate_bank,
-                tyres=self.settings.tyres,
-            )
-            for names in (self.outputs, self.reported)
+        self._model = ObserverModel(
+            vehicle=self.vehicle,
+            settings=self.settings,
+            outputs=self.outputs,
+            reported=self.reported,
+            roll=self.roll,
         )
-        return ObserverModel(vehicle=self.vehicle, model=model, report=report, settings=self.settings)
-
-    @lazy
-    def _buffers(self) -> "_Buffers":
-        """Memory of the compiled step."""
-        return _Buffers(self._model.scan, self._model.constant(), self._carry)
+        self._filter = _ObserverFilter(self._model)
+        self.reset()
 
     @property
     def model(self) -> ObservedChain:
@@ -126,20 +112,14 @@ class Observer:
     @property
     def constant(self) -> Array:
         """The constant of the compiled step (n_constant,): vehicle, noise and settings, see `observer_step`."""
-        return self._buffers.constant.copy()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The attributes without the model and its memory, which a copy makes anew."""
-        state = {name: value for name, value in vars(self).items() if name not in ("_model", "_buffers")}
-        return state | {"_carry": self._buffers.carry.copy() if "_buffers" in vars(self) else self._carry}
+        return np.array(self._filter.constant)
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
-        settings = stream_settings(self.settings, self.inputs, self.outputs)
-        self.stream = Stream(settings, steps.step_limit(self.vehicle, self.roll))
+        self.stream = Stream(self._model.stream, self._model.step_limit)
 
     def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
         """Process one sample.
@@ -154,35 +134,14 @@ class Observer:
         Raises:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
         """
-        stream, get = self.stream, sample.get
-        status = stream.take(get("time"), list(map(get, self.inputs)))
-        if status != Status.OK:
-            return self._answer(status)
-        buffers, out, m = self._buffers, self._buffers.out, len(self.outputs)
-        if stream.starts:
-            self._start(monitor.START)
-        measured = list(map(get, self.outputs))
-        stream.write(buffers.row, stream.last, stream.inputs, measured, buffers.step)
-        buffers.step()
-        if out[-1]:  # the measurements contradict the state
-            stream.start()
-            self._start(monitor.after_restart(out[-2]), suspect=True)
-            stream.write(buffers.row, stream.last, stream.inputs, measured, buffers.step)
-            buffers.step()
-        status = stream.finish(any(out[-2 - m : -2]))
-        return self._answer(Status.INCONSISTENT if out[-2] > self.settings.max_nis else status)
-
-    def _start(self, monitored: Array, *, suspect: bool = False) -> None:
-        """Start the filter at the steady state of the inputs; `monitored` is the carry of the monitor."""
-        inputs = dict(zip(self.stream.settings.names, self.stream.inputs, strict=True))
-        self._buffers.carry[:] = np.append(self._model.start(inputs, suspect=suspect), monitored)
-
-    def _answer(self, status: Status) -> dict[str, float]:
-        """The result of `push`."""
+        get = sample.get
+        status = self.stream.process_sample(self._filter, get("time"), map(get, self.inputs), map(get, self.outputs))
         answer: dict[str, float] = {"time": self.stream.time, "status": status}
-        if status in (Status.OK, Status.COASTING, Status.INCONSISTENT):
-            out, n = self._buffers.out.tolist(), len(self.reported)
-            answer["nis"] = out[-2]
+        if status in (Status.OK, Status.COASTING):
+            out, n = self._filter.out.tolist(), len(self.reported)
+            answer["nis"] = nis = out[-2]
+            if nis > self.settings.max_nis:
+                answer["status"] = Status.INCONSISTENT
             for (name, sigma), value, variance in zip(self._names, out, out[n:], strict=False):
                 answer[name] = value
                 answer[sigma] = math.sqrt(0.0 if variance < 0.0 else variance)
@@ -219,12 +178,12 @@ class Observer:
         return {
             "signals": [*self.inputs, *self.outputs],
             "settings": settings,
-            "constant": self._buffers.constant.tolist(),
+            "constant": self._filter.constant.tolist(),
         }
 
     def save(self) -> dict[str, Any]:
         """The state of the observer for `resume`, for JSON."""
-        return {"made_for": self._identity(), **self.stream.save(), "carry": self._buffers.carry.tolist()}
+        return {"made_for": self._identity(), **self.stream.save(), "carry": self._filter.carry.tolist()}
 
     def resume(self, saved: Mapping[str, Any]) -> None:
         """Continue from the result of `save`, also in another process.
@@ -237,18 +196,49 @@ class Observer:
                 "state: expected one of the same vehicle, signals and settings, got another one; start without it"
             )
         self.stream.resume(saved)
-        self._buffers.carry[:] = saved["carry"]
+        self._filter.carry[:] = saved["carry"]
 
 
-class _Buffers:
-    """Arrays of the compiled step for one sample; `row` and `out` are views of its sample and output."""
+class _ObserverFilter:
+    """The compiled step of an observer for one sample; `row` and `out` are the memory of its sample and output.
 
-    def __init__(self, scan: Scan, constant: Array, carry: Array | None) -> None:
-        self.constant = constant
-        self.carry = np.zeros(scan.n_carry) if carry is None else carry.copy()
-        sample, output = np.zeros(scan.n_sample), np.zeros(scan.n_output)
-        self.row: Any = sample.data
-        self.out: Any = output.data
-        arrays = (self.carry, sample, constant, output)
-        self.step = functools.partial(scan.single, 1, 1, *(array.ctypes.data for array in arrays))
-        """Process the sample in place."""
+    Everything but the carry is built when it is first used.
+    """
+
+    def __init__(self, model: ObserverModel) -> None:
+        self._model = model
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy does not build anew."""
+        return {name: value for name, value in vars(self).items() if name in ("_model", "carry")}
+
+    constant = lazy(lambda self: self._model.constant())  # see `observer_step`
+    carry = lazy(lambda self: np.zeros(self._model.scan.n_carry))
+    row: Any = lazy(lambda self: np.zeros(self._model.scan.n_sample).data)
+    out: Any = lazy(lambda self: np.zeros(self._model.scan.n_output).data)
+
+    @lazy
+    def step(self) -> Callable[[], None]:
+        """Process the row."""
+        arrays = (self.carry, np.asarray(self.row), self.constant, np.asarray(self.out))
+        return functools.partial(self._model.scan.single, 1, 1, *(array.ctypes.data for array in arrays))
+
+    def start(self, stream: Stream, monitored: Array = monitor.START, *, suspect: bool = False) -> None:
+        """Start at the steady state of the inputs; `monitored` is the carry of the monitor."""
+        inputs = dict(zip(stream.settings.names, stream.inputs, strict=True))
+        self.carry[:] = np.append(self._model.start(inputs, suspect=suspect), monitored)
+
+    def ends(self, stream: Stream) -> tuple[list[float], list[float]]:
+        """The held inputs."""
+        return stream.last, stream.inputs
+
+    def update(self, stream: Stream) -> bool:
+        """Process a sample, again from a new start if the measurements contradict the state."""
+        self.step()
+        out, m = self.out, len(self._model.outputs)
+        if out[-1]:
+            self.start(stream, monitor.after_restart(out[-2]), suspect=True)
+            for i, value in enumerate((0.0, *stream.inputs)):  # no step leads to the sample
+                self.row[i] = value
+            self.step()
+        return any(out[-2 - m : -2])

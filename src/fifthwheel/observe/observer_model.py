@@ -1,7 +1,8 @@
 """The numbers of an observer's compiled step, for the vehicle as given and with changed parameters."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
 from fifthwheel.dynamics.sensors import QUANTITIES, sensor_parameters
+from fifthwheel.dynamics.steps import StepLimit, step_limit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import (
@@ -23,7 +25,7 @@ from fifthwheel.filters.initial_state import (
 from fifthwheel.filters.model import pack_array
 from fifthwheel.names import ACCELEROMETER, SENSOR_ERROR_KINDS, ParameterPath, SensorErrorName, SignalName
 from fifthwheel.native import Scan
-from fifthwheel.observe.observed_chain import ObservedChain
+from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
 from fifthwheel.observe.observer_step import observer_step
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
@@ -39,48 +41,75 @@ SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", 
 """Quantities of a vehicle that may be negative; all others keep their sign."""
 
 
-def stream_settings(settings: ObserverSettings, inputs: Iterable[str], outputs: Iterable[str]) -> StreamSettings:
-    """How an observer treats faults of its signals: the speed and the steer angles, and the measurements."""
-    rates = {name: settings.max_acceleration if name == "speed" else settings.max_steer_rate for name in inputs}
-    return StreamSettings(
-        inputs=tuple(
-            InputRule(name=name, largest=magnitude(name), jump=rate * SHORTEST, rate=rate)
-            for name, rate in rates.items()
-        ),
-        measured={name: magnitude(name) for name in outputs},
-        min_speed=settings.min_speed,
-        hold=settings.hold,
-        max_gap=settings.max_gap,
-        coast=settings.coast,
-        speed_smoothing=settings.speed_smoothing if settings.tyres == "saturating" else None,
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObserverModel:
-    """A vehicle with the models of its measured and its reported signals.
+    """A vehicle with the models of its measured and its reported signals, which are built when they are first used.
 
     `changed` are values of parameters and sensor errors, by name, that replace the given ones; they are not validated.
     """
 
-    vehicle: Vehicle
-    model: ObservedChain  # outputs: the measured signals
-    report: ObservedChain  # outputs: the reported signals
+    vehicle: Vehicle  # with the measured steer angles
     settings: ObserverSettings
+    outputs: tuple[str, ...]  # the measured signals
+    reported: tuple[str, ...]  # the reported signals
+    roll: bool  # yaw and roll, or yaw only
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the models, which a copy builds anew."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @lazy
+    def model(self) -> ObservedChain:
+        """The model of the measured signals."""
+        return self._chain(self.outputs)
+
+    @lazy
+    def report(self) -> ObservedChain:
+        """The model of the reported signals."""
+        return self._chain(self.reported)
+
+    def _chain(self, names: tuple[str, ...]) -> ObservedChain:
+        return observed_chain(
+            self.vehicle,
+            names,
+            accelerometers=[name for name in self.outputs if SignalName.of(name).quantity == ACCELEROMETER],
+            roll=self.roll,
+            estimate_bank=self.settings.estimate_bank,
+            tyres=self.settings.tyres,
+        )
 
     @lazy
     def scan(self) -> Scan:
         """The compiled step."""
         return observer_step(self.model, self.report)
 
-    @property
+    @lazy
     def stream(self) -> StreamSettings:
         """How it treats faults of the signals."""
-        return stream_settings(self.settings, ("speed", *self.vehicle.steer_signals()), self.model.outputs)
+        settings = self.settings
+        rates = {"speed": settings.max_acceleration}
+        rates |= dict.fromkeys(self.vehicle.steer_signals(), settings.max_steer_rate)
+        return StreamSettings(
+            inputs=tuple(
+                InputRule(name=name, largest=magnitude(name), jump=rate * SHORTEST, rate=rate)
+                for name, rate in rates.items()
+            ),
+            measured={name: magnitude(name) for name in self.outputs},
+            min_speed=settings.min_speed,
+            hold=settings.hold,
+            max_gap=settings.max_gap,
+            coast=settings.coast,
+            speed_smoothing=settings.speed_smoothing if settings.tyres == "saturating" else None,
+        )
+
+    @property
+    def step_limit(self) -> StepLimit:
+        """The longest step of the model."""
+        return step_limit(self.vehicle, self.roll)
 
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
-        values = dynamics.all_parameters(self.vehicle, self.model.outputs, tyres=self.settings.tyres)
+        values = dynamics.all_parameters(self.vehicle, self.outputs, tyres=self.settings.tyres)
         return values | self._surroundings() | dict(self.settings.sensor_errors)
 
     def _surroundings(self) -> dict[str, float]:
@@ -129,7 +158,7 @@ class ObserverModel:
 
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
         """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
-        settings, outputs = self.settings, self.model.outputs
+        settings, outputs = self.settings, self.outputs
         drift = variances.OBSERVER_PROCESS_VARIANCE | {"steer": 0.0, ACCELEROMETER: 0.0}  # offsets are constant
         noise = Noise(
             process=variances.process_covariance(self.model.states, drift, settings.process_noise),
@@ -144,7 +173,7 @@ class ObserverModel:
 
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
-        parameters, names = self.vehicle.parameters() | self._surroundings(), self.report.outputs
+        parameters, names = self.vehicle.parameters() | self._surroundings(), self.reported
         values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyres) | self._surroundings()
         errors = {**self.settings.sensor_errors, **changed}
         values |= {name: value for name, value in errors.items() if SignalName.of(name).quantity == "steer"}
@@ -163,7 +192,7 @@ class ObserverModel:
         unknowns = self.model.unknowns
         means = np.array([values[name] for name in unknowns])
         errors = self.settings.sensor_errors
-        x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.model.roll, bank=means[0])
+        x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.roll, bank=means[0])
         P0 = initial_covariance(m, SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA)
         sigmas = np.array([self.settings.bank, *map(self.settings.offset_sigma, unknowns[1:])])
         bank, *offsets = sigmas[:, None] * self._effects(m)
@@ -174,7 +203,7 @@ class ObserverModel:
 
     def effects(self, inputs: Mapping[str, float]) -> Array:
         """Change (u, n) of the first state, from the inputs there, per unit of each of the u unknowns."""
-        _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.model.roll)
+        _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.roll)
         return self._effects(m)
 
     def _effects(self, m: dynamics.Matrices) -> Array:

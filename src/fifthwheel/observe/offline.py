@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import kalman, smoother
@@ -34,7 +33,7 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
     points = SigmaPoints.of(observer, _uncertain(record, observer, uncertainty, smooth=smooth))
-    status, segments = stream_segments(record, stream, steps.step_limit(observer.vehicle, observer.model.roll))
+    status, segments = stream_segments(record, stream, observer.step_limit)
     n, m = len(observer.report.outputs), len(stream.measured)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
     accepted = slice(2 * (n + m), 2 * (n + m) + m)

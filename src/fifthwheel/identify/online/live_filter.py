@@ -36,7 +36,7 @@ class LiveFilter:
     def __init__(self, problem: OnlineProblem, learner: LearnerSettings) -> None:
         self.problem, self.learner = problem, learner
         self.filter = _relinearised_filter(problem, learner)
-        self.view = StateView(problem, self.filter)
+        self.view, self.row = StateView(problem, self.filter), self.filter.row
         self.learning = False
         """Whether it learned from the last sample."""
         self.innovations = InnovationStatistics(problem.outputs, learner.innovation_window, problem.settings.gate)
@@ -53,7 +53,7 @@ class LiveFilter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: filters of one structure share it."""
-        state = {name: value for name, value in vars(self).items() if name not in ("filter", "view")}
+        state = {name: value for name, value in vars(self).items() if name not in ("filter", "view", "row")}
         return LiveFilter, (self.problem, self.learner), (state, self.filter.memory())
 
     def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
@@ -67,35 +67,44 @@ class LiveFilter:
 
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample of the problem's inputs and outputs, SI; None or NaN if missing."""
-        stream, learner, row, m = self.stream, self.learner, self.filter.row, len(measured)
-        status = stream.take(time, inputs)
-        if status != Status.OK:
-            self.learning = False
-            return status
-        if stream.starts:
-            self._start()
+        self.learning = False
+        return self.stream.process_sample(self, time, inputs, measured)
+
+    def start(self, stream: Stream) -> None:
+        """Start the state at the steady state of the inputs; the estimates stay."""
+        self.filter.end_segment()
+        first = dict(zip(self.problem.inputs, stream.inputs, strict=True))
+        x, P, V = start_state(self.problem, self.learner, self.filter.estimate().z, first)
+        before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
+        self.filter.start(x, P, V, np.array([*before, *after]))
+        self._excitation.restart()
+        self._start_time = stream.time
+        self.learning = False
+
+    def ends(self, stream: Stream) -> tuple[list[float], list[float]]:
+        """The held inputs, with contacts and rates of the steer angles."""
         was_excited = self._excitation.on
         excited = self._excitation.update(stream.gap, stream.inputs)
         if was_excited and not excited and self._is_worse_than_a_start():
-            self._start()
-        self._in_segment = excited and time - self._start_time >= learner.settling_time
+            stream.start(self)
+        self._in_segment = excited and stream.time - self._start_time >= self.learner.settling_time
         self.learning = self._has_settled() and self._in_segment
-        before, after = self._steering.update(stream.gap, stream.last, stream.inputs, self._play())
-        stream.write(row, before, after, measured, self._run_row)
-        accepted, diverged = self.filter.advance(self._in_segment, self.learning)
-        weights = row[1 + 2 * len(after) + m :][:m]
-        if self.learning:
-            self.innovations.update(stream.gap, self.filter.out[m : 2 * m], weights)
-        status = stream.finish(accepted)
-        if diverged or (status == Status.COASTING and any(weights)):
-            self._start()
-            self.filter.advance(False, False)
-            return Status.OK
-        return status
+        return self._steering.update(stream.gap, stream.last, stream.inputs, self._play())
 
-    def _run_row(self) -> None:
-        """Process a step between two samples."""
+    def step(self) -> None:
+        """Process a row between two samples."""
         self.filter.advance(self._in_segment, False)
+
+    def update(self, stream: Stream) -> bool:
+        """Process the row of a sample; start again if it has diverged, or coasts although there are measurements."""
+        accepted, diverged = self.filter.advance(self._in_segment, self.learning)
+        if self.learning:
+            self.innovations.update(stream.gap, self.filter.innovations, self.filter.weights)
+        if diverged or (not accepted and stream.coasts and any(self.filter.weights)):
+            stream.start(self)
+            self.filter.advance(False, False)
+            return True
+        return accepted
 
     def _has_settled(self) -> bool:
         """Whether every steer angle is measured now, and the last long dropout is `settling_time` ago."""
@@ -112,19 +121,6 @@ class LiveFilter:
         considered parameters: without a new start, the errors of both would grow from one lane change to the next.
         """
         return self.view.bank_variance() > self.problem.settings.bank_prior**2
-
-    def _start(self) -> None:
-        """Start the state again at the steady state of the inputs; the estimates stay."""
-        stream = self.stream
-        stream.start()
-        self.filter.end_segment()
-        first = dict(zip(self.problem.inputs, stream.inputs, strict=True))
-        x, P, V = start_state(self.problem, self.learner, self.filter.estimate().z, first)
-        before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
-        self.filter.start(x, P, V, np.array([*before, *after]))
-        self._excitation.restart()
-        self._start_time = stream.accepted = stream.time
-        self.learning = False
 
     def _play(self) -> list[float]:
         """Estimates of the plays of the steerings, rad."""
