@@ -178,14 +178,7 @@ def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance
 
 
 def reported_values(
-    report: Model,
-    logarithmic: tuple[bool, ...],
-    x: ca.SX,
-    z: ca.SX,
-    d: ca.SX,
-    c: ca.SX,
-    centre: ca.SX,
-    scale: ca.SX,
+    report: Model, logarithmic: tuple[bool, ...], x: ca.SX, z: ca.SX, d: ca.SX, c: ca.SX, centre: ca.SX, scale: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Outputs (n,) of a model at a state x and estimates z, and their derivatives (n, n_x + n_p) with respect to state
     and parameters; considered parameters are 0."""

@@ -90,11 +90,7 @@ class Observer:
                 raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
         self._names = [(name, f"{name}.sigma") for name in self.reported]
         self._model = ObserverModel(
-            vehicle=self.vehicle,
-            settings=self.settings,
-            outputs=self.outputs,
-            reported=self.reported,
-            roll=self.roll,
+            vehicle=self.vehicle, settings=self.settings, outputs=self.outputs, reported=self.reported, roll=self.roll
         )
         self._filter = _ObserverFilter(self._model)
         self.reset()

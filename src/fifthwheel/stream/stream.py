@@ -60,11 +60,7 @@ class Stream:
         self._speed_rate = None if smoothing is None else SpeedRate(smoothing, settings.max_gap)
 
     def process_sample(
-        self,
-        driven: StreamFilter,
-        time: float | None,
-        inputs: Iterable[float | None],
-        measured: Iterable[float | None],
+        self, driven: StreamFilter, time: float | None, inputs: Iterable[float | None], measured: Iterable[float | None]
     ) -> Status:
         """Process speed and steer angles, and measurements, of a sample; None or NaN if missing.
 
