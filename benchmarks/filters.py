@@ -34,9 +34,9 @@ from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.native.c_code import function
 from fifthwheel.observe import Observer, ObserverSettings, monitor, offline
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.segments import observer_segments
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
+from fifthwheel.stream import stream_segments
 from fifthwheel.vehicle import Vehicle
 from limits import PEAK, SIGNALS, UNITS
 from trust_runs import TRUCK, table
@@ -118,7 +118,7 @@ def observer_model(vehicle: Vehicle, signals: Iterable[str], settings: ObserverS
     base = Observer(vehicle, signals, settings)._model
     if kind in ("linear", "extended"):
         return base
-    return UnscentedModel(vehicle=base.vehicle, model=base.model, report=base.report, settings=base.settings, form=kind)
+    return UnscentedModel(**base.__getstate__(), form=kind)
 
 
 def with_friction(settings: ObserverSettings, kind: Filter, friction: float) -> ObserverSettings:
@@ -169,7 +169,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, model: ObserverModel, record: Record) -> "Samples":
-        _, (segment, *_) = observer_segments(record, model.model, model.settings, model.step_limit)
+        _, (segment, *_) = stream_segments(record, model.stream, model.step_limit)
         carry = np.append(model.start(segment.first), monitor.START)
         return cls(carry, segment.rows, model.constant())
 

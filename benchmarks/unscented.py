@@ -26,7 +26,7 @@ from fifthwheel.filters.update import ChannelUpdate, gate
 from fifthwheel.native import Scan
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.observer_step import FilterStep, Layout, monitored_step
+from fifthwheel.observe.observer_step import FilterStep, ObserverLayout, monitored_step
 
 
 class Deviations(NamedTuple):
@@ -114,10 +114,12 @@ def correct(
 Form = Literal["covariance", "square root"]
 
 
-def unscented_step(form: Form) -> Callable[[ObservedChain, Layout, ca.SX, ca.SX, ca.SX], FilterStep]:
+def unscented_step(form: Form) -> Callable[[ObservedChain, ObserverLayout, ca.SX, ca.SX, ca.SX], FilterStep]:
     """`observer_step.filter_step` of the filter that carries P or S."""
 
-    def filter_step(model: ObservedChain, layout: Layout, carry: ca.SX, sample: ca.SX, constant: ca.SX) -> FilterStep:
+    def filter_step(
+        model: ObservedChain, layout: ObserverLayout, carry: ca.SX, sample: ca.SX, constant: ca.SX
+    ) -> FilterStep:
         x, packed, s = split(carry, layout.carry)
         dt, d, y, weight = split(sample, layout.sample)
         c, q, r, limit, _, sigma = split(constant, layout.constant)

@@ -40,6 +40,7 @@ ROOMS = (
     "simulate",
     "plant",
     "time_bases",
+    "stream",
     "observe",
     "identify",
     "cluster",

@@ -209,7 +209,7 @@ def test_wrong_estimates_are_refused_and_a_reset_keeps_estimates(passing: tuple[
 def test_the_folder_has_all_files_and_names_the_estimates(passing: tuple[Learner, Path], tmp_path: Path) -> None:
     learner, _ = passing
     assert [path.name for path in export_c(learner, tmp_path)] == [*LEARNER_FILES]
-    header = (tmp_path / "fw_learner.h").read_text()
+    header = (tmp_path / "fw_samples.h").read_text()
     assert "FW_ESTIMATE_TRACTOR_FRONT_CORNERING_STIFFNESS = 0, /* tractor.front.cornering_stiffness, N/rad */" in header
     assert not any("@" in (tmp_path / name).read_text() for name in LEARNER_FILES)
 
@@ -217,6 +217,7 @@ def test_the_folder_has_all_files_and_names_the_estimates(passing: tuple[Learner
 def test_infinite_limits_are_large_numbers(guess: Vehicle, lane: Record, tmp_path: Path) -> None:
     limits = LearnerSettings(max_gap=math.inf, max_steer_rate=math.inf)
     export_c(Learner(guess, lane.signals, FIVE, learner=limits), tmp_path)
-    text = (tmp_path / "fw_learner_model.h").read_text()
-    assert "#define FW_MAX_GAP 1e+30 /* s */" in text
-    assert "#define FW_MAX_STEER_RATE FW_REAL(1e+30)" in text
+    assert "#define FW_MAX_GAP 1e+30 /* s */" in (tmp_path / "fw_learner_model.h").read_text()
+    tables = (tmp_path / "fw_learner_model.c").read_text()
+    assert "fw_input_rate[2] = {FW_REAL(0.0), FW_REAL_MAX};" in tables
+    assert "fw_measured_magnitude[4] = {FW_REAL_MAX, FW_REAL_MAX, FW_REAL_MAX, FW_REAL_MAX};" in tables

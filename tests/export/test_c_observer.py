@@ -4,14 +4,13 @@ import shutil
 import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fifthwheel import vehicle
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.export import FILES, export_c, observer_model
+from fifthwheel.export import FILES, c_text, export_c
 from fifthwheel.logs import write_record
 from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
@@ -238,13 +237,13 @@ def test_the_program_reads_a_file_with_names(truck: Vehicle, lane: Record, tmp_p
 def test_the_folder_has_all_files_and_names_the_signals(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
     observer = Observer(truck, lane.signals)
     assert [path.name for path in export_c(observer, tmp_path)] == [*FILES] == sorted(FILES, key=FILES.index)
-    header = (tmp_path / "fw_observer.h").read_text()
+    header = (tmp_path / "fw_samples.h").read_text()
     assert "FW_INPUT_STEER_TRACTOR_FRONT = 1, /* steer.tractor.front, rad */" in header
     assert "FW_STATE_SIDESLIP_SEMITRAILER" in header
     assert not any("@" in (tmp_path / name).read_text() for name in FILES)
 
 
 def test_signals_with_the_same_name_in_c_are_refused() -> None:
-    observer = SimpleNamespace(inputs=("speed", "steer.a.b_c", "steer.a_b.c"), outputs=(), reported=())
+    inputs = dict.fromkeys(("speed", "steer.a.b_c", "steer.a_b.c"), "")
     with pytest.raises(FifthwheelError, match=r"steer\.a\.b_c, steer\.a_b\.c.*rename a unit"):
-        observer_model.header(observer)
+        c_text.enumerations({"INPUT": inputs})

@@ -6,6 +6,7 @@ import pytest
 
 from fifthwheel._types import Array
 from fifthwheel.filters import Noise, joint
+from fifthwheel.filters.joint_equations import JointLayout
 from fifthwheel.filters.model import pack_array, unpack_array
 from fifthwheel.filters.scaling import Scaling
 from tests.filters.examples import example
@@ -61,7 +62,7 @@ def rows() -> Array:
 
 def run(rows: Array, base: Array, n_z: int = 2) -> tuple[Array, Array]:
     """Carries (N, n_carry, LANES) and outputs after every row, from x = 0, z = 0 with covariance 1."""
-    layout = joint.Layout(3, n_z, 2 - n_z)
+    layout = JointLayout(3, n_z, 2 - n_z)
     scan = joint.joint_step(MODEL, SCALING.logarithmic, n_z)
     carry = np.zeros((layout.size, 2))
     carry[layout.P], carry[layout.Pz] = pack_array(np.eye(3))[:, None], pack_array(np.eye(n_z))[:, None]
@@ -78,7 +79,7 @@ def run(rows: Array, base: Array, n_z: int = 2) -> tuple[Array, Array]:
 
 def augmented(carry: Array, n_z: int = 2) -> tuple[Array, Array]:
     """Mean and covariance of [x, z], with considered parameters last."""
-    layout = joint.Layout(3, n_z, 2 - n_z)
+    layout = JointLayout(3, n_z, 2 - n_z)
     V, B = carry[layout.V].reshape(3, 2, order="F"), carry[layout.B].reshape(n_z, 2 - n_z, order="F")
     Pz = np.block([[unpack_array(carry[layout.Pz], n_z) + B @ B.T, B], [B.T, np.eye(2 - n_z)]])
     P = unpack_array(carry[layout.P], 3) + V @ Pz @ V.T
@@ -143,7 +144,7 @@ def test_score_is_that_of_all_innovations(rows: Array) -> None:
                 mean, P = mean + gain * innovation, P - np.outer(gain, gain) * S
         return total
 
-    layout, step = joint.Layout(3, 1, 1), 0.1
+    layout, step = JointLayout(3, 1, 1), 0.1
     last = run(rows, np.zeros(1), 1)[0][-1, :, 0]
     lower, middle, upper = (loss(c) for c in (-step, 0.0, step))
     assert last[layout.gradient][0] == pytest.approx((upper - lower) / (2 * step))
@@ -151,7 +152,7 @@ def test_score_is_that_of_all_innovations(rows: Array) -> None:
 
 
 def test_variance_grows_towards_that_of_the_prior(rows: Array) -> None:
-    layout = joint.Layout(3, 2, 0)
+    layout = JointLayout(3, 2, 0)
     carry = run(rows, np.zeros(2))[0][-1].copy()
     scan, row = joint.joint_step(MODEL, SCALING.logarithmic, 2), np.zeros(rows.shape[1] + 2)
     row[0] = 0.01
@@ -166,7 +167,7 @@ def test_variance_grows_towards_that_of_the_prior(rows: Array) -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_diverged_state_is_reported_and_changes_no_parameter(rows: Array, bad: float) -> None:
     rows[:, 4:] = 1.0
-    layout = joint.Layout(3, 2, 0)
+    layout = JointLayout(3, 2, 0)
     scan = joint.joint_step(MODEL, SCALING.logarithmic, 2)
     carry = run(rows, np.zeros(2))[0][-1].copy()
     z, Pz = carry[layout.z].copy(), carry[layout.Pz].copy()
@@ -182,7 +183,7 @@ def test_diverged_state_is_reported_and_changes_no_parameter(rows: Array, bad: f
 
 def test_an_estimate_that_is_not_a_number_is_not_taken_over(rows: Array) -> None:
     """A step of NaN seconds makes the state NaN; the estimate stays, and the output says so."""
-    layout = joint.Layout(3, 1, 1)
+    layout = JointLayout(3, 1, 1)
     before = run(rows, np.zeros(1), 1)[0][-1]
     broken = rows[:1].copy()
     broken[0, 0] = np.nan
@@ -207,7 +208,7 @@ def test_reported_signals_contain_the_variance_of_all_unknowns() -> None:
     One unknown is estimated, the other is considered and stays at 0.
     """
     rng, scaling = np.random.default_rng(8), Scaling(**(vars(SCALING) | {"logarithmic": (True, False)}))
-    layout, step = joint.Layout(3, 1, 1), joint.state_view(MODEL, REPORT, scaling.logarithmic, 1)
+    layout, step = JointLayout(3, 1, 1), joint.state_view(MODEL, REPORT, scaling.logarithmic, 1)
     x, z, d = rng.normal(size=3), rng.normal(size=1), rng.normal(size=1)
     root, V, B, Pz = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(1, 1)), np.array([[0.7]])
     carry = np.zeros((layout.size, 2))

@@ -101,7 +101,7 @@ def test_covariances_remain_positive(name: str) -> None:
     for sample in samples(WRONG[name]):
         o.push(sample)
         n = len(o.model.states)
-        P = unpack_array(np.array(o._buffers.carry[n : -n - len(START)]), n)
+        P = unpack_array(np.array(o._filter.carry[n : -n - len(START)]), n)
         scale = np.sqrt(np.diag(P))
         smallest = min(smallest, np.linalg.eigvalsh(P / np.outer(scale, scale)).min())
     assert smallest > 1e-12

@@ -8,9 +8,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters.update import ChannelUpdate
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.observe import monitor as monitor_module
-from fifthwheel.observe.inputs import HeldInputs
 from fifthwheel.observe.observer_step import reported_signals
-from fifthwheel.observe.segments import without_measurement
 from tests.observe.conftest import STEER, YAWS, rows, samples
 
 EDGE = 1e-6
@@ -20,38 +18,6 @@ def test_numbers_of_the_status():
     """Files and live answers contain the number."""
     numbers = {"OK": 0, "COASTING": 1, "TOO_SLOW": 2, "INPUT_MISSING": 3, "INCONSISTENT": 4}
     assert {status.name: int(status) for status in Status} == numbers
-
-
-@pytest.mark.parametrize(
-    ("speed", "steer", "time", "taken"),
-    [
-        (45.0, 0.1, 9.0, (True, True)),
-        (45.0 + EDGE, 0.1, 9.0, (False, True)),
-        (20.0, 1.2, 9.0, (True, True)),
-        (20.0, -1.2 - EDGE, 9.0, (True, False)),
-        (22.0 - EDGE, 0.1, 0.1, (True, True)),
-        (22.0 + EDGE, 0.1, 0.1, (False, True)),
-        (18.0 - EDGE, 0.1, 0.1, (False, True)),
-        (20.0, 0.3 - EDGE, 0.1, (True, True)),
-        (20.0, 0.3 + EDGE, 0.1, (True, False)),
-        (20.0, -0.3 - EDGE, 0.1, (True, False)),
-        (20.0, 0.03 - EDGE, 0.001, (True, True)),  # the change of 10 ms within any shorter time
-        (20.0, 0.03 + EDGE, 0.001, (True, False)),
-        (29.9, 1.1, 0.3, (False, False)),
-        (29.9, 1.1, 0.3 + EDGE, (True, True)),  # any possible value after the longest hold
-        (None, None, 0.1, (False, False)),
-        (float("nan"), float("nan"), 0.1, (False, False)),
-    ],
-)
-def test_which_inputs_are_plausible(speed, steer, time, taken):
-    """20 m/s^2 and 3 rad/s, for 0.3 s, and the largest magnitudes of a truck."""
-    inputs = HeldInputs(("speed", STEER), ObserverSettings(hold=0.3))
-    assert not inputs.update(-1.0, {})
-    assert inputs.update(0.0, {"speed": 20.0, STEER: 0.0})
-    fresh = inputs.update(time, {"speed": speed, STEER: steer})
-    assert inputs.values == [new if ok else old for ok, new, old in zip(taken, (speed, steer), (20, 0), strict=True)]
-    assert inputs.times == [time if ok else 0.0 for ok in taken]
-    assert fresh == (all(taken) or time <= 0.3)
 
 
 def reference_monitor(carry, innovations, variances, accepted, weight, dt, limit, window, restart_after):
@@ -110,13 +76,6 @@ def test_reported_signals(truck, bank):
     groups = ("tractor.front", "tractor.drive", "semitrailer")
     loads = [f"{quantity}.{group}" for quantity in ("load_transfer", "predicted_load_transfer") for group in groups]
     assert reported_signals(truck, roll=True, bank=bank) == (*plane, *roll, *loads, *road)
-
-
-def test_coasting_starts_after_its_time():
-    time = np.arange(6) * 0.25
-    accepted = np.array([[0, 0], [1, 0], [0, 0], [0, 0], [0, 0], [0, 1]])
-    assert without_measurement(time, accepted, 0.5).tolist() == [False, False, False, False, True, False]
-    assert without_measurement(time, 0 * accepted, 0.5).tolist() == [False] * 3 + [True] * 3  # since the start
 
 
 @pytest.mark.parametrize(("gap", "starts"), [(0.999, False), (1.001, True)])

@@ -5,10 +5,9 @@ import numpy as np
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import sizes, unpack_array
 from fifthwheel.observe.observer_step import reported_signals
-from fifthwheel.observe.parameter_variance import parameter_variance
-from fifthwheel.observe.segments import observer_segments
-from fifthwheel.observe.sigma_points import SigmaPoints
+from fifthwheel.observe.parameter_variance import SigmaPoints, parameter_variance
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.stream import stream_segments
 from tests.observe.exact import TRUCK
 from tests.observe.test_stream import LANE_CHANGES, observer
 
@@ -25,9 +24,9 @@ SIGMA = np.array([1e3, 0.01, 0.002, 1e-4, 0.02])
 def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     o = observer(gate=np.inf)._model
     model, report = o.model, o.report
-    pairs = o.pairs(Uncertainty(names=NAMES, covariance=np.diag(SIGMA**2)))
-    points, constant = SigmaPoints.of(o, pairs), o.constant(gate=np.inf)
-    _, (segment, *_) = observer_segments(LANE_CHANGES.cut(0, 1.5), model, o.settings, o.step_limit)
+    points = SigmaPoints.of(o, Uncertainty(names=NAMES, covariance=np.diag(SIGMA**2)))
+    constant = o.constant(gate=np.inf)
+    _, (segment, *_) = stream_segments(LANE_CHANGES.cut(0, 1.5), o.stream, o.step_limit)
     start, rows = o.start(segment.first), segment.rows
     n, n_d, _, n_c, m = sizes(model)
     reported = len(report.outputs)
@@ -64,9 +63,11 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
     pairs_of_constants = zip(points.constants[::2], points.constants[1::2], strict=True)
     for (plus, minus), step, shift in zip(pairs_of_constants, points.steps, shifts, strict=True):
         expected += ((follow(plus, shift) - follow(minus, -shift)) / (2 * step)) ** 2
-    arguments = (model, report, points, effects, start, rows, constant)
-    actual = parameter_variance(*arguments, with_bank=False)
-    assert (parameter_variance(*arguments, with_bank=True) == actual).all()  # the bank is exact
+    assert points.with_bank
+    actual, other = (
+        parameter_variance(o, points._replace(with_bank=with_bank), effects, start, rows) for with_bank in (False, True)
+    )
+    assert (other == actual).all()  # the bank is exact
     scale = np.sqrt(expected.max(axis=0))
     np.testing.assert_allclose(np.sqrt(actual) / scale, np.sqrt(expected) / scale, atol=2e-3)
     assert (scale > 0).all()

@@ -179,7 +179,7 @@ def test_irregular_record_needs_additional_steps():
     o = observer()
     assert np.diff(SCENARIOS["irregular"].time).max() == pytest.approx(0.2)
     speed = int(SCENARIOS["irregular"].signals["speed"][0])
-    assert o._model.step_limit.safe_step_by_speed[speed] < np.diff(SCENARIOS["irregular"].time).max()
+    assert o.stream.step_limit.safe_step_by_speed[speed] < np.diff(SCENARIOS["irregular"].time).max()
 
 
 def test_a_spike_counts_as_missing():

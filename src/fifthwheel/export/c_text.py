@@ -1,9 +1,22 @@
-"""Signals, numbers and tables as text of C."""
+"""Signals, numbers and tables as text of C, and those that an observer and a learner have in common."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
+import numpy as np
+
+from fifthwheel.channels import SignalName
+from fifthwheel.dynamics.chain import state_names
+from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
 from fifthwheel.native import c_code
+from fifthwheel.record.signal_names import si_unit
+from fifthwheel.stream import StreamSettings
+from fifthwheel.vehicle import Vehicle
+
+LARGEST = 1e30
+"""In place of an infinite setting: a number that fits into single precision."""
 
 
 def identifier(prefix: str, signal: str) -> str:
@@ -31,9 +44,29 @@ def enumerations(groups: Mapping[str, Mapping[str, str]]) -> list[str]:
     return lines
 
 
+def header(stream: StreamSettings, states: Iterable[str], sizes: Mapping[str, tuple[int, str]], **groups: Any) -> str:
+    """Enumerations of signals, states and other groups, and sizes with a comment each, for the public header."""
+    signals = {"INPUT": [rule.name for rule in stream.inputs], "MEASURED": stream.measured, "STATE": states}
+    units = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
+    held = {"HELD_COUNT": (len(stream.names), "inputs, and what is derived from them")}
+    defined = [f"#define FW_{name} {size} /* {text} */" for name, (size, text) in {**held, **sizes}.items()]
+    return "\n".join([*enumerations(units | groups), *defined])
+
+
+def definitions(
+    sizes: Mapping[str, int], numbers: Mapping[str, float], times: Mapping[str, float] | None = None
+) -> list[str]:
+    """Lines that define integers, real numbers and times in s."""
+    return [
+        *(f"#define FW_{name} {size}" for name, size in sizes.items()),
+        *(f"#define FW_{name} {c_code.literal(min(float(value), LARGEST))}" for name, value in numbers.items()),
+        *(f"#define FW_{name} {min(float(value), LARGEST)!r} /* s */" for name, value in (times or {}).items()),
+    ]
+
+
 def table(name: str, values: Iterable[float], *, static: bool = True) -> str:
     """A constant array of real numbers."""
-    numbers = [c_code.literal(float(value)) for value in values]
+    numbers = [c_code.literal(float(value)) if value <= LARGEST else "FW_REAL_MAX" for value in values]
     return f"{'static ' if static else ''}const fw_real fw_{name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
 
 
@@ -46,3 +79,36 @@ def texts(name: str, values: Iterable[str]) -> str:
     """A constant array of texts."""
     quoted = [f'"{value}"' for value in values]
     return f"const char *const fw_{name}[{len(quoted)}] = {{{', '.join(quoted)}}};"
+
+
+def stream_definitions(stream: StreamSettings, vehicle: Vehicle, *, roll: bool) -> list[str]:
+    """Definitions for fw_stream.h and fw_algebra.h."""
+    return definitions(
+        {"MODEL_STATES": len(state_names(vehicle, roll=roll)), "SPEED_COUNT": len(SPEEDS)},
+        {
+            "MIN_SPEED": stream.min_speed,
+            "STEER_RATE": 2 * np.pi * STEER_BANDWIDTH,
+            "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
+        },
+        {"HOLD": stream.hold, "MAX_GAP": stream.max_gap, "COAST": stream.coast},
+    )
+
+
+def stream_tables(stream: StreamSettings, vehicle: Vehicle, *, roll: bool, static: bool) -> list[str]:
+    """Tables for fw_stream.h and the start of a filter, and the columns of a log."""
+    columns = ("time", *(rule.name for rule in stream.inputs), *stream.measured)
+    states = state_names(vehicle, roll=roll)
+    tables: dict[str, Iterable[float]] = {
+        "input_magnitude": [rule.largest for rule in stream.inputs],
+        "input_jump": [rule.jump for rule in stream.inputs],
+        "input_rate": [rule.rate for rule in stream.inputs],
+        "measured_magnitude": stream.measured.values(),
+        "initial_variance": [INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states],
+        "step_speed": SPEEDS,
+        "step_limit": step_limit(vehicle, roll).longest,
+    }
+    return [
+        *(table(name, values, static=static) for name, values in tables.items()),
+        texts("names", columns),
+        texts("units", [str(si_unit(name)) for name in columns]),
+    ]

@@ -7,8 +7,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.filters.joint_equations import Carried, Channel, correct, linearise, reported_values
-from fifthwheel.filters.model import pack, sizes, split, unpack
+from fifthwheel.filters.joint import bounds
+from fifthwheel.filters.joint_equations import Carried, JointChannel, correct, linearise, reported_values
+from fifthwheel.filters.model import sizes, split
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.start import SteadyEquations, steady_equations
 
@@ -24,38 +25,16 @@ class Slopes(NamedTuple):
     """Of each stored derivative in V by columns (n_x, n_p)."""
 
 
-class _Constants(NamedTuple):
-    """The constant of `joint_step`; see there."""
-
-    c: ca.DM
-    process: ca.DM
-    noise: ca.DM
-    limit: ca.DM
-    centre: ca.DM
-    scale: ca.DM
-    lower: ca.DM
-    upper: ca.DM
-    walk: ca.DM
-
-
-def constants(live: LiveFilter) -> _Constants:
-    """The constant of the step of a learner, in parts."""
-    n_x, _, n_p, n_c, n_y = sizes(live.problem.model)
-    n_z = len(live.problem.estimated)
-    lengths = [n_c, n_x * (n_x + 1) // 2, n_y, 1, n_p, n_p, n_z, n_z, n_z]
-    parts = np.split(live.filter.constant[:-1, 0], np.cumsum(lengths)[:-1])
-    return _Constants(*map(ca.DM, parts))
-
-
 def linearisation(live: LiveFilter) -> Slopes:
     """(state, z, [dt, d]) -> (state after dt, F by rows, slopes at both ends of the step, predictions, H by rows,
     direct by rows); see `linearise`. The slopes are stored without zeros."""
-    problem, given = live.problem, constants(live)
-    model, logarithmic, n_z = problem.model, problem.scaling.logarithmic, len(problem.estimated)
-    n_x, n_d, *_ = sizes(model)
-    x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", n_z), ca.SX.sym("step", 1 + n_d)
-    point = x, z, step[0], step[1:], given.c, given.centre, given.scale
-    later, F, slopes, predicted, H, direct = linearise(model, logarithmic, *[ca.SX(v) for v in point])
+    problem, scaling = live.problem, live.problem.scaling
+    n_x, n_d, *_ = sizes(problem.model)
+    x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", len(problem.estimated)), ca.SX.sym("step", 1 + n_d)
+    given = _numbers(live.filter.c, scaling.centre, scaling.scale)
+    later, F, slopes, predicted, H, direct = linearise(
+        problem.model, scaling.logarithmic, x, z, step[0], step[1:], *given
+    )
     pattern = (slopes[0].sparsity() + slopes[1].sparsity()).T.T
     first, last = (ca.project(slope, pattern).nz[:] for slope in slopes)
     results = [later, _by_rows(F), first, last, predicted, _by_rows(H), _by_rows(direct)]
@@ -67,37 +46,26 @@ def linearisation(live: LiveFilter) -> Slopes:
 def channel_update(live: LiveFilter) -> ca.Function:
     """(carry, [y, weight, noise, predicted, learn, row of H, row of direct, state before, z of the linearisation]) ->
     (carry, [accepted, innovation over its standard deviation]); see `correct`."""
-    given, layout = constants(live), live.filter.layout
-    n_x, n_z, n_c = layout.n_x, layout.n_z, layout.n_c
-    carry, channel = ca.SX.sym("carry", layout.size), ca.SX.sym("channel", 5 + 2 * n_x + 2 * n_z + n_c)
-    x, P, V, z, Pz, B, gradient, information = split(carry, layout.lengths)
-    carried = Carried(
-        x,
-        unpack(P, n_x),
-        ca.reshape(V, n_x, n_z + n_c),
-        z,
-        unpack(Pz, n_z),
-        ca.reshape(B, n_z, n_c),
-        gradient,
-        information,
-    )
-    scalars, row, direct, before, base_z = split(channel, [5, n_x, n_z + n_c, n_x, n_z])
+    layout, n_p, n_z = live.filter.layout, len(live.problem.unknowns), len(live.problem.estimated)
+    carry, channel = ca.SX.sym("carry", layout.size), ca.SX.sym("channel", 5 + 2 * layout.n_x + n_p + n_z)
+    scalars, row, direct, before, base_z = split(channel, [5, layout.n_x, n_p, layout.n_x, n_z])
     y, weight, noise, predicted, learn = ca.vertsplit(scalars)
-    measured = Channel(y, weight, noise, predicted, row.T, direct.T)
-    limit, bounds = ca.fmin(ca.SX(given.limit), LARGEST_GATE), (ca.SX(given.lower), ca.SX(given.upper))
-    new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, bounds)
-    packed = [new.x, pack(new.P), ca.vec(new.V), new.z, pack(new.Pz), ca.vec(new.B), new.gradient, new.information]
-    results = [ca.vertcat(*packed), ca.vertcat(accepted, innovation)]
+    measured = JointChannel(y, weight, noise, predicted, row.T, direct.T)
+    limit = ca.fmin(ca.SX(live.filter.noise.vector()[-1]), LARGEST_GATE)
+    lower, upper = _numbers(*bounds(live.problem.scaling, n_z))
+    carried = Carried.of(carry, layout)
+    new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, (lower, upper))
+    results = [new.vector(), ca.vertcat(accepted, innovation)]
     return ca.Function("channel", [carry, channel], list(map(ca.densify, results)), {"cse": True})
 
 
 def report(live: LiveFilter) -> ca.Function:
     """(state of the vehicle, z, d) -> (reported states, their derivatives by rows); see `reported_values`."""
-    problem, view, given = live.problem, live.view, constants(live)
+    view, scaling = live.view, live.problem.scaling
     n_x, n_d, *_ = sizes(view.report)
-    x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(problem.estimated)), ca.SX.sym("d", n_d)
-    numbers = [ca.SX(v) for v in (ca.DM(view.c), given.centre, given.scale)]
-    values, slopes = reported_values(view.report, problem.scaling.logarithmic, x, z, d, *numbers)
+    x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(live.problem.estimated)), ca.SX.sym("d", n_d)
+    numbers = _numbers(view.c, scaling.centre, scaling.scale)
+    values, slopes = reported_values(view.report, scaling.logarithmic, x, z, d, *numbers)
     return ca.Function("report", [x, z, d], [ca.densify(values), _by_rows(slopes)], {"cse": True})
 
 
@@ -119,7 +87,11 @@ def _steady(live: LiveFilter) -> tuple[ca.SX, ca.SX, ca.SX, SteadyEquations]:
     problem = live.problem
     inputs, p = ca.SX.sym("inputs", len(problem.inputs)), ca.SX.sym("p", len(problem.unknowns))
     x = ca.SX.sym("x", len(state_names(problem.vehicle, roll=True)))
-    return inputs, p, x, steady_equations(problem.model, inputs, x, p, ca.SX(constants(live).c))
+    return inputs, p, x, steady_equations(problem.model, inputs, x, p, *_numbers(live.filter.c))
+
+
+def _numbers(*values: Array) -> list[ca.SX]:
+    return [ca.SX(ca.DM(value)) for value in values]
 
 
 def _by_rows(matrix: ca.SX) -> ca.SX:

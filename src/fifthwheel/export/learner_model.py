@@ -4,35 +4,26 @@ import math
 import zlib
 from collections.abc import Sequence
 
-import casadi as ca
-import numpy as np
-
-from fifthwheel.channels import SignalName
-from fifthwheel.checks.samples import MAX_SPEED
-from fifthwheel.dynamics.chain import state_names
-from fifthwheel.dynamics.steps import SPEEDS, step_limit
+from fifthwheel.export import c_text
 from fifthwheel.export import learner_functions as functions
-from fifthwheel.export.c_text import enumerations, integers, table, texts
-from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
+from fifthwheel.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
 from fifthwheel.filters.joint import MAX_STATE
+from fifthwheel.filters.model import pack_array
 from fifthwheel.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.identify import doubts
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.online.excitation import Excitation
-from fifthwheel.identify.online.innovations import AVERAGING_TIME, WINDOWS
-from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
+from fifthwheel.identify.online.start import discrepancy_variances
+from fifthwheel.identify.online.steering import Excitation
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle.parameters import unit_of
 
 NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 """In place of the index of a channel: none is needed; it is not measured."""
-LARGEST = 1e30
-"""In place of an infinite setting: a number that fits into single precision."""
 
 
 def reported(learner: Learner) -> list[Unknown]:
@@ -58,13 +49,7 @@ def _header(learner: Learner) -> str:
     """Enumerations of signals, states and estimates, and sizes, for the public header."""
     live = learner.live
     problem, layout, relinearisation = live.problem, live.filter.layout, live.learner.relinearisation
-    signals = {
-        "INPUT": problem.inputs,
-        "MEASURED": problem.outputs,
-        "STATE": tuple(name for name, _ in live.view.names),
-    }
     estimates = {u.name: sensor_error_unit(u.name) if u.is_sensor_error else unit_of(u.name) for u in reported(learner)}
-    groups = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
     saved = layout.size - layout.estimate.start + 2 * len(problem.outputs)
     sizes = {
         "STEER_COUNT": (len(problem.inputs) - 1, "steered axles"),
@@ -75,12 +60,7 @@ def _header(learner: Learner) -> str:
         "SEGMENT_COUNT": (relinearisation.samples, "samples of a segment"),
         "SAVED_COUNT": (saved, "numbers in a saved state"),
     }
-    return "\n".join(
-        [
-            *enumerations(groups | {"ESTIMATE": estimates}),
-            *(f"#define FW_{name} {size} /* {text} */" for name, (size, text) in sizes.items()),
-        ]
-    )
+    return c_text.header(live.stream.settings, [name for name, _ in live.view.names], sizes, ESTIMATE=estimates)
 
 
 def _sizes_and_limits(learner: Learner, slopes: int) -> str:
@@ -92,29 +72,20 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits, tyres=settings.tyre_law)
     sizes = {
         "X_COUNT": layout.n_x,
-        "MODEL_STATES": len(state_names(vehicle, roll=True)),
         "BANKS": int(chain.bank),
         "BANK_STATE": live.view.bank or 0,
         "DISCREPANCIES": problem.model.discrepancies,
         "P_COUNT": layout.n_z + layout.n_c,
         "CONSIDERED": layout.n_c,
-        "HELD": len(chain.inputs),
+        "MODEL_INPUT_COUNT": len(chain.inputs),
         "SLOPES": slopes,
-        "SPEED_COUNT": len(SPEEDS),
         "LAG": relinearisation.lag,
     }
-    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("P", "V", "z", "Pz", "B")}
-    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in ("gradient", "information")}
+    parts = ("P", "V", "z", "Pz", "B", "gradient", "information")
+    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in parts}
     numbers = {
-        "MIN_SPEED": settings.min_speed,
-        "MAX_SPEED": MAX_SPEED,
-        "MAX_SPEED_CHANGE": limits.max_speed_change,
-        "MAX_STEER": limits.max_steer,
-        "MAX_STEER_RATE": limits.max_steer_rate,
         "SMALLEST_PLAY": SMALLEST_PLAY,
         "MAX_STATE": MAX_STATE,
-        "STEER_RATE": 2 * np.pi * STEER_BANDWIDTH,
-        "TYPICAL_STEER_SIGMA": TYPICAL_STEER_SIGMA,
         "BANK_SIGMA": settings.bank_prior if chain.bank else 0.0,
         "WHEELBASE": excitation.wheelbase,
         "UNDERSTEER": excitation.understeer,
@@ -139,41 +110,30 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "AS_LIKELY": doubts.AS_LIKELY,
         "HARMFUL_SHIFT": doubts.HARMFUL_SHIFT,
     }
-    times = {
-        "HOLD": limits.hold,
-        "MAX_GAP": limits.max_gap,
-        "COAST": limits.coast,
-        "SETTLING_TIME": limits.settling_time,
-        "MAX_STEER_DROPOUT": limits.max_steer_dropout,
-    }
-    return "\n".join(
-        [
-            *(f"#define FW_{name} {size}" for name, size in sizes.items()),
-            *(f"#define FW_{name} {c_code.literal(min(float(v), LARGEST))}" for name, v in numbers.items()),
-            *(f"#define FW_{name} {min(float(v), LARGEST)!r} /* s */" for name, v in times.items()),
-        ]
-    )
+    times = {"SETTLING_TIME": limits.settling_time, "MAX_STEER_DROPOUT": limits.max_steer_dropout}
+    stream = stream_definitions(live.stream.settings, vehicle, roll=True)
+    return "\n".join([*definitions(sizes, numbers, times), *stream])
 
 
 def _source(learner: Learner, linearisation: functions.Slopes) -> str:
     """Tables and functions of the vehicle."""
     live = learner.live
-    parts = [
-        *_tables(live),
-        *_unknown_tables(learner),
-        integers("slope_place", linearisation.places.tolist()),
-        _function(
-            linearisation.function,
-            "linearise",
-            ("state", "z", "row"),
-            ("later", "f", "first", "last", "predicted", "h", "direct"),
-        ),
-        _function(functions.channel_update(live), "correct", ("carry", "channel"), ("next", "out")),
-        _function(functions.report(live), "report", ("state", "z", "inputs"), ("value", "slope")),
-        _function(functions.start_matrices(live), "start_matrices", ("inputs", "p"), ("a", "b", "steer", "bank")),
-        _function(functions.start_slopes(live), "start_slopes", ("inputs", "p", "state"), ("f", "slope")),
-    ]
-    return "\n".join(parts)
+    step_results = ("later", "f", "first", "last", "predicted", "h", "direct")
+    equations = {
+        "linearise": (linearisation.function, ("state", "z", "row"), step_results),
+        "correct": (functions.channel_update(live), ("carry", "channel"), ("next", "out")),
+        "report": (functions.report(live), ("state", "z", "inputs"), ("value", "slope")),
+        "start_matrices": (functions.start_matrices(live), ("inputs", "p"), ("a", "b", "steer", "bank")),
+        "start_slopes": (functions.start_slopes(live), ("inputs", "p", "state"), ("f", "slope")),
+    }
+    return "\n".join(
+        [
+            *_tables(live),
+            *_unknown_tables(learner),
+            integers("slope_place", linearisation.places.tolist()),
+            *(c_code.function(f, f"fw_{name}", *names, static=False) for name, (f, *names) in equations.items()),
+        ]
+    )
 
 
 def _memory(learner: Learner) -> int:
@@ -188,30 +148,18 @@ def _memory(learner: Learner) -> int:
     return 8 * numbers + 32
 
 
-def _function(step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str]) -> str:
-    return c_code.function(step, f"fw_{name}", arguments, results, static=False)
-
-
 def _tables(live: LiveFilter) -> list[str]:
     """Numbers of the filter and of its start."""
-    problem, given = live.problem, functions.constants(live)
-    vehicle = problem.vehicle
-    states = state_names(vehicle, roll=True)
-    columns = ("time", *problem.inputs, *problem.outputs)
-    discrepancy = live.discrepancy_variances()
+    joint, discrepancy = live.filter, discrepancy_variances(live.problem, live.learner)
     tables = {
-        "process": given.process,
-        "noise": given.noise,
-        "walk": given.walk,
-        "initial_variance": [*(INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states)],
+        "process": pack_array(joint.noise.process),
+        "noise": joint.noise.measurement,
+        "walk": joint.walk,
         "discrepancy_variance": discrepancy if len(discrepancy) else [0.0],
-        "step_speed": SPEEDS,
-        "step_limit": step_limit(vehicle, True).longest,
     }
     return [
-        *(table(name, np.ravel(np.array(values)).tolist(), static=False) for name, values in tables.items()),
-        texts("names", columns),
-        texts("units", [str(si_unit(name)) for name in columns]),
+        *(table(name, values, static=False) for name, values in tables.items()),
+        *stream_tables(live.stream.settings, live.problem.vehicle, roll=True, static=False),
     ]
 
 
@@ -223,15 +171,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
     plays = [f"{name}.play" for name in inputs[1:]]
     scaling = problem.scaling
     return [
-        *(
-            table(name, values.tolist(), static=False)
-            for name, values in (
-                ("centre", scaling.centre),
-                ("scale", scaling.scale),
-                ("lower", scaling.lower),
-                ("upper", scaling.upper),
-            )
-        ),
+        *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),
         integers("logarithmic", [int(u.logarithmic) for u in problem.unknowns]),
         integers("sensor_error", [int(u.is_sensor_error) for u in problem.unknowns]),
         integers("roll_channel", [_roll_channel(u, problem.outputs) for u in problem.unknowns]),

@@ -9,13 +9,13 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel.export import learner_model, observer_model
 from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer
+from fifthwheel.stream import StreamSettings
 
-SHARED = ("fw_math.h", "fw_algebra.h", "fw_step_length.h", "replay_log.h")
-FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", "fw_observer.c", "fw_model.h", *SHARED, "replay.c")
-"""The files of an exported observer."""
+SHARED = ("fw_samples.h", "fw_math.h", "fw_algebra.h", "fw_stream.h", "fw_step_length.h", "replay_log.h")
+OBSERVER_SOURCES = ("fw_observer.c",)
 LEARNER_SOURCES = (
     "fw_learner.c",
-    "fw_inputs.c",
+    "fw_excitation.c",
     "fw_learner_model.c",
     "fw_joint.c",
     "fw_start.c",
@@ -23,6 +23,8 @@ LEARNER_SOURCES = (
     "fw_estimates.c",
     "fw_storage.c",
 )
+FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", *OBSERVER_SOURCES, "fw_model.h", *SHARED, "replay.c")
+"""The files of an exported observer."""
 LEARNER_FILES = (
     "README.md",
     "CMakeLists.txt",
@@ -68,40 +70,41 @@ def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:
 
 
 def observer_texts(observer: Observer) -> dict[str, str]:
-    """The content of each of `FILES`.
-
-    Raises:
-        FifthwheelError: two signals have the same name in C.
-    """
+    """The content of each of `FILES`."""
     derived = len(observer.model.inputs) - len(observer.inputs)
     numbers = 2 + 3 * len(observer.inputs) + 4 * derived + observer.scan.n_carry
-    marks = _common(observer.vehicle.name, (*observer.inputs, *observer.outputs)) | {
+    marks = _common(observer.vehicle.name, observer.stream.settings, OBSERVER_SOURCES) | {
         "BYTES": str(8 * numbers + 8),
         "ENUMERATIONS": observer_model.header(observer),
         "MODEL": observer_model.source(observer),
     }
-    return {name: _text("", name, marks) for name in FILES}
+    return {name: source(name, marks) for name in FILES}
 
 
 def learner_texts(learner: Learner) -> dict[str, str]:
     """The content of each of `LEARNER_FILES`."""
-    problem = learner.live.problem
-    marks = _common(problem.vehicle.name, (*problem.inputs, *problem.outputs)) | learner_model.texts_of(learner)
-    return {name: _text("" if name in SHARED else "learner", name, marks) for name in LEARNER_FILES}
+    live, common = learner.live, ("CMakeLists.txt", *SHARED)
+    marks = _common(live.problem.vehicle.name, live.stream.settings, LEARNER_SOURCES)
+    marks |= learner_model.texts_of(learner)
+    return {name: source(name if name in common else f"learner/{name}", marks) for name in LEARNER_FILES}
 
 
-def _common(vehicle: str, columns: Sequence[str]) -> dict[str, str]:
-    title = "".join(c for c in vehicle if c.isalnum() or c in " -_.,()")
-    return {"TITLE": title, "VERSION": __version__, "COLUMNS": ", ".join(columns)}
+def _common(vehicle: str, stream: StreamSettings, sources: Sequence[str]) -> dict[str, str]:
+    """Marks of every library, which has the name of its first source."""
+    return {
+        "TITLE": "".join(c for c in vehicle if c.isalnum() or c in " -_.,()"),
+        "VERSION": __version__,
+        "COLUMNS": ", ".join([*(rule.name for rule in stream.inputs), *stream.measured]),
+        "LIBRARY": sources[0].removesuffix(".c"),
+        "SOURCES": " ".join(sources),
+    }
 
 
-def _text(folder: str, name: str, marks: Mapping[str, str]) -> str:
-    """Content of a file, made from that of a folder of this package; `marks` are replaced."""
-    place = resources.files("fifthwheel.export") / "c" / folder
-    given = place / name
-    if given.is_file():
-        return given.read_text(encoding="utf-8")
-    text = (place / f"{name}.in").read_text(encoding="utf-8")
-    for key, value in marks.items():
+def source(name: str, marks: Mapping[str, str] | None = None) -> str:
+    """Content of a file of `export/c`, in which marks such as @TITLE@ are replaced."""
+    folder = resources.files("fifthwheel.export") / "c"
+    given = folder / name
+    text = (given if given.is_file() else folder / f"{name}.in").read_text(encoding="utf-8")
+    for key, value in (marks or {}).items():
         text = text.replace(f"@{key}@", value)
     return text

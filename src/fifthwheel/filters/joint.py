@@ -15,15 +15,14 @@ This filter adds:
 """
 
 import functools
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.joint_equations import Carried, Channel, correct, linearise, reported_values
+from fifthwheel.filters.joint_equations import Carried, JointChannel, JointLayout, correct, linearise, reported_values
 from fifthwheel.filters.kalman import Noise
-from fifthwheel.filters.model import Model, pack, packed_size, sizes, split, unpack
+from fifthwheel.filters.model import Model, packed_size, sizes, split, unpack
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.native import Scan, compiled
 
@@ -37,33 +36,11 @@ MAX_ESTIMATE = 1e100
 """Limit of the norm of all numbers of an estimate; its score tests may be large."""
 
 
-class Layout:
-    """Slices of the carry [x, P, V, z, Pz, B, gradient, information].
-
-    P and Pz are packed; V (n_x, n_z + n_c) and B (n_z, n_c) are stored by columns.
-
-    Args:
-        n_x: number of states.
-        n_z: number of estimated parameters.
-        n_c: number of considered parameters.
-    """
-
-    def __init__(self, n_x: int, n_z: int, n_c: int) -> None:
-        self.n_x, self.n_z, self.n_c = n_x, n_z, n_c
-        self.lengths = (n_x, packed_size(n_x), n_x * (n_z + n_c), n_z, packed_size(n_z), n_z * n_c, n_c, n_c)
-        edges = np.concatenate([[0], np.cumsum(self.lengths)]).tolist()
-        slices = [slice(a, b) for a, b in pairwise(edges)]
-        self.x, self.P, self.V, self.z, self.Pz, self.B, self.gradient, self.information = slices
-        self.size = sum(self.lengths)
-        self.estimate = slice(self.z.start, self.size)
-        """All that does not belong to the state."""
-
-
 @compiled(functools.partial(Scan, lanes=LANES))
 def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
     """The compiled step of the joint filter.
 
-    carry = `Layout`; sample = [dt, d, y, weight, learn, zl]; constant = `constants`;
+    carry = `JointLayout`; sample = [dt, d, y, weight, learn, zl]; constant = `constants`;
     output = [accepted, innovation over its standard deviation, diverged]. A filter that has diverged uses no
     measurement, and an estimate that is not a number is not taken over.
 
@@ -73,24 +50,21 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
         n_z: number of estimated parameters.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
-    layout = Layout(n_x, n_z, n_p - n_z)
-    lengths = layout.lengths
+    layout = JointLayout(n_x, n_z, n_p - n_z)
+    n_P = packed_size(n_x)
     carry, sample, constant = (
         ca.SX.sym(name, size)
         for name, size in (
-            ("carry", sum(lengths)),
+            ("carry", layout.size),
             ("sample", 1 + n_d + 2 * n_y + 1 + n_z),
-            ("constant", n_c + lengths[1] + n_y + 1 + 2 * n_p + 3 * n_z + 1),
+            ("constant", n_c + n_P + n_y + 1 + 2 * n_p + 3 * n_z + 1),
         )
     )
-    x, P, V, z, Pz, B, gradient, information = split(carry, lengths)
-    previous = ca.vertcat(z, Pz, B, gradient, information)
+    x, P, V, z, Pz, B, gradient, information = Carried.of(carry, layout)
     dt, d, y, weight, learn, given_z = split(sample, [1, n_d, n_y, n_y, 1, n_z])
     c, q, r, limit, centre, scale, lower, upper, walk, use_given = split(
-        constant, [n_c, lengths[1], n_y, 1, n_p, n_p, n_z, n_z, n_z, 1]
+        constant, [n_c, n_P, n_y, 1, n_p, n_p, n_z, n_z, n_z, 1]
     )
-    P, Pz = unpack(P, n_x), unpack(Pz, n_z)
-    V, B = ca.reshape(V, n_x, n_p), ca.reshape(B, n_z, n_p - n_z)
     diverged = ca.logic_not(ca.sumsqr(x) + ca.trace(P) + ca.sumsqr(V) <= MAX_STATE**2)  # also if not a number
     x, P, V = (ca.if_else(diverged, 0, value) for value in (x, P, V))  # avoids 0 times infinity below
     weight = weight * (1 - diverged)
@@ -105,15 +79,15 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     carried = Carried(before, P, V, z, Pz, B, gradient, information)
     used, normalised = [], []
     for i in range(n_y):
-        channel = Channel(y[i], weight[i], r[i], predicted[i], H[i, :], direct[i, :])
+        channel = JointChannel(y[i], weight[i], r[i], predicted[i], H[i, :], direct[i, :])
         carried, accepted, innovation = correct(carried, channel, before, base_z, learn, limit, (lower, upper))
         used.append(accepted)
         normalised.append(innovation)
-    x, P, V, z, Pz, B, gradient, information = carried
-    x = x + V[:, :n_z] @ (z - base_z)
-    estimate = ca.vertcat(z, pack(Pz), ca.vec(B), gradient, information)
-    valid = ca.logic_and(ca.sumsqr(estimate) <= MAX_ESTIMATE**2, ca.mmin(ca.diag(Pz)) > 0)  # false if not a number
-    result = ca.vertcat(x, pack(P), ca.vec(V), ca.if_else(valid, estimate, previous))
+    x = carried.x + carried.V[:, :n_z] @ (carried.z - base_z)
+    result = carried._replace(x=x).vector()
+    estimate, least = result[layout.estimate], ca.mmin(ca.diag(carried.Pz))
+    valid = ca.logic_and(ca.sumsqr(estimate) <= MAX_ESTIMATE**2, least > 0)  # false if not a number
+    result[layout.estimate] = ca.if_else(valid, estimate, carry[layout.estimate])
     output = ca.densify(ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid))))
     return ca.Function("joint", [carry, sample, constant], [ca.densify(result), output], {"cse": True})
 
@@ -127,19 +101,23 @@ def constants(c: Array, noise: Noise, scaling: Scaling, walk: Array) -> Array:
         scaling: of all parameters, the estimated ones first.
         walk: (n_z,) rate with which the variance of each estimated z grows towards that of its prior, 1/s.
     """
-    n = len(walk)
-    bounds = (scaling.to_z(scaling.lower)[:n], scaling.to_z(scaling.upper)[:n])
-    first = np.concatenate([c, noise.vector(), scaling.centre, scaling.scale, *bounds, walk, [0.0]])
+    parts = c, noise.vector(), scaling.centre, scaling.scale, *bounds(scaling, len(walk)), walk, [0.0]
+    first = np.concatenate(parts)
     second = first.copy()
     second[-1] = 1.0
     return np.column_stack([first, second])
+
+
+def bounds(scaling: Scaling, n_z: int) -> tuple[Array, Array]:
+    """Of each estimated z, (n_z,) each."""
+    return scaling.to_z(scaling.lower)[:n_z], scaling.to_z(scaling.upper)[:n_z]
 
 
 @compiled(functools.partial(Scan, lanes=LANES))
 def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
     """The compiled outputs of `report` at the filter's state, with variances that contain those of the parameters.
 
-    carry = `Layout`, unchanged; sample = d; constant = [c of the report, centre, scale];
+    carry = `JointLayout`, unchanged; sample = d; constant = [c of the report, centre, scale];
     output = [reported, their variances].
 
     Args:
@@ -149,13 +127,12 @@ def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: 
     """
     n_x, n_d, n_p, *_ = sizes(model)
     n_states, n_c = sizes(report)[0], sizes(report)[3]
-    lengths = Layout(n_x, n_z, n_p - n_z).lengths
+    layout = JointLayout(n_x, n_z, n_p - n_z)
     carry, d, constant = (
-        ca.SX.sym(name, size) for name, size in (("carry", sum(lengths)), ("d", n_d), ("constant", n_c + 2 * n_p))
+        ca.SX.sym(name, size) for name, size in (("carry", layout.size), ("d", n_d), ("constant", n_c + 2 * n_p))
     )
-    x, P, V, z, Pz, B, _, _ = split(carry, lengths)
+    x, P, V, z, Pz, B, _, _ = Carried.of(carry, layout)
     c, centre, scale = split(constant, [n_c, n_p, n_p])
-    P, Pz, V, B = unpack(P, n_x), unpack(Pz, n_z), ca.reshape(V, n_x, n_p), ca.reshape(B, n_z, n_p - n_z)
     reported, slopes = reported_values(report, logarithmic, x[:n_states], z, d, c, centre, scale)
     variances = []
     for i in range(reported.shape[0]):

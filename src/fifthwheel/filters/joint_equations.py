@@ -3,12 +3,14 @@
 The compiled step contains them in one piece; the step in C calls the update once for each channel.
 """
 
-from typing import NamedTuple
+from itertools import pairwise
+from typing import NamedTuple, Self
 
 import casadi as ca
+import numpy as np
 
 from fifthwheel.filters.kalman import observe, predict
-from fifthwheel.filters.model import Model
+from fifthwheel.filters.model import Model, pack, packed_size, split, unpack
 from fifthwheel.filters.scaling import PRECISION, symbolic_to_p
 from fifthwheel.filters.update import gate, joseph
 
@@ -52,8 +54,30 @@ def linearise(
     return later, F, slopes, predicted, H, direct
 
 
+class JointLayout:
+    """Slices of the carry [x, P, V, z, Pz, B, gradient, information].
+
+    P and Pz are packed; V (n_x, n_z + n_c) and B (n_z, n_c) are stored by columns.
+
+    Args:
+        n_x: number of states.
+        n_z: number of estimated parameters.
+        n_c: number of considered parameters.
+    """
+
+    def __init__(self, n_x: int, n_z: int, n_c: int) -> None:
+        self.n_x, self.n_z, self.n_c = n_x, n_z, n_c
+        self.lengths = (n_x, packed_size(n_x), n_x * (n_z + n_c), n_z, packed_size(n_z), n_z * n_c, n_c, n_c)
+        edges = np.concatenate([[0], np.cumsum(self.lengths)]).tolist()
+        slices = [slice(a, b) for a, b in pairwise(edges)]
+        self.x, self.P, self.V, self.z, self.Pz, self.B, self.gradient, self.information = slices
+        self.size = sum(self.lengths)
+        self.estimate = slice(self.z.start, self.size)
+        """All that does not belong to the state."""
+
+
 class Carried(NamedTuple):
-    """The carry within a step, as matrices; see `Layout`."""
+    """The carry within a step, as matrices; see `JointLayout`."""
 
     x: ca.SX
     P: ca.SX
@@ -64,8 +88,21 @@ class Carried(NamedTuple):
     gradient: ca.SX
     information: ca.SX
 
+    @classmethod
+    def of(cls, carry: ca.SX, layout: JointLayout) -> Self:
+        """The parts of a carry."""
+        n_x, n_z, n_c = layout.n_x, layout.n_z, layout.n_c
+        x, P, V, z, Pz, B, gradient, information = split(carry, layout.lengths)
+        V, B = ca.reshape(V, n_x, n_z + n_c), ca.reshape(B, n_z, n_c)
+        return cls(x, unpack(P, n_x), V, z, unpack(Pz, n_z), B, gradient, information)
 
-class Channel(NamedTuple):
+    def vector(self) -> ca.SX:
+        """The inverse of `of`."""
+        x, P, V, z, Pz, B, gradient, information = self
+        return ca.vertcat(x, pack(P), ca.vec(V), z, pack(Pz), ca.vec(B), gradient, information)
+
+
+class JointChannel(NamedTuple):
     """A measurement and its prediction."""
 
     y: ca.SX
@@ -78,7 +115,7 @@ class Channel(NamedTuple):
 
 def correct(
     carried: Carried,
-    channel: Channel,
+    channel: JointChannel,
     before: ca.SX,
     base_z: ca.SX,
     learn: ca.SX,
@@ -141,14 +178,7 @@ def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance
 
 
 def reported_values(
-    report: Model,
-    logarithmic: tuple[bool, ...],
-    x: ca.SX,
-    z: ca.SX,
-    d: ca.SX,
-    c: ca.SX,
-    centre: ca.SX,
-    scale: ca.SX,
+    report: Model, logarithmic: tuple[bool, ...], x: ca.SX, z: ca.SX, d: ca.SX, c: ca.SX, centre: ca.SX, scale: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Outputs (n,) of a model at a state x and estimates z, and their derivatives (n, n_x + n_p) with respect to state
     and parameters; considered parameters are 0."""

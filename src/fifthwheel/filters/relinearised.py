@@ -13,7 +13,6 @@ per sample are bounded. The two filters are lanes of one compiled step.
 """
 
 import copy
-import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,6 +21,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import joint
+from fifthwheel.filters.joint_equations import JointLayout
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
 from fifthwheel.filters.scaling import Scaling
@@ -65,7 +65,7 @@ class Estimate:
         return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=np.zeros((n_z, n_c)), gradient=none, information=none)
 
     @classmethod
-    def of(cls, vector: Array, layout: joint.Layout) -> "Estimate":
+    def of(cls, vector: Array, layout: JointLayout) -> "Estimate":
         """The inverse of `vector`."""
         start, n_z = layout.estimate.start, layout.n_z
         z, Pz, B, gradient, information = (
@@ -103,7 +103,8 @@ class RelinearisedFilter:
     """Both filters of a model.
 
     The first lane of `carry`, `sample` and `output` belongs to the first filter, the second lane to the second filter.
-    `row` and `out` are the memory of `sample` and `output` as flat C arrays, which Python accesses ten times as fast.
+    Of the first filter, `row` is the memory of its sample, `weights` of the weights there, and `innovations` of the
+    innovations over their standard deviations; Python accesses these views ten times as fast as an array.
 
     Args:
         model: of the samples.
@@ -119,19 +120,20 @@ class RelinearisedFilter:
     ) -> None:
         n_x, n_d, n_p, _, n_y = sizes(model)
         n_z = len(walk)
-        self.layout = layout = joint.Layout(n_x, n_z, n_p - n_z)
+        self.layout = layout = JointLayout(n_x, n_z, n_p - n_z)
         self.scan = joint.joint_step(model, scaling.logarithmic, n_z)
-        self.settings = settings
+        self.c, self.noise, self.walk, self.settings = c, noise, walk, settings
         self.carry = carry = np.zeros((layout.size, joint.LANES))
         self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
         self.output = output = np.zeros((self.scan.n_output, joint.LANES))
         self.constant = joint.constants(c, noise, scaling, walk)
         self._addresses = tuple(a.ctypes.data for a in (carry, sample, self.constant, output))
-        self.row: Any = (ctypes.c_double * sample.size).from_buffer(sample.data)
-        self.out: Any = (ctypes.c_double * output.size).from_buffer(output.data)
+        self.row: Any = sample[:, 0].data
+        self.weights: Any = sample[1 + n_d + n_y : 1 + n_d + 2 * n_y, 0].data
+        self.innovations: Any = output[n_y : 2 * n_y, 0].data
+        self._out: Any = output[:, 0].data
         k = 1 + n_d + 2 * n_y + 1  # length of [dt, d, y, weight, learn]
-        self._learn = joint.LANES * (k - 1)
-        self._diverged = joint.LANES * 2 * n_y
+        self._learn, self._n_y = k - 1, n_y
         # views of what is copied between the lanes
         self._z, self._estimate = carry[layout.z, 0], carry[layout.estimate, 0]
         self._second_z = carry[layout.z, 1]
@@ -183,7 +185,7 @@ class RelinearisedFilter:
             learn: whether the parameters are estimated from this sample.
 
         Returns:
-            Whether a measurement was used, and whether the state must be started again. `out` contains the outputs.
+            Whether a measurement was used, and whether the state must be started again.
         """
         self.row[self._learn] = learn
         restart = False
@@ -194,13 +196,13 @@ class RelinearisedFilter:
         if self._count:
             self._advance_second()
         self.scan.vector(1, 1, *self._addresses)
-        out = self.out
+        out = self._out
         if self._count:
-            if out[self._diverged + 1]:
+            if self.output[-1, 1]:
                 self._clear_segment()
             elif self._complete and self._position == self._count:
                 restart = self._end_pass()
-        return any(out[: self._diverged // 2 : joint.LANES]), restart or out[self._diverged] > 0
+        return any(out[: self._n_y]), restart or out[-1] > 0
 
     def memory(self) -> dict[str, Any]:
         """Everything that changes, for `restore`."""
@@ -236,7 +238,7 @@ class RelinearisedFilter:
 
     def _pause_second(self) -> None:
         """Give the second filter a sample without effect: dt = 0 and no measurements."""
-        self.row[1] = 0.0
+        self._second_sample[0] = 0.0
         np.copyto(self._second_d, self._d)
         self._second_weight_learn[:] = 0.0
 

@@ -2,7 +2,8 @@
 
 from fifthwheel.observe.observer import Observer
 from fifthwheel.observe.settings import ObserverSettings
-from fifthwheel.observe.states import States, Status, write_states
+from fifthwheel.observe.states import States, write_states
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.stream import Status
 
 __all__ = ["Observer", "ObserverSettings", "States", "Status", "Uncertainty", "write_states"]

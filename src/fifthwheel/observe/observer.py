@@ -5,37 +5,28 @@ as `push`, bit for bit. Both are causal: missing inputs are not interpolated fro
 """
 
 import copy
-import ctypes
 import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Self
 
 import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import (
-    LATERAL_ACCELERATION,
-    MEASURED,
-    ROLL,
-    ROLL_RATE,
-    is_of,
-    measured_signals,
-    names_of,
-)
-from fifthwheel.dynamics import SPEED_RATE, steps
+from fifthwheel.channels import LATERAL_ACCELERATION, MEASURED, ROLL, ROLL_RATE, is_of, measured_signals, names_of
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
-from fifthwheel.observe.inputs import HeldInputs, magnitude
-from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
+from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel, signals_with_position
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.observe.settings import ObserverSettings
-from fifthwheel.observe.states import States, Status
+from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.stream.settings import Status
+from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
 
 
@@ -93,31 +84,12 @@ class Observer:
         for path in self.settings.brakes:
             if path not in groups:
                 raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
-        self._measured = [(name, magnitude(name)) for name in self.outputs]
         self._names = [(name, f"{name}.sigma") for name in self.reported]
-        self._carry: Array | None = None  # of a copied observer
-        self.reset()
-
-    @lazy
-    def _model(self) -> ObserverModel:
-        """The models of measured and reported signals."""
-        model, report = (
-            observed_chain(
-                self.vehicle,
-                names,
-                accelerometers=names_of(LATERAL_ACCELERATION, self.outputs),
-                roll=self.roll,
-                estimate_bank=self.settings.estimate_bank,
-                tyres=self.settings.tyres,
-            )
-            for names in (self.outputs, self.reported)
+        self._model = ObserverModel(
+            vehicle=self.vehicle, settings=self.settings, outputs=self.outputs, reported=self.reported, roll=self.roll
         )
-        return ObserverModel(vehicle=self.vehicle, model=model, report=report, settings=self.settings)
-
-    @lazy
-    def _buffers(self) -> "_Buffers":
-        """Memory of the compiled step."""
-        return _Buffers(self._model.scan, self._model.constant(), self._carry)
+        self._filter = _ObserverFilter(self._model)
+        self.reset()
 
     @property
     def model(self) -> ObservedChain:
@@ -132,24 +104,14 @@ class Observer:
     @property
     def constant(self) -> Array:
         """The constant of the compiled step (n_constant,): vehicle, noise and settings, see `observer_step`."""
-        return self._buffers.constant.copy()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The attributes without the model and its memory, which a copy makes anew."""
-        state = {name: value for name, value in vars(self).items() if name not in ("_model", "_buffers")}
-        return state | {"_carry": self._buffers.carry.copy() if "_buffers" in vars(self) else self._carry}
+        return np.array(self._filter.constant)
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
-        self._time = math.nan
-        derived = [SPEED_RATE] if self.settings.tyres == "saturating" else []
-        self._held = HeldInputs((*self.inputs, *derived), self.settings)
-        self._accepted = -math.inf  # time of the last accepted measurement
-        self._running = False
-        self._last: list[float] = []  # inputs of the previous sample
+        self.stream = Stream(self._model.stream, self._model.step_limit)
 
     def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
         """Process one sample.
@@ -164,85 +126,17 @@ class Observer:
         Raises:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
         """
-        time = sample.get("time", math.nan)
-        if time is None or not math.isfinite(time):
-            raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
-        gap = time - self._time
-        if gap <= 0:
-            raise SignalError(
-                f"time: expected after {self._time:g} s, got {time:g} s; push samples in the order of time"
-            )
-        fresh = self._held.update(time, sample)
-        inputs = list(self._held.values)
-        slow = Status.TOO_SLOW if inputs[0] < self.settings.min_speed else Status.OK
-        status = slow if fresh else Status.INPUT_MISSING
-        previous, self._time = self._time, time
-        if status != Status.OK:
-            self._running = False
-            return self._answer(status)
-        buffers = self._buffers
-        row = buffers.row
-        k, m = len(inputs), len(self.outputs)
-        if not self._running or gap > self.settings.max_gap:
-            self._start(inputs, monitor.START)
-            self._running, self._accepted = True, time
-            row[0] = 0.0
-            row[1 : 1 + k] = inputs
-        else:
-            last, short = self._last, self._model.step_limit.safe_step_by_speed
-            if gap > short[int(inputs[0])] or gap > short[int(last[0])]:
-                self._subdivide(previous, time, last, inputs)
-            else:
-                row[0] = gap
-                row[1 : 1 + k] = last
-        row[1 + k : 1 + 2 * k] = inputs
-        for i, (name, largest) in enumerate(self._measured, 1 + 2 * k):
-            value = sample.get(name)
-            present = value is not None and abs(value) <= largest
-            row[i] = value if present else 0.0
-            row[i + m] = present
-        buffers.step()
-        out = buffers.out
-        if out[-1]:  # the measurements contradict the state
-            self._start(inputs, monitor.after_restart(out[-2]), suspect=True)
-            row[0] = 0.0
-            row[1 : 1 + k] = inputs
-            buffers.step()
-        self._last = inputs
-        if any(out[-2 - m : -2]):
-            self._accepted = time
-        elif time - self._accepted > self.settings.coast:
-            status = Status.COASTING
-        if out[-2] > self.settings.max_nis:
-            status = Status.INCONSISTENT
-        return self._answer(status)
-
-    def _start(self, inputs: list[float], monitored: Array, *, suspect: bool = False) -> None:
-        """Start the filter at the steady state of the inputs; `monitored` is the carry of the monitor."""
-        start = self._model.start(dict(zip(self.model.inputs, inputs, strict=True)), suspect=suspect)
-        self._buffers.carry[:] = np.append(start, monitored)
-
-    def _subdivide(self, before: float, time: float, last: list[float], inputs: list[float]) -> None:
-        """Run all steps but the last one without measurements, and store the last one in the row."""
-        buffers = self._buffers
-        limits = self._model.step_limit(np.array([last[0], inputs[0]]))
-        fine, columns, _ = steps.subdivide(np.array([before, time]), np.array([last, inputs]), limits)
-        dt, d = steps.step_inputs(fine, columns)
-        rows = np.zeros((len(fine) - 1, self.scan.n_sample))
-        rows[:, 0], rows[:, 1 : 1 + d.shape[1]] = dt[1:], d[1:]
-        buffers.carry[:], _ = self.scan(buffers.carry, rows[:-1], buffers.constant)
-        buffers.sample[0] = rows[-1]
-
-    def _answer(self, status: Status) -> dict[str, float]:
-        """The result of `push`."""
-        answer: dict[str, float] = {"time": self._time, "status": status}
-        if status in (Status.OK, Status.COASTING, Status.INCONSISTENT):
-            n = len(self.reported)
-            values = self._buffers.out[: 2 * n]
-            answer["nis"] = self._buffers.out[-2]
-            for i, (name, sigma) in enumerate(self._names):
-                answer[name] = values[i]
-                answer[sigma] = math.sqrt(max(values[n + i], 0.0))
+        get = sample.get
+        status = self.stream.process_sample(self._filter, get("time"), map(get, self.inputs), map(get, self.outputs))
+        answer: dict[str, float] = {"time": self.stream.time, "status": status}
+        if status in (Status.OK, Status.COASTING):
+            out, n = self._filter.out.tolist(), len(self.reported)
+            answer["nis"] = nis = out[-2]
+            if nis > self.settings.max_nis:
+                answer["status"] = Status.INCONSISTENT
+            for (name, sigma), value, variance in zip(self._names, out, out[n:], strict=False):
+                answer[name] = value
+                answer[sigma] = math.sqrt(0.0 if variance < 0.0 else variance)
         else:
             answer["nis"] = math.nan
             for name, sigma in self._names:
@@ -276,26 +170,12 @@ class Observer:
         return {
             "signals": [*self.inputs, *self.outputs],
             "settings": settings,
-            "constant": self._buffers.constant.tolist(),
+            "constant": self._filter.constant.tolist(),
         }
 
     def save(self) -> dict[str, Any]:
         """The state of the observer for `resume`, for JSON."""
-
-        def finite(values: Iterable[float]) -> list[float | None]:
-            return [value if math.isfinite(value) else None for value in values]
-
-        return {
-            "made_for": self._identity(),
-            "time": finite([self._time])[0],
-            "inputs": finite(self._held.values),
-            "seen": finite(self._held.times),
-            "speed_rate": self._held.speed_rate.carry.tolist() if self._held.speed_rate else None,
-            "accepted": finite([self._accepted])[0],
-            "running": self._running,
-            "last": finite(self._last),
-            "carry": self._buffers.carry.tolist(),
-        }
+        return {"made_for": self._identity(), **self.stream.save(), "carry": self._filter.carry.tolist()}
 
     def resume(self, saved: Mapping[str, Any]) -> None:
         """Continue from the result of `save`, also in another process.
@@ -307,30 +187,50 @@ class Observer:
             raise SignalError(
                 "state: expected one of the same vehicle, signals and settings, got another one; start without it"
             )
-        self._time = math.nan if saved["time"] is None else saved["time"]
-        self._held.values = [math.nan if value is None else value for value in saved["inputs"]]
-        self._held.times = [-math.inf if value is None else value for value in saved["seen"]]
-        if self._held.speed_rate:
-            self._held.speed_rate.carry = np.array(saved["speed_rate"])
-        self._accepted = -math.inf if saved["accepted"] is None else saved["accepted"]
-        self._running = saved["running"]
-        self._last = [math.nan if value is None else value for value in saved["last"]]
-        self._buffers.carry[:] = saved["carry"]
+        self.stream.resume(saved)
+        self._filter.carry[:] = saved["carry"]
 
 
-class _Buffers:
-    """Arrays of the compiled step for one sample.
+class _ObserverFilter:
+    """The compiled step of an observer for one sample; `row` and `out` are the memory of its sample and output.
 
-    `row` and `out` are the memory of `sample` and `output` as C arrays, which Python accesses ten times as fast.
+    Everything but the carry is built when it is first used.
     """
 
-    def __init__(self, scan: Scan, constant: Array, carry: Array | None) -> None:
-        self.constant = constant
-        self.carry = np.zeros(scan.n_carry) if carry is None else carry.copy()
-        self.sample = np.zeros((1, scan.n_sample))
-        self.output = np.zeros((1, scan.n_output))
-        self.row: Any = (ctypes.c_double * self.sample.size).from_buffer(self.sample.data)
-        self.out: Any = (ctypes.c_double * self.output.size).from_buffer(self.output.data)
-        addresses = (a.ctypes.data for a in (self.carry, self.sample, constant, self.output))
-        self.step = functools.partial(scan.single, 1, 1, *addresses)
-        """Process the sample in place."""
+    def __init__(self, model: ObserverModel) -> None:
+        self._model = model
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy does not build anew."""
+        return {name: value for name, value in vars(self).items() if name in ("_model", "carry")}
+
+    constant = lazy(lambda self: self._model.constant())  # see `observer_step`
+    carry = lazy(lambda self: np.zeros(self._model.scan.n_carry))
+    row: Any = lazy(lambda self: np.zeros(self._model.scan.n_sample).data)
+    out: Any = lazy(lambda self: np.zeros(self._model.scan.n_output).data)
+
+    @lazy
+    def step(self) -> Callable[[], None]:
+        """Process the row."""
+        arrays = (self.carry, np.asarray(self.row), self.constant, np.asarray(self.out))
+        return functools.partial(self._model.scan.single, 1, 1, *(array.ctypes.data for array in arrays))
+
+    def start(self, stream: Stream, monitored: Array = monitor.START, *, suspect: bool = False) -> None:
+        """Start at the steady state of the inputs; `monitored` is the carry of the monitor."""
+        inputs = dict(zip(stream.settings.names, stream.inputs, strict=True))
+        self.carry[:] = np.append(self._model.start(inputs, suspect=suspect), monitored)
+
+    def ends(self, stream: Stream) -> tuple[list[float], list[float]]:
+        """The held inputs."""
+        return stream.last, stream.inputs
+
+    def update(self, stream: Stream) -> bool:
+        """Process a sample, again from a new start if the measurements contradict the state."""
+        self.step()
+        out, m = self.out, len(self._model.outputs)
+        if out[-1]:
+            self.start(stream, monitor.after_restart(out[-2]), suspect=True)
+            for i, value in enumerate((0.0, *stream.inputs)):  # no step leads to the sample
+                self.row[i] = value
+            self.step()
+        return any(out[-2 - m : -2])

@@ -1,7 +1,8 @@
 """The numbers of an observer's compiled step, for the vehicle as given and with changed parameters."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from fifthwheel.channels import (
     channel_of,
     is_of,
     measured_signals,
+    names_of,
 )
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
 from fifthwheel.dynamics.sensors import sensor_parameters
-from fifthwheel.dynamics.steps import StepLimit
+from fifthwheel.dynamics.steps import StepLimit, step_limit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import (
@@ -34,14 +36,17 @@ from fifthwheel.filters.initial_state import (
 from fifthwheel.filters.model import pack_array
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import Scan
-from fifthwheel.observe.observed_chain import ObservedChain
+from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
 from fifthwheel.observe.observer_step import observer_step
 from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
+from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""
+SHORTEST = 0.01
+"""s; the change of this time is plausible within any shorter time, because of noise and repeated samples."""
 NO_CHANGES: Mapping[str, float] = {}
 SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", "roll_yaw_product"})
 """Quantities of a vehicle that may be negative; all others keep their sign."""
@@ -49,16 +54,40 @@ SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObserverModel:
-    """A vehicle with the models of its measured and its reported signals.
+    """A vehicle with the models of its measured and its reported signals, which are built when they are first used.
 
-    Methods with an argument `changed` take values of parameters and sensor errors, by name, that replace the given ones
-    in the constants of the models. These values are not validated.
+    `changed` are values of parameters and sensor errors, by name, that replace the given ones; they are not validated.
     """
 
-    vehicle: Vehicle
-    model: ObservedChain  # outputs: the measured signals
-    report: ObservedChain  # outputs: the reported signals
+    vehicle: Vehicle  # with the measured steer angles
     settings: ObserverSettings
+    outputs: tuple[str, ...]  # the measured signals
+    reported: tuple[str, ...]  # the reported signals
+    roll: bool  # yaw and roll, or yaw only
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the models, which a copy builds anew."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @lazy
+    def model(self) -> ObservedChain:
+        """The model of the measured signals."""
+        return self._chain(self.outputs)
+
+    @lazy
+    def report(self) -> ObservedChain:
+        """The model of the reported signals."""
+        return self._chain(self.reported)
+
+    def _chain(self, names: tuple[str, ...]) -> ObservedChain:
+        return observed_chain(
+            self.vehicle,
+            names,
+            accelerometers=names_of(LATERAL_ACCELERATION, self.outputs),
+            roll=self.roll,
+            estimate_bank=self.settings.estimate_bank,
+            tyres=self.settings.tyres,
+        )
 
     @lazy
     def scan(self) -> Scan:
@@ -66,13 +95,32 @@ class ObserverModel:
         return observer_step(self.model, self.report)
 
     @lazy
+    def stream(self) -> StreamSettings:
+        """How it treats faults of the signals."""
+        settings = self.settings
+        rates = {"speed": settings.max_acceleration}
+        rates |= dict.fromkeys(self.vehicle.steer_signals(), settings.max_steer_rate)
+        return StreamSettings(
+            inputs=tuple(
+                InputRule(name=name, largest=magnitude(name), jump=rate * SHORTEST, rate=rate)
+                for name, rate in rates.items()
+            ),
+            measured={name: magnitude(name) for name in self.outputs},
+            min_speed=settings.min_speed,
+            hold=settings.hold,
+            max_gap=settings.max_gap,
+            coast=settings.coast,
+            speed_smoothing=settings.speed_smoothing if settings.tyres == "saturating" else None,
+        )
+
+    @property
     def step_limit(self) -> StepLimit:
         """The longest step of the model."""
-        return StepLimit(self.vehicle, roll=self.model.roll)
+        return step_limit(self.vehicle, self.roll)
 
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
-        values = dynamics.all_parameters(self.vehicle, self.model.outputs, tyres=self.settings.tyres)
+        values = dynamics.all_parameters(self.vehicle, self.outputs, tyres=self.settings.tyres)
         return values | self._surroundings() | dict(self.settings.sensor_errors)
 
     def _surroundings(self) -> dict[str, float]:
@@ -120,11 +168,9 @@ class ObserverModel:
 
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
         """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
-        settings, outputs = self.settings, self.model.outputs
-        drift = variances.OBSERVER_PROCESS_VARIANCE | {
-            STEER.quantity: 0.0,
-            LATERAL_ACCELERATION.quantity: 0.0,
-        }  # offsets are constant
+        settings, outputs = self.settings, self.outputs
+        constant = {STEER.quantity: 0.0, LATERAL_ACCELERATION.quantity: 0.0}  # offsets
+        drift = variances.OBSERVER_PROCESS_VARIANCE | constant
         noise = Noise(
             process=variances.process_covariance(self.model.states, drift, settings.process_noise),
             measurement=np.array([variances.sensor_variance(self.vehicle, name, settings.noise) for name in outputs]),
@@ -138,7 +184,7 @@ class ObserverModel:
 
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
-        parameters, names = self.vehicle.parameters() | self._surroundings(), self.report.outputs
+        parameters, names = self.vehicle.parameters() | self._surroundings(), self.reported
         values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyres) | self._surroundings()
         errors = {**self.settings.sensor_errors, **changed}
         values |= {name: value for name, value in errors.items() if SignalName.of(name).quantity == "steer"}
@@ -151,15 +197,13 @@ class ObserverModel:
     def start(self, inputs: Mapping[str, float], *, suspect: bool = False) -> Array:
         """[x, P, considered] before a first sample: the steady state of the inputs and of the means of the unknowns.
 
-        Args:
-            inputs: speed, m/s, and steer angles, rad, of the sample.
-            suspect: whether the measurements contradict the inputs; then P allows for any steer angle.
+        If the measurements contradict the inputs (`suspect`), P allows for any steer angle.
         """
         values, n = self.values(), len(self.model.states)
         unknowns = self.model.unknowns
         means = np.array([values[name] for name in unknowns])
         errors = self.settings.sensor_errors
-        x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.model.roll, bank=means[0])
+        x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.roll, bank=means[0])
         P0 = initial_covariance(m, SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA)
         sigmas = np.array([self.settings.bank, *map(self.settings.offset_sigma, unknowns[1:])])
         bank, *offsets = sigmas[:, None] * self._effects(m)
@@ -169,12 +213,8 @@ class ObserverModel:
         return np.concatenate([x0, pack_array(P0), [] if self.model.estimates_bank else bank])
 
     def effects(self, inputs: Mapping[str, float]) -> Array:
-        """Change (u, n) of the first state per unit of each of the u unknowns.
-
-        Args:
-            inputs: of the first sample.
-        """
-        _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.model.roll)
+        """Change (u, n) of the first state, from the inputs there, per unit of each of the u unknowns."""
+        _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.roll)
         return self._effects(m)
 
     def _effects(self, m: dynamics.Matrices) -> Array:

@@ -13,15 +13,13 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters import kalman, smoother
 from fifthwheel.filters.model import packed_size, sizes
 from fifthwheel.observe import monitor
-from fifthwheel.observe.inputs import measured_inputs
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.parameter_variance import parameter_variance
-from fifthwheel.observe.segments import ObserverSegment, measurements, observer_segments, without_measurement
-from fifthwheel.observe.sigma_points import SigmaPoints, sigma_point_variance
-from fifthwheel.observe.states import States, Status
+from fifthwheel.observe.parameter_variance import SigmaPoints, parameter_variance, sigma_point_variance
+from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
 
 CHUNK = 500
 """Number of rows in one pass, which bounds the memory of the smoother. Its forward pass stores only the carry before
@@ -29,37 +27,25 @@ each chunk; the backward pass repeats the filter chunk by chunk."""
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
-    """All states of a record.
-
-    Args:
-        record: with the signals of the observer.
-        observer: the models and the settings.
-        uncertainty: of parameters and sensor errors; their contribution is added to every variance.
-        smooth: with all samples, instead of the past ones.
-
-    Raises:
-        SignalError: the record does not have a signal of the observer, or an uncertain name does not exist.
-    """
-    model = observer.model
-    for name in (*measured_inputs(model.inputs), *model.outputs):
+    """All states of a record, with all samples (`smooth`) or the past ones; see `Observer.batch`."""
+    stream = observer.stream
+    for name in (*(rule.name for rule in stream.inputs), *stream.measured):
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
-    uncertain = _uncertain(record, observer, uncertainty, smooth=smooth)
-    pairs = observer.pairs(uncertain)
-    status, segments = observer_segments(record, model, observer.settings, observer.step_limit)
-    n, m = len(observer.report.outputs), len(model.outputs)
+    points = SigmaPoints.of(observer, _uncertain(record, observer, uncertainty, smooth=smooth))
+    status, segments = stream_segments(record, stream, observer.step_limit)
+    n, m = len(observer.report.outputs), len(stream.measured)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
-    points, with_bank = SigmaPoints.of(observer, pairs), BANK in uncertain.names
     for segment in segments:
         for part, start, filtered in filtered_parts(observer, segment):
             samples, rows = part.samples, part.rows
             output[samples] = filtered[part.sample_indices]
             rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
-            reported = partial(reported_states, observer, part, start, output[samples], points, with_bank=with_bank)
+            reported = partial(reported_states, observer, part, start, output[samples], points)
             if smooth and is_finite(result := reported(smooth=True)):
                 output[samples, : 2 * n] = result
-            elif smooth or pairs:  # the states of the filter remain where the smoother diverges
+            elif smooth or points.steps.size:  # the states of the filter remain where the smoother diverges
                 output[samples, : 2 * n] = reported(smooth=False)
             del part, filtered, rows, reported  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
@@ -75,43 +61,29 @@ def is_finite(result: Array) -> bool:
 
 
 def reported_states(
-    observer: ObserverModel,
-    part: ObserverSegment,
-    start: Array,
-    output: Array,
-    points: SigmaPoints,
-    *,
-    with_bank: bool,
-    smooth: bool,
+    observer: ObserverModel, part: StreamSegment, start: Array, output: Array, points: SigmaPoints, *, smooth: bool
 ) -> Array:
     """Values and variances (N, 2 n) of the reported signals for the N samples of a part.
 
-    Args:
-        observer: the models and the settings.
-        part: its rows have weights only where the filter accepted the measurement.
-        start: carry before the first row, without the monitor.
-        output: of the filter (N, n_output).
-        points: sigma points of the uncertain parameters.
-        with_bank: whether the bank is one of them.
-        smooth: with all samples of the part, instead of the past ones.
+    Its rows have weights only where the filter accepted the measurement; `start` is the carry before the first row,
+    without the monitor, `output` that of the filter (N, n_output).
     """
-    model, n, ungated = observer.model, len(observer.report.outputs), observer.constant(gate=np.inf)
+    model, n = observer.model, len(observer.report.outputs)
     excess = monitor.excess(output[:, -2:-1])
     values, raised = output[:, :n], output[:, n : 2 * n]
     own = raised / excess
     run = partial(smoother_pass, model, observer.report, part.rows)
     if smooth:
         start = start[: len(model.states) + packed_size(len(model.states))]
-        values, own = np.hsplit(run(start[None], ungated[None])[0, part.sample_indices], 2)
+        values, own = np.hsplit(run(start[None], observer.constant(gate=np.inf)[None])[0, part.sample_indices], 2)
         raised = own * excess
     if not points.steps.size:
         return np.hstack([values, raised])
     effects = observer.effects(part.first)
-    variance = (
-        sigma_point_variance(points, effects, start, run, observer.scan.lanes)
-        if smooth
-        else parameter_variance(model, observer.report, points, effects, start, part.rows, ungated, with_bank=with_bank)
-    )
+    if smooth:
+        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+    else:
+        variance = parameter_variance(observer, points, effects, start, part.rows)
     total = np.maximum(own + variance[part.sample_indices], 0.0)
     # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
     raised = np.where(total < own, excess * total, raised)  # less: the bank is known
@@ -131,7 +103,7 @@ def _uncertain(
     return uncertain
 
 
-def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterator[tuple[ObserverSegment, Array, Array]]:
+def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[tuple[StreamSegment, Array, Array]]:
     """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs.
 
     The rows of a part are its own. As in `Observer.push`, the filter restarts at samples only; rows between the last
@@ -160,18 +132,14 @@ def filtered_parts(observer: ObserverModel, segment: ObserverSegment) -> Iterato
     yield segment.part(first, row), start, outputs[first:]
 
 
-def chunks(rows: Array) -> list[slice]:
-    """Consecutive slices of at most `CHUNK` rows."""
-    return [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
-
-
 def smoother_pass(model: ObservedChain, report: ObservedChain, rows: Array, carry: Array, constant: Array) -> Array:
-    """Outputs of `report` and their variances given all rows, (B, M, 2 n); arguments as in `filter_pass`."""
+    """Outputs of `report` and their variances given all M rows, for B carries and constants, (B, M, 2 n)."""
     n_x, n_d, _, _, n_y = sizes(model)
     n_P = packed_size(n_x)
     forwards, backwards = kalman.kalman_step(model), smoother.smoother_step(model, report)
     filter_constant, constant = constant[:, : forwards.n_constant], constant[:, : backwards.n_constant]
-    slices, starts = chunks(rows), [carry]
+    slices = [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
+    starts = [carry]
     for chunk in slices[:-1]:
         starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
     back = np.zeros((len(carry), backwards.n_carry))
@@ -193,7 +161,7 @@ def _states(record: Record, observer: ObserverModel, output: Array, status: NDAr
     columns = np.split(output, np.cumsum([n, n, m, m, m]), axis=1)
     values, variances, innovation, innovation_variance, accepted, findings = columns
     sigma = np.sqrt(variances)
-    innovation = np.where(np.isfinite(measurements(record, measured)), innovation, np.nan)
+    innovation = np.where(np.isfinite(measurements(record, observer.stream.measured)), innovation, np.nan)
     return States(
         name=record.name,
         time=record.time,

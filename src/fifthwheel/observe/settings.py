@@ -83,17 +83,8 @@ class ObserverSettings:
     landing legs; by default under the CoG."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "min_speed",
-            "coast",
-            "max_gap",
-            "gate",
-            "max_steer_rate",
-            "max_acceleration",
-            "max_nis",
-            "nis_window",
-            "speed_smoothing",
-        ):
+        times = ("coast", "max_gap", "nis_window", "speed_smoothing")
+        for name in ("min_speed", "gate", "max_steer_rate", "max_acceleration", "max_nis", *times):
             if not getattr(self, name) > 0:
                 raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; give a positive number")
         low, high = FRICTION_RANGE

@@ -4,7 +4,6 @@ import functools
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +21,7 @@ from fifthwheel.plots.palette import BLUE, GREY, ORANGE, PURPLE, VERMILLION
 from fifthwheel.plots.panels import trimmed, visible_range
 from fifthwheel.record import Record
 from fifthwheel.record.signal_names import si_unit
+from fifthwheel.stream import Status
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,27 +30,6 @@ if TYPE_CHECKING:
 PREDICTED = f"{PREDICTED_LOAD_TRANSFER.quantity}."
 LIFT_LIMIT = 0.9
 """The first axle of a group lifts when the load transfer ratio of the group is about 0.95; errors are about 0.05."""
-
-
-class Status(IntEnum):
-    """Status of a sample; its states are NaN if it is TOO_SLOW or INPUT_MISSING.
-
-    Example:
-        >>> import fifthwheel as fw
-        >>> fw.Status(2).name
-        'TOO_SLOW'
-    """
-
-    OK = 0
-    COASTING = 1
-    """No accepted measurement for longer than `ObserverSettings.coast`: the model predicts from its inputs."""
-    TOO_SLOW = 2
-    """Below the lowest speed of the model."""
-    INPUT_MISSING = 3
-    """The speed or a steer angle is missing or implausible for longer than `ObserverSettings.hold`."""
-    INCONSISTENT = 4
-    """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
-    `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
 
 
 SHADES = {

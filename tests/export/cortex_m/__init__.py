@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.export import export_c
-from fifthwheel.export.project import LEARNER_SOURCES
+from fifthwheel.export.project import LEARNER_SOURCES, OBSERVER_SOURCES
 from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
@@ -40,7 +40,7 @@ class Emulation:
 
 
 CALLS = {
-    "observer": ("fw_observer_push", "fw_start|fw_step|fw_subdivide", "fw_matrices|fw_random_steer|fw_solve"),
+    "observer": ("fw_observer_push", "fw_start|fw_advance", "fw_matrices|fw_random_steer|fw_solve|fw_step"),
     "learner": (
         "fw_learner_push",
         "fw_advance",
@@ -78,7 +78,7 @@ def emulated(
         assert done.returncode == 0, done.stderr[:2000]
         return done.stdout
 
-    sources = LEARNER_SOURCES if kind == "learner" else ("fw_observer.c",)
+    sources = LEARNER_SOURCES if kind == "learner" else OBSERVER_SOURCES
     objects = [name.replace(".c", ".o") for name in sources]
     run(*target, "-std=c99", "-fstack-usage", "-c", *sources)
     start = run(*target, "--specs=rdimon.specs", "--print-file-name=rdimon-crt0.o").strip()

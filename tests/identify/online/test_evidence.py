@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.online.innovations import InnovationStatistics
+from fifthwheel.identify.online.live_filter import InnovationStatistics
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

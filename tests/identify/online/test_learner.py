@@ -10,7 +10,7 @@ import pytest
 from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.online import Learner, LearnerSettings
-from fifthwheel.identify.online.excitation import Excitation
+from fifthwheel.identify.online.steering import Excitation
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Status

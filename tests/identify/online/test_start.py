@@ -6,8 +6,8 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.identify.initial_state import steady_state_slopes
 from fifthwheel.identify.online import LearnerSettings
-from fifthwheel.identify.online.live_filter import start_state
 from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.start import start_state
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.vehicle import Vehicle
 

@@ -6,6 +6,7 @@
 #include <math.h>
 
 #ifdef FW_FLOAT
+#define FW_REAL_MAX 3.40282347e38f
 #define FW_REAL(value) value##f
 #define FW_SQRT(value) sqrtf(value)
 #define FW_EXP(value) expf(value)
@@ -15,6 +16,7 @@
 #define FW_COS(value) cosf(value)
 #define FW_ATAN(value) atanf(value)
 #else
+#define FW_REAL_MAX 1.7976931348623157e308
 #define FW_REAL(value) value
 #define FW_SQRT(value) sqrt(value)
 #define FW_EXP(value) exp(value)

@@ -1,28 +1,23 @@
 /* State observer of an articulated heavy vehicle. See fw_observer.h.
 
    The Kalman filter itself is fw_step() in fw_model.c, which is generated. This file holds what is the same for every
-   vehicle: plausible and held inputs, the start of the filter, steps between samples, and statuses. */
+   vehicle: the start of the filter, and statuses; fw_stream.h the inputs and the steps between samples. */
 
 #include "fw_observer.h"
 #include "fw_model.h"
 #include "fw_algebra.h"
-#include "fw_step_length.h"
-
-#include <math.h>
-#include <stdbool.h>
+#include "fw_stream.h"
 
 #define FW_OUTPUTS ((2 * FW_STATE_COUNT) + (3 * FW_MEASURED_COUNT) + 2)
 #define FW_ACCEPTED ((2 * FW_STATE_COUNT) + (2 * FW_MEASURED_COUNT))
 #define FW_NIS (FW_OUTPUTS - 2)
 #define FW_RESTART (FW_OUTPUTS - 1)
-#define FW_SAMPLE (1 + (2 * FW_MODEL_INPUT_COUNT) + (2 * FW_MEASURED_COUNT))
 #define FW_U FW_UNKNOWN_COUNT /* the bank of the road, and the offsets of the steer angles and accelerometers */
-#define FW_MAX_STEPS 100000.0
-#define FW_SHORTEST FW_REAL(0.01) /* s; the change of this time is plausible within any shorter time */
 
 /* Starts the filter at the steady state of the inputs and of the means of the unknowns. */
-static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, fw_real steer_sigma)
+static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
 {
+    const fw_real *const inputs = observer->stream.held;
     fw_real a[FW_N * FW_N];
     fw_real work[FW_N * FW_N];
     fw_real b[FW_N * FW_STEER_COUNT];
@@ -32,18 +27,19 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
     fw_real p[FW_L * FW_L] = {0};
     fw_real *carry = observer->carry;
     int place = FW_FILTER_STATES;
-    const bool stable = inputs[0] < FW_CRITICAL_SPEED;
+    const int stable = (inputs[0] < FW_CRITICAL_SPEED) ? 1 : 0;
+    fw_stream_start(&observer->stream);
     fw_matrices(&inputs[0], a, b, effect);
     for (int i = 0; i < FW_N; i++) {
         fw_real *row = &x[i * (1 + FW_U)];
         for (int j = 0; j <= FW_U; j++) {
             row[j] = FW_REAL(0.0);
         }
-        if (stable) {
+        if (stable != 0) {
             row[0] = -effect[i] * fw_unknown_mean[0];
             row[1] = -effect[i] * fw_unknown_sigma[0];
         }
-        for (int j = 0; stable && (j < FW_STEER_COUNT); j++) {
+        for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
             const fw_real gain = b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j];
             row[0] -= gain * (inputs[1 + j] - fw_unknown_mean[1 + j]);
             row[2 + j] = gain * fw_unknown_sigma[1 + j];
@@ -52,7 +48,7 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
             work[(i * FW_N) + j] = a[(i * FW_N) + j];
         }
     }
-    if (stable) {
+    if (stable != 0) {
         (void)fw_solve(FW_N, work, 1 + FW_U, x);
         (void)fw_random_steer(a, b, FW_STEER_COUNT, p);
     }
@@ -91,113 +87,44 @@ static void fw_start(fw_observer *observer, const fw_real *inputs, fw_real nis, 
     carry[place + 2] = -FW_REAL(1.0);
 }
 
-/* Takes the plausible inputs of a sample; whether every input is then at most FW_HOLD seconds old. */
-static bool fw_hold_inputs(fw_observer *observer, const fw_sample *sample)
+/* Runs all steps from the last sample to this one; returns 0 if they are too many. */
+static int fw_advance(fw_observer *observer, const fw_sample *sample, double previous, fw_real *out)
 {
-    bool fresh = true;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        const fw_real value = sample->input[i];
-        const double age = sample->time - observer->seen[i];
-        const fw_real within = (age > (double)FW_SHORTEST) ? (fw_real)age : FW_SHORTEST;
-        const bool possible = FW_ABS(value) <= fw_input_magnitude[i];
-        const bool follows = FW_ABS(value - observer->held[i]) <= (fw_input_rate[i] * within);
-        if (possible && (follows || !(age <= FW_HOLD))) {
-            observer->held[i] = value;
-            observer->seen[i] = sample->time;
-#if FW_MODEL_INPUT_COUNT > FW_INPUT_COUNT
-            if (i == 0) { /* the derivative of the speed follows the signals */
-                const bool starts = !(age <= FW_MAX_GAP);
-                const fw_real speed[3] = {
-                    starts ? FW_REAL(1.0) : (fw_real)age, value, starts ? FW_REAL(1.0) : FW_REAL(0.0)};
-                fw_speed_rate(observer->speed_rate, speed, observer->speed_rate, &observer->held[FW_INPUT_COUNT]);
-            }
-#endif
-        } else if (!(age <= FW_HOLD)) {
-            fresh = false;
-        } else {
-            /* the last value is held */
-        }
-    }
-    return fresh;
-}
-
-/* Runs all steps between two samples but the last one, and gives its length; the inputs before it are in row. */
-static fw_real fw_subdivide(fw_observer *observer, double before, double time, const fw_real *inputs, fw_real *row)
-{
-    const double gap = time - before;
-    const fw_real first = fw_longest_step(observer->last[0]);
-    const fw_real second = fw_longest_step(inputs[0]);
-    const double count = ceil(gap / (double)((first < second) ? first : second));
-    double last = before;
-    double length;
-    int steps;
-    if (!(count < FW_MAX_STEPS)) {
-        return FW_REAL(-1.0);
-    }
-    steps = (int)count;
+    fw_real row[FW_ROW_WEIGHTS + FW_MEASURED_COUNT];
+    fw_real ends[2 * FW_MODEL_INPUT_COUNT];
+    int count;
     for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-        row[1 + i] = observer->last[i];
+        ends[i] = observer->stream.last[i];
+        ends[FW_MODEL_INPUT_COUNT + i] = observer->stream.held[i];
     }
-    for (int step = 1; step < steps; step++) {
-        fw_real out[FW_OUTPUTS];
-        const double fraction = (double)step / count;
-        const double now = before + (gap * fraction);
-        length = now - last;
-        row[0] = (fw_real)length;
-        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-            const fw_real change = inputs[i] - observer->last[i];
-            row[1 + FW_MODEL_INPUT_COUNT + i] = observer->last[i] + (change * (fw_real)fraction);
-        }
-        for (int i = 1 + (2 * FW_MODEL_INPUT_COUNT); i < FW_SAMPLE; i++) {
-            row[i] = FW_REAL(0.0);
+    count = fw_step_count(sample->time - previous, ends);
+    for (int step = 1; step <= count; step++) {
+        fw_write_step(row, ends, previous, sample->time, step, count);
+        if (step == count) {
+            (void)fw_write_measurements(row, sample);
         }
         fw_step(observer->carry, row, observer->carry, out);
-        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-            row[1 + i] = row[1 + FW_MODEL_INPUT_COUNT + i];
-        }
-        last = now;
     }
-    length = time - last;
-    return (fw_real)length;
+    return count;
 }
 
 void fw_observer_init(fw_observer *observer)
 {
-    *observer = (fw_observer){.time = -INFINITY, .accepted = -INFINITY};
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        observer->held[i] = (fw_real)NAN;
-        observer->seen[i] = -INFINITY;
-    }
+    *observer = (fw_observer){.stream = {.running = 0}};
+    fw_stream_init(&observer->stream);
 }
 
 fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_states *states)
 {
-    const double time = sample->time;
-    const double previous = observer->time;
-    fw_real row[FW_SAMPLE];
+    double previous = observer->stream.time;
     fw_real out[FW_OUTPUTS];
-    fw_real inputs[FW_MODEL_INPUT_COUNT];
-    bool fresh;
-    bool accepted = false;
-    if (!(time > previous) || !(time < INFINITY)) {
+    int accepted = 0;
+    if (!(sample->time > previous) || !(sample->time < INFINITY)) {
         return FW_ERROR_TIME;
     }
-    fresh = fw_hold_inputs(observer, sample);
-    observer->time = time;
-    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-        inputs[i] = observer->held[i];
-    }
-    states->time = time;
-    states->status = FW_OK;
-    if (!fresh) {
-        states->status = FW_INPUT_MISSING;
-    } else if (inputs[0] < FW_MIN_SPEED) {
-        states->status = FW_TOO_SLOW;
-    } else {
-        /* the states can be estimated */
-    }
+    states->time = sample->time;
+    states->status = fw_stream_take(&observer->stream, sample);
     if (states->status != FW_OK) {
-        observer->running = 0;
         states->nis = (fw_real)NAN;
         for (int i = 0; i < FW_STATE_COUNT; i++) {
             states->value[i] = (fw_real)NAN;
@@ -205,52 +132,23 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
         }
         return FW_SUCCESS;
     }
-    if ((observer->running == 0) || ((time - previous) > FW_MAX_GAP)) {
-        fw_start(observer, inputs, FW_REAL(1.0), FW_TYPICAL_STEER_SIGMA);
-        observer->running = 1;
-        observer->accepted = time;
-        row[0] = FW_REAL(0.0);
-        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-            row[1 + i] = inputs[i];
-        }
-    } else {
-        row[0] = fw_subdivide(observer, previous, time, inputs, row);
-        if (row[0] < FW_REAL(0.0)) {
-            observer->running = 0;
-            return FW_ERROR_GAP;
-        }
+    if (fw_stream_starts(&observer->stream, previous) != 0) {
+        fw_start(observer, FW_REAL(1.0), FW_TYPICAL_STEER_SIGMA);
+        observer->stream.accepted = sample->time;
+        previous = sample->time;
     }
-    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-        row[1 + FW_MODEL_INPUT_COUNT + i] = inputs[i];
+    if (fw_advance(observer, sample, previous, out) == 0) {
+        observer->stream.running = 0;
+        return FW_ERROR_GAP;
     }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        const fw_real value = sample->measured[i];
-        const bool present = FW_ABS(value) <= fw_measured_magnitude[i];
-        row[1 + (2 * FW_MODEL_INPUT_COUNT) + i] = present ? value : FW_REAL(0.0);
-        row[1 + (2 * FW_MODEL_INPUT_COUNT) + FW_MEASURED_COUNT + i] = present ? FW_REAL(1.0) : FW_REAL(0.0);
-    }
-    fw_step(observer->carry, row, observer->carry, out);
     if (out[FW_RESTART] != FW_REAL(0.0)) { /* the measurements contradict the state */
-        fw_start(observer, inputs, out[FW_NIS], FW_SUSPECT_STEER_SIGMA);
-        row[0] = FW_REAL(0.0);
-        for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-            row[1 + i] = inputs[i];
-        }
-        fw_step(observer->carry, row, observer->carry, out);
-    }
-    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-        observer->last[i] = inputs[i];
+        fw_start(observer, out[FW_NIS], FW_SUSPECT_STEER_SIGMA);
+        (void)fw_advance(observer, sample, sample->time, out);
     }
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        accepted = accepted || (out[FW_ACCEPTED + i] != FW_REAL(0.0));
+        accepted = ((accepted != 0) || (out[FW_ACCEPTED + i] != FW_REAL(0.0))) ? 1 : 0;
     }
-    if (accepted) {
-        observer->accepted = time;
-    } else if ((time - observer->accepted) > FW_COAST) {
-        states->status = FW_COASTING;
-    } else {
-        /* no measurement for a short time */
-    }
+    states->status = fw_stream_finish(&observer->stream, accepted);
     if (out[FW_NIS] > FW_MAX_NIS) {
         states->status = FW_INCONSISTENT;
     }

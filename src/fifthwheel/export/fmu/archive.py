@@ -12,7 +12,7 @@ from fifthwheel.export.fmu import description
 from fifthwheel.export.fmu.binaries import PLATFORMS, libraries
 from fifthwheel.export.fmu.observer import observer_model
 from fifthwheel.export.fmu.truck import truck_model
-from fifthwheel.export.fmu.variables import Model, Role
+from fifthwheel.export.fmu.variables import FmuModel, Role
 from fifthwheel.export.fmu.variables import table as variable_table
 from fifthwheel.observe import Observer
 from fifthwheel.pages.page import page
@@ -100,7 +100,7 @@ def export_fmu(
     return path
 
 
-def _header(model: Model, identity: str) -> str:
+def _header(model: FmuModel, identity: str) -> str:
     return "\n".join(
         [
             "/* Sizes and the state of this model, generated; included by fmu.h only. */",
@@ -120,7 +120,7 @@ def _header(model: Model, identity: str) -> str:
     )
 
 
-def _documentation(model: Model) -> bytes:
+def _documentation(model: FmuModel) -> bytes:
     """The page to which an importer links."""
     rows = [
         [variable.name, description.VARIABILITY[variable.role][0], variable.unit or "", variable.description]

@@ -47,12 +47,7 @@ _WITHOUT_C_LIBRARY = ("-nostdlib", "-rtlib=compiler-rt", "-Ifreestanding")
 
 
 def libraries(sources: Mapping[str, str], identifier: str, platforms: Iterable[str]) -> dict[str, bytes]:
-    """The shared library of each platform, by the name of the platform.
-
-    Args:
-        sources: C files and headers by name.
-        identifier: name of the library.
-        platforms: among those of `PLATFORMS`.
+    """The shared library of each of some `PLATFORMS`, of C files and headers by name.
 
     The cache of the compiler is temporary, unless its variable ZIG_GLOBAL_CACHE_DIR names another one.
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree as ET
 
 from fifthwheel import __version__
-from fifthwheel.export.fmu.variables import Model, Role, Variable
+from fifthwheel.export.fmu.variables import FmuModel, Role, Variable
 from fifthwheel.formatting import plain_ascii, shown
 from fifthwheel.units import base_units
 
@@ -27,15 +27,8 @@ def token(sources: Mapping[str, str]) -> str:
     return f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
 
 
-def model_description(model: Model, fmi: int, identity: str, source_files: Iterable[str]) -> str:
-    """modelDescription.xml.
-
-    Args:
-        model: to describe.
-        fmi: version of the standard, 2 or 3.
-        identity: from `token`.
-        source_files: names of the C files to compile.
-    """
+def model_description(model: FmuModel, fmi: int, identity: str, source_files: Iterable[str]) -> str:
+    """modelDescription.xml of FMI 2 or 3, with an identity from `token` and the names of the C files to compile."""
     root = ET.Element(
         "fmiModelDescription",
         {
@@ -60,7 +53,7 @@ def model_description(model: Model, fmi: int, identity: str, source_files: Itera
     return _text(root)
 
 
-def build_description(model: Model, source_files: Iterable[str]) -> str:
+def build_description(model: FmuModel, source_files: Iterable[str]) -> str:
     """sources/buildDescription.xml of FMI 3.0."""
     root = ET.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = ET.SubElement(root, "BuildConfiguration", {"modelIdentifier": model.identifier})
@@ -70,7 +63,7 @@ def build_description(model: Model, source_files: Iterable[str]) -> str:
     return _text(root)
 
 
-def _co_simulation(model: Model, fmi: int, source_files: Iterable[str]) -> ET.Element:
+def _co_simulation(model: FmuModel, fmi: int, source_files: Iterable[str]) -> ET.Element:
     state = {2: "FMUstate", 3: "FMUState"}[fmi]
     element = ET.Element(
         "CoSimulation",

@@ -1,9 +1,8 @@
 """The observer of a vehicle as the model of an FMU."""
 
 from fifthwheel.export import project
-from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
+from fifthwheel.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
 from fifthwheel.observe import Observer, Status
-from fifthwheel.record.signal_names import si_unit
 
 MEASURED = "measured."
 """Prefix of the inputs that are also estimated, such as yaw rates."""
@@ -13,37 +12,18 @@ SAMPLE_TIMES = (0.0, 10.0)
 """Limits of the parameter, s."""
 
 
-def observer_model(observer: Observer) -> Model:
-    """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status.
-
-    Raises:
-        FifthwheelError: two signals have the same name in C.
-    """
-    measured = [(name, name) for name in observer.inputs] + [(f"{MEASURED}{name}", name) for name in observer.outputs]
-    inputs = [
-        Variable(name=shown, role=Role.INPUT, unit=si_unit(name), description=f"measured {described(name)}")
-        for shown, name in measured
-    ]
+def observer_model(observer: Observer) -> FmuModel:
+    """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status."""
+    inputs = [of_signal(name, Role.INPUT, "measured") for name in observer.inputs]
+    inputs += [of_signal(name, Role.INPUT, "measured", f"{MEASURED}{name}") for name in observer.outputs]
+    words = "least time from one sample to the next; 0: each step is a sample"
     sample_time = Variable(
-        name="sample_time",
-        role=Role.FIXED,
-        unit="s",
-        start=SAMPLE_TIME,
-        limits=SAMPLE_TIMES,
-        description="least time from one sample to the next; 0: each step is a sample",
+        name="sample_time", role=Role.FIXED, unit="s", start=SAMPLE_TIME, limits=SAMPLE_TIMES, description=words
     )
     outputs = []
     for name in observer.reported:
-        words = described(name)
-        outputs += [
-            Variable(name=name, role=Role.OUTPUT, unit=si_unit(name), description=f"estimated {words}"),
-            Variable(
-                name=f"{name}.sigma",
-                role=Role.OUTPUT,
-                unit=si_unit(name),
-                description=f"standard deviation of the estimated {words}",
-            ),
-        ]
+        outputs.append(of_signal(name, Role.OUTPUT, "estimated"))
+        outputs.append(of_signal(name, Role.OUTPUT, "standard deviation of the estimated", f"{name}.sigma"))
     nis = Variable(
         name="nis", role=Role.OUTPUT, unit="1", description="mean normalised innovation squared; 1 is expected"
     )
@@ -59,7 +39,7 @@ def observer_model(observer: Observer) -> Model:
         "FMU_STATUS": place["status"],
     }
     library = project.observer_texts(observer)
-    return Model(
+    return FmuModel(
         name=f"{observer.vehicle.name} observer",
         description=f"State observer of {observer.vehicle.name}",
         variables=variables,

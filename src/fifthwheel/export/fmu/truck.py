@@ -11,15 +11,15 @@ from fifthwheel.dynamics.chain import BANK, equations
 from fifthwheel.dynamics.state_space import MAX_SPEED
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.export import project
 from fifthwheel.export.c_text import table
-from fifthwheel.export.fmu.variables import TIME, Model, Role, Variable, described
+from fifthwheel.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
 from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR, HEIGHT_BOUNDS
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
-from fifthwheel.observe.inputs import magnitude
-from fifthwheel.record.signal_names import si_unit
+from fifthwheel.stream import magnitude
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.vehicle import require_vehicle
 
@@ -46,20 +46,8 @@ def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
 
 def truck_model(
     vehicle: Vehicle, *, outputs: Sequence[str] | None = None, tunable: Sequence[str] | None = None
-) -> Model:
-    """Inputs are the speed, the steer angles and the bank of the road.
-
-    Args:
-        vehicle: with its numbers.
-        outputs: names of signals; by default those of `default_outputs`.
-        tunable: parameters that the importer can change, by path or by the end of it; by default those that one stage
-            estimates.
-
-    Raises:
-        SignalError: the model does not have an output, or it is an input.
-        VehicleError: a parameter does not exist, or no axle is steerable.
-        FifthwheelError: a tunable parameter is not above 0.
-    """
+) -> FmuModel:
+    """Inputs are the speed, the steer angles and the bank of the road; arguments and errors as in `export_fmu`."""
     require_vehicle(vehicle)
     vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
     free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable, OneStage())
@@ -67,6 +55,7 @@ def truck_model(
     if BANK in names:
         raise SignalError(f"{BANK}: an input of the truck; leave it out of the outputs")
     model = dynamics.model(vehicle, names, roll=True, free=free, bank=True)
+    bank = "bank of the road, positive with the left edge higher"
     inputs = [
         Variable(
             name="speed",
@@ -86,25 +75,17 @@ def truck_model(
             )
             for name in vehicle.steer_signals()
         ),
-        Variable(
-            name=BANK,
-            role=Role.INPUT,
-            unit="rad",
-            description="bank of the road, positive with the left edge higher",
-            limits=(-BANK_LIMIT, BANK_LIMIT),
-        ),
+        Variable(name=BANK, role=Role.INPUT, unit="rad", description=bank, limits=(-BANK_LIMIT, BANK_LIMIT)),
     ]
     parameters = [_parameter(path, vehicle.parameters()[path]) for path in free]
-    reported = [
-        Variable(name=name, role=Role.OUTPUT, unit=si_unit(name), description=described(name)) for name in names
-    ]
+    reported = [of_signal(name, Role.OUTPUT) for name in names]
     places = {
         "FMU_FIRST_INPUT": 1,
         "FMU_FIRST_PARAMETER": 1 + len(inputs),
         "FMU_FIRST_OUTPUT": 1 + len(inputs) + len(parameters),
     }
     sizes = {"FW_STATES": len(model.states) - 1, "FW_INPUTS": len(inputs), "FW_PARAMETERS": len(parameters)}
-    return Model(
+    return FmuModel(
         name=f"{vehicle.name} truck",
         description=f"Linear yaw-roll model of {vehicle.name}",
         variables=(TIME, *inputs, *parameters, *reported),
@@ -119,7 +100,7 @@ def truck_model(
                 "} fmu_model;",
             ]
         ),
-        sources={"fw_truck.h": _equations(model, vehicle)},
+        sources={"fw_truck.h": _equations(model, vehicle), "fw_step_length.h": project.source("fw_step_length.h")},
         notes=(
             "All states are 0 at the start: the truck drives straight ahead.",
             "Inputs are constant during a step, or, with FMI 2.0, change linearly by their derivatives. The model "

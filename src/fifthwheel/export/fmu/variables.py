@@ -4,8 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from fifthwheel.channels import SignalName
+from fifthwheel.record.signal_names import si_unit
 
 
 class Role(StrEnum):
@@ -37,7 +39,7 @@ class Variable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Model:
+class FmuModel:
     """What an FMU contains: its variables and the C of its model."""
 
     name: str  # of the vehicle and of what the FMU computes
@@ -54,6 +56,12 @@ class Model:
         """Name of its shared library, an identifier of C."""
         text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.name)
         return text if text[:1].isalpha() else f"model_{text}"
+
+
+def of_signal(signal: str, role: Role, words: str = "", name: str = "", **limits: Any) -> Variable:
+    """The variable of a signal, by default under its own name, described by the words and what the signal is."""
+    description = f"{words} {described(signal)}".strip()
+    return Variable(name=name or signal, role=role, unit=si_unit(signal), description=description, **limits)
 
 
 TIME = Variable(name="time", role=Role.TIME, unit="s", description="time")

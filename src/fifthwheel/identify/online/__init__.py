@@ -4,12 +4,9 @@ learner       Learner: push samples, read estimates, couple another trailer, sav
 settings      LearnerSettings
 problem       the unknowns, the signals and the model of a learner
 online_model  the model with the unknowns as parameters, and with discrepancies
-live_filter   the filter: one sample in, status out
+live_filter   the filter: one sample in, status out; statistics of its innovations
 start         the steady state at which it starts, as a function of the unknowns
-steering      contact of the play and rate of the steer angles
-inputs        speed and steer angles, each held at its last plausible value
-excitation    whether the driver steers enough to learn from a sample
-innovations   mean square and autocorrelation of the innovations
+steering      inputs of the model from the steer angles, and whether the driver steers enough to learn from a sample
 evidence      doubts
 persistence   estimates in a JSON file, and estimates of trailers that are not coupled
 """

@@ -17,7 +17,7 @@ from fifthwheel.identify.doubts import (
     ScoreTest,
     most_likely,
 )
-from fifthwheel.identify.online.innovations import InnovationStatistics
+from fifthwheel.identify.online.live_filter import InnovationStatistics
 from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind

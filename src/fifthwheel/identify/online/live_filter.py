@@ -1,68 +1,59 @@
 """The filter of a learner: takes one sample, and updates states and estimates."""
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from fifthwheel import dynamics
-from fifthwheel._types import Array
-from fifthwheel.channels import SignalName
-from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
-from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
-from fifthwheel.identify.online.excitation import Excitation
-from fifthwheel.identify.online.innovations import InnovationStatistics
-from fifthwheel.identify.online.inputs import HeldInputs
 from fifthwheel.identify.online.problem import OnlineProblem, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.online.start import steady_slopes
-from fifthwheel.identify.online.steering import Steering
-from fifthwheel.observe import Status
+from fifthwheel.identify.online.start import block_diagonal, discrepancy_variances, start_state
+from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.observe.observer_step import reported_signals
+from fifthwheel.stream import InputRule, Status, Stream, StreamSettings, magnitude
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are
 slow."""
+AVERAGING_TIME = 1.0
+"""Time constant of the average whose variance shows an autocorrelation of the innovations, s."""
+WINDOWS = 10.0
+"""Innovation windows over which that variance is averaged: it has fewer independent values than the mean square."""
 
 
 class LiveFilter:
     """A joint filter of the yaw-roll model, the road's bank, the unknown parameters and the sensors' errors.
 
     The constructor compiles the filter's step for the model, or takes it from the cache.
-
-    Args:
-        problem: unknowns, signals and model.
-        learner: when to learn, and how to treat faults of the signals.
     """
 
     def __init__(self, problem: OnlineProblem, learner: LearnerSettings) -> None:
         self.problem, self.learner = problem, learner
         self.filter = _relinearised_filter(problem, learner)
-        self.view = StateView(problem, self.filter)
+        self.view, self.row = StateView(problem, self.filter), self.filter.row
         self.learning = False
         """Whether it learned from the last sample."""
         self.innovations = InnovationStatistics(problem.outputs, learner.innovation_window, problem.settings.gate)
         """Of the samples from which it learned."""
         inputs = problem.inputs
-        self._inputs = HeldInputs(len(inputs), learner, problem.settings.min_speed)
+        self.stream = Stream(stream_settings(problem, learner), StepLimit(problem.vehicle, roll=True))
         self._steering = Steering(len(inputs) - 1)
         estimated = [u.name for u in problem.estimated]
         self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
         self._excitation = Excitation(problem.vehicle, len(inputs) - 1, learner, tyres=problem.settings.tyre_law)
-        self._step_limit = steps.StepLimit(problem.vehicle, roll=True)
-        self._running = False  # whether there is a state
-        self._time = -math.inf  # of the last sample, s
+        self._in_segment = False  # whether the last sample belongs to a segment with excitation
         self._start_time = -math.inf  # of the state, s
-        self._accepted_time = -math.inf  # of the last accepted measurement, s
-        self._last_inputs: Sequence[float] = ()  # of the last sample
+        self._dropout_time = -math.inf  # of the last long dropout of a steer angle, s
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: filters of one structure share it."""
-        state = {name: value for name, value in vars(self).items() if name not in ("filter", "view")}
+        state = {name: value for name, value in vars(self).items() if name not in ("filter", "view", "row")}
         return LiveFilter, (self.problem, self.learner), (state, self.filter.memory())
 
     def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
@@ -74,60 +65,54 @@ class LiveFilter:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
-    def discrepancy_variances(self) -> Array:
-        """Of each discrepancy among the states, SI squared."""
-        return _discrepancy_variances(self.problem, self.learner)
-
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
-        """Process a sample that is later than the last one.
+        """Process a sample of the problem's inputs and outputs, SI; None or NaN if missing."""
+        self.learning = False
+        return self.stream.process_sample(self, time, inputs, measured)
 
-        Args:
-            time: s.
-            inputs: of the model; None or NaN if missing.
-            measured: the problem's outputs; None or NaN if missing.
-        """
-        learner = self.learner
-        status, held = self._inputs.update(time, inputs)
-        gap, previous, self._time = time - self._time, self._time, time
-        if status != Status.OK:
-            self._running = self.learning = False
-            return status
-        if not self._running or gap > learner.max_gap:
-            gap = 0.0
-            self._start(time, held)
+    def start(self, stream: Stream) -> None:
+        """Start the state at the steady state of the inputs; the estimates stay."""
+        self.filter.end_segment()
+        first = dict(zip(self.problem.inputs, stream.inputs, strict=True))
+        x, P, V = start_state(self.problem, self.learner, self.filter.estimate().z, first)
+        before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
+        self.filter.start(x, P, V, np.array([*before, *after]))
+        self._excitation.restart()
+        self._start_time = stream.time
+        self.learning = False
+
+    def ends(self, stream: Stream) -> tuple[list[float], list[float]]:
+        """The held inputs, with contacts and rates of the steer angles."""
         was_excited = self._excitation.on
-        excited = self._excitation.update(gap, held) and time - self._start_time >= learner.settling_time
-        if was_excited and not self._excitation.on and self._is_worse_than_a_start():
-            gap = 0.0
-            self._start(time, held)
-        self.learning = excited and self._inputs.has_settled(time)
-        last, max_step = self._last_inputs, self._step_limit.safe_step_by_speed
-        before, after = self._steering.update(gap, last, held, self._play())
-        if gap > max_step[int(held[0])] or gap > max_step[int(last[0])]:
-            before = self._divide_step(previous, time, before, after, excited)
-        elif gap:
-            self.filter.row[0] = gap
-        row, k, m = self.filter.row, 2 * len(after), len(measured)
-        for i, value in enumerate((*before, *after), 1):
-            row[2 * i] = value
-        self._last_inputs = held
-        any_measured = False
-        for i, reading in enumerate(measured, 1 + k):
-            present = reading is not None and math.isfinite(reading)
-            row[2 * i], row[2 * (i + m)] = (reading if present else 0.0), present
-            any_measured |= present
-        accepted, diverged = self.filter.advance(excited, self.learning)
+        excited = self._excitation.update(stream.gap, stream.inputs)
+        if was_excited and not excited and self._is_worse_than_a_start():
+            stream.start(self)
+        self._in_segment = excited and stream.time - self._start_time >= self.learner.settling_time
+        self.learning = self._has_settled() and self._in_segment
+        return self._steering.update(stream.gap, stream.last, stream.inputs, self._play())
+
+    def step(self) -> None:
+        """Process a row between two samples."""
+        self.filter.advance(self._in_segment, False)
+
+    def update(self, stream: Stream) -> bool:
+        """Process the row of a sample; start again if it has diverged, or coasts although there are measurements."""
+        accepted, diverged = self.filter.advance(self._in_segment, self.learning)
         if self.learning:
-            first = 2 * (1 + k + m)  # of the weights
-            self.innovations.update(gap, self.filter.out[2 * m : 4 * m : 2], row[first : first + 2 * m : 2])
-        if accepted:
-            self._accepted_time = time
-        coasting = time - self._accepted_time > learner.coast
-        if diverged or (coasting and any_measured):
-            self._start(time, held)
+            self.innovations.update(stream.gap, self.filter.innovations, self.filter.weights)
+        if diverged or (not accepted and stream.coasts and any(self.filter.weights)):
+            stream.start(self)
             self.filter.advance(False, False)
-            return Status.OK
-        return Status.COASTING if coasting else Status.OK
+            return True
+        return accepted
+
+    def _has_settled(self) -> bool:
+        """Whether every steer angle is measured now, and the last long dropout is `settling_time` ago."""
+        stream, learner = self.stream, self.learner
+        age = stream.time - min(stream.times[1:])
+        if age > learner.max_steer_dropout:
+            self._dropout_time = stream.time
+        return not age and stream.time - self._dropout_time >= learner.settling_time
 
     def _is_worse_than_a_start(self) -> bool:
         """Whether the bank of the road is less certain than at a start.
@@ -137,49 +122,63 @@ class LiveFilter:
         """
         return self.view.bank_variance() > self.problem.settings.bank_prior**2
 
-    def _start(self, time: float, inputs: Sequence[float]) -> None:
-        """Start the state again at the steady state of these inputs; the estimates stay."""
-        self.filter.end_segment()
-        estimate = self.filter.estimate()
-        first = dict(zip(self.problem.inputs, inputs, strict=True))
-        x, P, V = start_state(self.problem, self.learner, estimate.z, first)
-        before, after = self._steering.update(0.0, inputs, inputs, self._play())
-        self.filter.start(x, P, V, np.array([*before, *after]))
-        self._excitation.restart()
-        self._start_time = self._accepted_time = time
-        self._last_inputs = inputs
-        self._running, self.learning = True, False
-
     def _play(self) -> list[float]:
         """Estimates of the plays of the steerings, rad."""
         scaling, row = self.problem.scaling, self.filter.carry
         first = self.filter.layout.z.start
         return [scaling.scale[i] * row[first + i, 0] for i in self._plays]
 
-    def _divide_step(
-        self, previous: float, time: float, before: Sequence[float], after: Sequence[float], excited: bool
-    ) -> list[float]:
-        """Advance by short steps without measurements; the last one remains for the sample, with these first inputs."""
-        limits = self._step_limit(np.array([before[0], after[0]]))
-        times, columns, _ = steps.subdivide(np.array([previous, time]), np.array([before, after]), limits)
-        dt, d = steps.step_inputs(times, columns)
-        sample, k, m = self.filter.sample, 2 * len(after), len(self.problem.outputs)
-        sample[1 + k : 1 + k + 2 * m, 0] = 0.0
-        for i in range(1, len(times)):
-            sample[0, 0], sample[1 : 1 + k, 0] = dt[i], d[i]
-            if i < len(times) - 1:
-                self.filter.advance(excited, False)
-        first: list[float] = d[-1][: len(after)].tolist()
-        return first
+
+class InnovationStatistics:
+    """Recursive statistics of normalised innovations, which are white with variance 1 if the model is correct.
+
+    The window is the time constant of the mean square, s of learning; innovations above the limit count as the limit.
+    """
+
+    def __init__(self, channels: Sequence[str], window: float, limit: float) -> None:
+        count, self.channels = len(channels), tuple(channels)
+        self.window, self.limit = window, limit
+        self.mean_square = [1.0] * count
+        """Of each channel; 1 is expected."""
+        self.autocorrelation = [1.0] * count
+        """Variance inflation factor of each channel: the variance of an average over that of white innovations."""
+        self._average = [0.0] * count
+
+    def update(self, dt: float, innovations: Sequence[float], present: Sequence[float]) -> None:
+        """Take up the normalised innovations of a sample, dt seconds after the last one; 0 in `present` if missing."""
+        if dt <= 0:
+            return
+        limit, fraction, slow = self.limit, dt / (self.window + dt), dt / (WINDOWS * self.window + dt)
+        weight = dt / (AVERAGING_TIME + dt)
+        expected = weight / (2 - weight)  # variance of the average of white innovations
+        for i, innovation in enumerate(innovations):
+            if present[i]:
+                innovation = min(max(innovation, -limit), limit)
+                self.mean_square[i] += fraction * (innovation * innovation - self.mean_square[i])
+                self._average[i] = average = self._average[i] + weight * (innovation - self._average[i])
+                self.autocorrelation[i] += slow * (average * average / expected - self.autocorrelation[i])
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The channels that had a sample while learning."""
+        pairs = zip(self.channels, self.mean_square, strict=True)
+        return tuple(name for name, mean_square in pairs if mean_square != 1.0)  # the first sample changes it
+
+    def as_dict(self) -> dict[str, dict[str, float]]:
+        """Both statistics by channel."""
+        return {
+            "mean_square": dict(zip(self.channels, self.mean_square, strict=True)),
+            "autocorrelation": dict(zip(self.channels, self.autocorrelation, strict=True)),
+        }
+
+    def restore(self, mean_square: Mapping[str, float], autocorrelation: Mapping[str, float]) -> None:
+        """Continue from those of `as_dict`; a channel that is not among them starts."""
+        self.mean_square[:] = [mean_square.get(name, 1.0) for name in self.channels]
+        self.autocorrelation[:] = [autocorrelation.get(name, 1.0) for name in self.channels]
 
 
 class StateView:
-    """The reported states of a filter and their variances, which include the uncertainty of the unknowns.
-
-    Args:
-        problem: of the filter; of the unknowns the vehicle's and the steer sensors' have an effect on the states.
-        joint_filter: its memory is read.
-    """
+    """The reported states of a filter, whose memory it reads, and their variances with those of the unknowns."""
 
     def __init__(self, problem: OnlineProblem, joint_filter: RelinearisedFilter) -> None:
         vehicle, scaling = problem.vehicle, problem.scaling
@@ -214,13 +213,29 @@ class StateView:
         return values
 
 
+def stream_settings(problem: OnlineProblem, learner: LearnerSettings) -> StreamSettings:
+    """How a learner treats faults of its signals. A spike of an input moves the state and its sensitivities alike, so
+    that the filter would learn from it."""
+    steer, rate = min(learner.max_steer, sys.float_info.max), learner.max_steer_rate
+    speed = InputRule(name="speed", largest=magnitude("speed"), jump=learner.max_speed_change, rate=0.0)
+    steers = (InputRule(name=name, largest=steer, jump=0.0, rate=rate) for name in problem.inputs[1:])
+    return StreamSettings(
+        inputs=(speed, *steers),
+        measured=dict.fromkeys(problem.outputs, sys.float_info.max),
+        min_speed=problem.settings.min_speed,
+        hold=learner.hold,
+        max_gap=learner.max_gap,
+        coast=learner.coast,
+    )
+
+
 def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> RelinearisedFilter:
     settings, vehicle, model = problem.settings, problem.vehicle, problem.model
     table = variances.PROCESS_VARIANCE | {"bank": settings.bank_walk**2}
     factor = max(settings.process_noise, MIN_PROCESS_NOISE)
-    discrepancies = _discrepancy_variances(problem, learner)
+    discrepancies = discrepancy_variances(problem, learner)
     of_states = variances.process_covariance(model.chain.states, table, factor)
-    process = _block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
+    process = block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
     noise = Noise(
         process=process,
         measurement=np.array([variances.sensor_variance(vehicle, name, settings.noise) for name in problem.outputs]),
@@ -235,48 +250,3 @@ def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> Re
         walk=np.array([2 / (learner.offset_time if u.per_log else learner.parameter_time) for u in problem.estimated]),
         settings=learner.relinearisation,
     )
-
-
-def _discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> Array:
-    """Of each discrepancy among the states, SI squared."""
-    names = problem.outputs if problem.model.discrepancies else ()
-    return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
-
-
-def start_state(
-    problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
-) -> tuple[Array, Array, Array]:
-    """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
-    vehicle, chain, unknowns = problem.vehicle, problem.model.chain, problem.unknowns
-    p = problem.scaling.to_p(np.append(z, np.zeros(len(unknowns) - len(z))))
-    values = problem.given(problem.outputs)
-    values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
-    bank = problem.settings.bank_prior if chain.bank else None
-    x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
-    _, m = steady_initial_state(vehicle, first, values, roll=True)
-    c = problem.model.constant(values, unknowns, learner.discrepancy_time)
-    slopes = _steady_slopes(problem, m, np.array([first[name] for name in problem.inputs]), x, np.append(p, c))
-    V = np.zeros((len(x) + problem.model.discrepancies, len(p)))
-    V[: len(slopes)] = slopes * problem.scaling.slope(p)
-    discrepancies = _discrepancy_variances(problem, learner)
-    return np.pad(x, (0, len(discrepancies))), _block_diagonal(P, np.diag(discrepancies)), V
-
-
-def _steady_slopes(problem: OnlineProblem, m: dynamics.Matrices, inputs: Array, x: Array, constant: Array) -> Array:
-    """Derivative (n, n_p) of the steady state with respect to the values of all unknowns.
-
-    Args:
-        problem: of the learner.
-        m: at the speed and the values.
-        inputs: speed and steer angles (k,).
-        x: steady state, then other states.
-        constant: [p, c] of the model.
-    """
-    n = len(m.A) - 1
-    _, output = steady_slopes(problem.model)(np.zeros(0), np.append(inputs, x[:n])[None], constant)
-    return equilibrium(m, np.linalg.solve(m.E[:n, :n], output[0].reshape(n, -1, order="F")))
-
-
-def _block_diagonal(first: Array, second: Array) -> Array:
-    n, m = len(first), len(second)
-    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])

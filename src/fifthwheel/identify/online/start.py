@@ -3,13 +3,53 @@
 E x' = F x + G d; in a steady state dx/dp = - F^-1 d(F x + G d)/dp.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
+from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.chain import equations, state_names
+from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.identify.online.online_model import OnlineModel
+from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.native import Scan, compiled
+
+
+def start_state(
+    problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
+    vehicle, unknowns, model = problem.vehicle, problem.unknowns, problem.model
+    p = problem.scaling.to_p(np.append(z, np.zeros(len(unknowns) - len(z))))
+    values = problem.given(problem.outputs)
+    values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
+    bank = problem.settings.bank_prior if model.chain.bank else None
+    x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
+    _, m = steady_initial_state(vehicle, first, values, roll=True)
+    n, inputs = len(m.A) - 1, [first[name] for name in problem.inputs]
+    constant = np.append(p, model.constant(values, unknowns, learner.discrepancy_time))
+    _, output = steady_slopes(model)(np.zeros(0), np.append(inputs, x[:n])[None], constant)
+    slopes = equilibrium(m, np.linalg.solve(m.E[:n, :n], output[0].reshape(n, -1, order="F")))
+    V = np.zeros((len(x) + model.discrepancies, len(p)))
+    V[:n] = slopes * problem.scaling.slope(p)
+    discrepancies = discrepancy_variances(problem, learner)
+    return np.pad(x, (0, len(discrepancies))), block_diagonal(P, np.diag(discrepancies)), V
+
+
+def discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> Array:
+    """Of each discrepancy among the states, SI squared."""
+    names = problem.outputs if problem.model.discrepancies else ()
+    return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
+
+
+def block_diagonal(first: Array, second: Array) -> Array:
+    """The matrix with two blocks on its diagonal."""
+    n, m = len(first), len(second)
+    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])
 
 
 class SteadyEquations(NamedTuple):
@@ -24,14 +64,7 @@ class SteadyEquations(NamedTuple):
 
 
 def steady_equations(model: OnlineModel, inputs: ca.SX, x: ca.SX, p: ca.SX, c: ca.SX) -> SteadyEquations:
-    """The equations of a steady state.
-
-    Args:
-        model: of the learner.
-        inputs: speed, m/s, and measured steer angles, rad.
-        x: steady state (n,).
-        p, c: of the model.
-    """
+    """The equations of a steady state x (n,) at a speed, m/s, and measured steer angles, rad; p, c: of the model."""
     vehicle, value = model.chain.vehicle, model.values(p, c)
     n, speed = len(state_names(vehicle, roll=True)), inputs[0]
     steers = enumerate(vehicle.steer_signals(), 1)

@@ -1,15 +1,15 @@
 /* One sample of the learner: steps of the filter, innovations and statuses. See fw_learner.h. */
 
 #include "fw_private.h"
-#include "fw_step_length.h"
-
-#define FW_MAX_STEPS 100000.0
+#include "fw_stream.h"
 
 /* Inputs of the model at both ends of a step: speed and steer angles, contacts of their plays, and their rates. */
-static void fw_steer(fw_learner *learner, fw_real gap, const fw_real *last, const fw_real *inputs, fw_real *ends)
+static void fw_steer(fw_learner *learner, fw_real gap, fw_real *ends)
 {
+    const fw_real *const last = learner->stream.last;
+    const fw_real *const inputs = learner->stream.held;
     fw_real *const before = ends;
-    fw_real *const after = &ends[FW_HELD];
+    fw_real *const after = &ends[FW_MODEL_INPUT_COUNT];
     const fw_real duration = (gap > FW_REAL(1e-3)) ? gap : FW_REAL(1e-3);
     before[0] = last[0];
     after[0] = inputs[0];
@@ -33,67 +33,16 @@ static void fw_steer(fw_learner *learner, fw_real gap, const fw_real *last, cons
     }
 }
 
-/* Starts the state at the steady state of the inputs; `row` becomes a row without measurements and duration. */
-static void fw_start(fw_learner *learner, double time, const fw_real *inputs, fw_real *row)
+/* Starts the state at the steady state of the inputs. */
+static void fw_start(fw_learner *learner)
 {
     (void)fw_end_segment(learner);
-    fw_start_state(learner->first, inputs);
-    for (int i = 0; i < FW_ROW_COUNT; i++) {
-        row[i] = FW_REAL(0.0);
-    }
-    fw_steer(learner, FW_REAL(0.0), inputs, inputs, &row[FW_ROW_INPUTS]);
+    fw_start_state(learner->first, learner->stream.held);
+    fw_stream_start(&learner->stream);
     fw_restart_excitation(learner);
-    learner->start_time = time;
-    learner->accepted = time;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        learner->last[i] = inputs[i];
-    }
-    learner->running = 1;
+    learner->start_time = learner->stream.time;
+    learner->stream.accepted = learner->stream.time;
     learner->learning = 0;
-}
-
-/* The longest step at both ends of a step, s. */
-static double fw_limit(const fw_real *ends)
-{
-    const fw_real first = fw_longest_step(ends[0]);
-    const fw_real second = fw_longest_step(ends[FW_HELD]);
-    return (double)((first < second) ? first : second);
-}
-
-/* Runs all steps of a gap but the last one, which it leaves in `row`. Returns 0 if there are too many. */
-static int fw_subdivide(fw_learner *learner, double previous, double time, int in_segment, fw_real *row)
-{
-    const double gap = time - previous;
-    fw_real *const before = &row[FW_ROW_INPUTS];
-    fw_real *const after = &before[FW_HELD];
-    const double count = ceil(gap / fw_limit(before));
-    fw_real start[FW_HELD];
-    fw_real end[FW_HELD];
-    double last = previous;
-    if (!(count < FW_MAX_STEPS)) {
-        return 0;
-    }
-    for (int i = 0; i < FW_HELD; i++) {
-        start[i] = before[i];
-        end[i] = after[i];
-    }
-    for (int step = 1; (double)step < count; step++) {
-        fw_update update;
-        const double fraction = (double)step / count;
-        const double now = previous + (gap * fraction);
-        row[FW_ROW_DT] = (fw_real)(now - last);
-        for (int i = 0; i < FW_HELD; i++) {
-            after[i] = start[i] + ((end[i] - start[i]) * (fw_real)fraction);
-        }
-        (void)fw_advance(learner, row, in_segment, &update);
-        for (int i = 0; i < FW_HELD; i++) {
-            before[i] = after[i];
-            after[i] = end[i];
-        }
-        last = now;
-    }
-    row[FW_ROW_DT] = (fw_real)(time - last);
-    return 1;
 }
 
 /* Mean square and autocorrelation of the innovations of a sample from which it learned. */
@@ -116,28 +65,15 @@ static void fw_watch_innovations(fw_learner *learner, fw_real dt, const fw_real 
     }
 }
 
-/* Puts the measurements of a sample into a row; returns whether there is one. */
-static int fw_take_measurements(const fw_sample *sample, fw_real *row)
-{
-    int any = 0;
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        const int present = (FW_ABS(sample->measured[i]) < (fw_real)INFINITY) ? 1 : 0;
-        row[FW_ROW_MEASURED + i] = (present != 0) ? sample->measured[i] : FW_REAL(0.0);
-        row[FW_ROW_WEIGHTS + i] = (present != 0) ? FW_REAL(1.0) : FW_REAL(0.0);
-        any = ((any != 0) || (present != 0)) ? 1 : 0;
-    }
-    return any;
-}
-
 /* Whether the bank of the road is less certain than at a start: a lane change hardly separates it from the offset of the
    steering, so that the errors of both would grow from one lane change to the next. */
-static int fw_is_worse_than_a_start(const fw_learner *learner, const fw_real *inputs)
+static int fw_is_worse_than_a_start(const fw_learner *learner)
 {
     fw_states states;
     fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
     for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        row[FW_ROW_INPUTS + i] = inputs[i];
-        row[FW_ROW_INPUTS + FW_HELD + i] = inputs[i];
+        row[FW_ROW_INPUTS + i] = learner->stream.held[i];
+        row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT + i] = learner->stream.held[i];
     }
     fw_view(learner->first, row, &states);
     return ((FW_BANKS > 0) && (states.sigma[FW_BANK_STATE] > FW_BANK_SIGMA)) ? 1 : 0;
@@ -149,51 +85,48 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
 {
     const double time = sample->time;
     double gap = time - previous;
-    fw_update update;
-    fw_real inputs[FW_INPUT_COUNT];
-    int restart;
-    int any;
-    int in_segment;
+    fw_update update = {.accepted = 0};
+    fw_real ends[2 * FW_MODEL_INPUT_COUNT];
     int was_excited;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        inputs[i] = learner->held[i];
-    }
-    if ((learner->running == 0) || (gap > FW_MAX_GAP)) {
+    int in_segment;
+    int count;
+    int restart = 0;
+    int any = 0;
+    if (fw_stream_starts(&learner->stream, previous) != 0) {
         gap = 0.0;
-        previous = time;
-        fw_start(learner, time, inputs, row);
+        fw_start(learner);
     }
     was_excited = learner->excited;
-    in_segment = fw_is_excited(learner, (fw_real)gap, inputs);
-    if ((was_excited != 0) && (in_segment == 0) && (fw_is_worse_than_a_start(learner, inputs) != 0)) {
+    in_segment = fw_is_excited(learner, (fw_real)gap, learner->stream.held);
+    if ((was_excited != 0) && (in_segment == 0) && (fw_is_worse_than_a_start(learner) != 0)) {
         gap = 0.0;
-        previous = time;
-        fw_start(learner, time, inputs, row);
+        fw_start(learner);
     }
     in_segment = ((in_segment != 0) && ((time - learner->start_time) >= FW_SETTLING_TIME)) ? 1 : 0;
-    learner->learning = ((in_segment != 0) && (fw_has_settled(learner, time) != 0)) ? 1 : 0;
-    for (int i = 0; i < FW_ROW_COUNT; i++) {
-        row[i] = FW_REAL(0.0);
+    learner->learning = ((fw_has_settled(learner) != 0) && (in_segment != 0)) ? 1 : 0;
+    fw_steer(learner, (fw_real)gap, ends);
+    count = fw_step_count(gap, ends);
+    for (int step = 1; step <= count; step++) {
+        fw_write_step(row, ends, (gap > 0.0) ? previous : time, time, step, count);
+        row[FW_ROW_LEARN] = FW_REAL(0.0);
+        if (step == count) {
+            any = fw_write_measurements(row, sample);
+            row[FW_ROW_LEARN] = (learner->learning != 0) ? FW_REAL(1.0) : FW_REAL(0.0);
+        }
+        restart = fw_advance(learner, row, in_segment, &update);
     }
-    fw_steer(learner, (fw_real)gap, learner->last, inputs, &row[FW_ROW_INPUTS]);
-    if (fw_subdivide(learner, previous, time, in_segment, row) == 0) {
+    if (count == 0) {
         return FW_ERROR_GAP;
     }
-    any = fw_take_measurements(sample, row);
-    row[FW_ROW_LEARN] = (learner->learning != 0) ? FW_REAL(1.0) : FW_REAL(0.0);
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        learner->last[i] = inputs[i];
-    }
-    restart = fw_advance(learner, row, in_segment, &update);
     if (learner->learning != 0) {
         fw_watch_innovations(learner, (fw_real)gap, row, &update);
     }
-    if (update.accepted != 0) {
-        learner->accepted = time;
-    }
-    *status = ((time - learner->accepted) > FW_COAST) ? FW_COASTING : FW_OK;
+    *status = fw_stream_finish(&learner->stream, update.accepted);
     if ((restart != 0) || ((*status == FW_COASTING) && (any != 0))) {
-        fw_start(learner, time, inputs, row);
+        fw_start(learner);
+        fw_steer(learner, FW_REAL(0.0), ends);
+        fw_write_step(row, ends, time, time, 1, 1);
+        row[FW_ROW_LEARN] = FW_REAL(0.0);
         (void)fw_advance(learner, row, 0, &update);
         *status = FW_OK;
     }
@@ -203,14 +136,9 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
 void fw_learner_reset(fw_learner *learner)
 {
     (void)fw_end_segment(learner);
-    learner->time = -INFINITY;
+    fw_stream_init(&learner->stream);
     learner->start_time = -INFINITY;
-    learner->accepted = -INFINITY;
     learner->dropout = -INFINITY;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        learner->held[i] = (fw_real)NAN;
-        learner->seen[i] = -INFINITY;
-    }
     for (int i = 0; i < FW_STEER_COUNT; i++) {
         learner->contact[i] = FW_REAL(0.0);
     }
@@ -218,7 +146,6 @@ void fw_learner_reset(fw_learner *learner)
         learner->average[i] = FW_REAL(0.0);
     }
     fw_restart_excitation(learner);
-    learner->running = 0;
     learner->learning = 0;
 }
 
@@ -240,16 +167,14 @@ void fw_learner_init(fw_learner *learner)
 
 fw_result fw_learner_push(fw_learner *learner, const fw_sample *sample, fw_states *states)
 {
-    const double previous = learner->time;
-    fw_real row[FW_ROW_COUNT];
+    const double previous = learner->stream.time;
+    fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
     fw_status status;
     if (!(sample->time > previous) || !(sample->time < INFINITY)) {
         return FW_ERROR_TIME;
     }
-    learner->time = sample->time;
-    status = fw_hold_inputs(learner, sample);
+    status = fw_stream_take(&learner->stream, sample);
     if (status != FW_OK) {
-        learner->running = 0;
         learner->learning = 0;
         for (int i = 0; i < FW_STATE_COUNT; i++) {
             states->value[i] = (fw_real)NAN;

@@ -7,10 +7,6 @@
 
 #include <stddef.h>
 
-#define FW_ROW_DT 0
-#define FW_ROW_INPUTS 1
-#define FW_ROW_MEASURED (1 + (2 * FW_HELD))
-#define FW_ROW_WEIGHTS (FW_ROW_MEASURED + FW_MEASURED_COUNT)
 #define FW_ROW_LEARN (FW_ROW_WEIGHTS + FW_MEASURED_COUNT)
 #define FW_EVIDENCE_COUNT (FW_CARRY_COUNT - FW_AT_Z) /* numbers of an estimate with its covariance and score tests */
 
@@ -21,9 +17,8 @@ typedef struct {
     int diverged;
 } fw_update;
 
-/* fw_inputs.c */
-fw_status fw_hold_inputs(fw_learner *learner, const fw_sample *sample);
-int fw_has_settled(const fw_learner *learner, double time);
+/* fw_excitation.c */
+int fw_has_settled(fw_learner *learner);
 void fw_restart_excitation(fw_learner *learner);
 int fw_is_excited(fw_learner *learner, fw_real dt, const fw_real *inputs);
 

@@ -11,6 +11,7 @@ typedef double fw_real;
 #define FW_ABS(value) fabs(value)
 
 #include "fw_truck.h"
+#include "fw_step_length.h"
 
 #define FW_MAX_STEPS 100000.0
 #define FW_SQUARINGS 6
@@ -57,21 +58,8 @@ static double fastest_eigenvalue(const double *speed, const double *parameters)
 static double longest_step(double speed, const double *parameters)
 {
     double exported[FW_PARAMETERS + 1];
-    double longest = fw_step_limit[FW_SPEED_COUNT - 1];
+    double longest = fw_longest_step(speed);
     int changed = 0;
-    if (speed <= fw_step_speed[0]) {
-        longest = fw_step_limit[0] * (speed / fw_step_speed[0]);
-    } else if (speed >= fw_step_speed[FW_SPEED_COUNT - 1]) {
-        longest *= fw_step_speed[FW_SPEED_COUNT - 1] / speed;
-    } else {
-        int i = 0;
-        while (speed > fw_step_speed[i + 1]) {
-            i++;
-        }
-        longest = fw_step_limit[i]
-                  + (((fw_step_limit[i + 1] - fw_step_limit[i]) / (fw_step_speed[i + 1] - fw_step_speed[i]))
-                     * (speed - fw_step_speed[i]));
-    }
     for (int i = 0; i < FW_PARAMETERS; i++) {
         exported[i] = fmu_variables[FMU_FIRST_PARAMETER + i].start;
         changed = ((changed != 0) || (exported[i] < parameters[i]) || (exported[i] > parameters[i])) ? 1 : 0;

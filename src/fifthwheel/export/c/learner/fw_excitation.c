@@ -1,49 +1,20 @@
-/* Speed and steer angles, each held at its last plausible value, and the excitation by the steer angles. */
+/* Whether to learn from a sample: the excitation by the steer angles, and whether they are measured. */
 
 #include "fw_private.h"
 
-/* Whether an input is possible, and can follow its last value, measured `age` seconds ago. */
-static int fw_is_plausible(const fw_learner *learner, int i, fw_real value, double age)
-{
-    const fw_real change = FW_ABS(value - learner->held[i]);
-    const fw_real most = (i == 0) ? FW_MAX_SPEED_CHANGE : (FW_MAX_STEER_RATE * (fw_real)age);
-    if (!(FW_ABS(value) <= ((i == 0) ? FW_MAX_SPEED : FW_MAX_STEER))) {
-        return 0;
-    }
-    return ((change <= most) || (age > FW_HOLD)) ? 1 : 0;
-}
-
-/* Takes the plausible inputs of a sample; the last ones are held for FW_HOLD seconds. */
-fw_status fw_hold_inputs(fw_learner *learner, const fw_sample *sample)
-{
-    fw_status status = FW_OK;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        const double age = sample->time - learner->seen[i];
-        if (fw_is_plausible(learner, i, sample->input[i], age) != 0) {
-            learner->held[i] = sample->input[i];
-            learner->seen[i] = sample->time;
-        } else if (!(age <= FW_HOLD)) {
-            status = FW_INPUT_MISSING;
-        } else if ((i > 0) && (age > FW_MAX_STEER_DROPOUT)) {
-            learner->dropout = sample->time;
-        } else {
-            /* a short dropout */
-        }
-    }
-    if ((status == FW_OK) && (learner->held[0] < FW_MIN_SPEED)) {
-        status = FW_TOO_SLOW;
-    }
-    return status;
-}
-
 /* Whether every steer angle is measured now, and the last long dropout is long ago. */
-int fw_has_settled(const fw_learner *learner, double time)
+int fw_has_settled(fw_learner *learner)
 {
-    int settled = ((time - learner->dropout) >= FW_SETTLING_TIME) ? 1 : 0;
+    const double now = learner->stream.time;
+    double age = 0.0;
     for (int i = 1; i < FW_INPUT_COUNT; i++) {
-        settled = ((settled != 0) && !(learner->seen[i] < time)) ? 1 : 0;
+        const double own = now - learner->stream.seen[i];
+        age = (own > age) ? own : age;
     }
-    return settled;
+    if (age > FW_MAX_STEER_DROPOUT) {
+        learner->dropout = now;
+    }
+    return (!(age > 0.0) && ((now - learner->dropout) >= FW_SETTLING_TIME)) ? 1 : 0;
 }
 
 void fw_restart_excitation(fw_learner *learner)

@@ -1,4 +1,4 @@
-"""What a live filter takes up of its inputs: both sides of every limit, against formulas of continuous time."""
+"""When a learner learns: both sides of every limit, against formulas of continuous time."""
 
 import numpy as np
 import pytest
@@ -7,80 +7,39 @@ from fifthwheel import dynamics
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import play_contact
 from fifthwheel.identify.online import LearnerSettings
-from fifthwheel.identify.online.excitation import Excitation
-from fifthwheel.identify.online.innovations import InnovationStatistics
-from fifthwheel.identify.online.inputs import HeldInputs
-from fifthwheel.identify.online.steering import Steering
+from fifthwheel.identify.online.live_filter import InnovationStatistics, LiveFilter
+from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.observe import Status
 from fifthwheel.vehicle import Vehicle
+from tests.identify.online.conftest import FIVE
 
 EDGE = 1e-6
-SETTINGS = LearnerSettings(
-    hold=0.4, max_steer=0.9, max_steer_rate=2.0, max_speed_change=1.5, max_steer_dropout=0.1, settling_time=0.7
-)
+SETTINGS = LearnerSettings(hold=0.4, max_steer_dropout=0.1, settling_time=0.7)
+SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor")
 
 
-def held(*samples: tuple[float, float | None, float | None]) -> tuple[HeldInputs, Status, list[float]]:
-    """The inputs after samples of time, speed and steer angle, and the answer to the last one."""
-    inputs = HeldInputs(2, SETTINGS, 5.0)
-    for time, *measured in samples:
-        status, values = inputs.update(time, measured)
-    return inputs, status, values
-
-
-@pytest.mark.parametrize(
-    ("speed", "steer", "time", "taken"),
-    [
-        (20.0, 0.9, 9.0, (True, True)),
-        (20.0, -0.9 - EDGE, 9.0, (True, False)),
-        (45.0 + EDGE, 0.1, 9.0, (False, True)),
-        (-45.0 - EDGE, 0.1, 9.0, (False, True)),
-        (45.0, 0.1, 9.0, (True, True)),
-        (21.5, 0.1, 0.1, (True, True)),
-        (21.5 + EDGE, 0.1, 0.1, (False, True)),
-        (18.5 - EDGE, 0.1, 0.1, (False, True)),
-        (20.0, 0.2 - EDGE, 0.1, (True, True)),
-        (20.0, 0.2 + EDGE, 0.1, (True, False)),
-        (20.0, -0.2 - EDGE, 0.1, (True, False)),
-        (20.0, -0.4, 0.2 + EDGE, (True, True)),  # the change may be larger after a longer time
-        (30.0, 0.8 + EDGE, 0.4, (False, False)),
-        (30.0, 0.8 + 0.01, 0.4 + EDGE, (True, True)),  # any possible value after the longest hold
-        (None, None, 0.1, (False, False)),
-        (float("nan"), float("inf"), 0.1, (False, False)),
-    ],
-)
-def test_which_values_are_plausible(speed: float, steer: float, time: float, taken: tuple[bool, bool]) -> None:
-    """Possible for a truck, and within reach of the last value: 1.5 m/s at once, 2 rad/s of steering, for 0.4 s."""
-    inputs, _, _ = held((0.0, 20.0, 0.0), (time, speed, steer))
-    assert inputs._values == [
-        new if ok else old for ok, new, old in zip(taken, (speed, steer), (20.0, 0.0), strict=True)
-    ]
-    assert inputs._measured_at == [time if ok else 0.0 for ok in taken]
-
-
-def test_missing_inputs_are_held_for_a_limited_time() -> None:
-    start = (0.0, 20.0, 0.1)
-    for missing in ((None, 0.1), (20.0, None)):
-        assert held(start, (0.4, *missing))[1:] == (Status.OK, [20.0, 0.1])
-        assert held(start, (0.4 + EDGE, *missing))[1] is Status.INPUT_MISSING
-    assert held((0.0, None, 0.1))[1] is held((0.0, 20.0, None))[1] is Status.INPUT_MISSING
-    assert held((0.0, 5.0, 0.1))[1] is Status.OK
-    assert held((0.0, 5.0 - EDGE, 0.1))[1] is Status.TOO_SLOW
-
-
-def test_a_long_dropout_of_the_steer_angle_must_settle() -> None:
+def test_a_long_dropout_of_the_steer_angle_must_settle(guess: Vehicle) -> None:
     """Longer than 0.1 s; then 0.7 s must pass since its end, and the steer angle must be measured now."""
+    problem = OnlineProblem.of(guess, SIGNALS, FIVE)
+
+    def settled(*samples: tuple[float, float | None, float | None]) -> bool:
+        """Of a filter after samples of time, speed and steer angle."""
+        live = LiveFilter(problem, SETTINGS)
+        for time, speed, steer in samples:
+            assert live.push(time, [speed, steer], [0.0]) is Status.OK
+        return live._has_settled()
+
     start = (0.0, 20.0, 0.1)
     short = (start, (0.1, 20.0, None))
     long = (start, (0.1 + EDGE, 20.0, None))
-    assert held(start)[0].has_settled(0.0)
-    assert not held(*short)[0].has_settled(0.1)
-    assert held(*short, (0.2, 20.0, 0.1))[0].has_settled(0.2)
-    assert not held(*long, (0.2, 20.0, 0.1))[0].has_settled(0.2)
-    for time, settled in ((0.8, False), (0.8 + 2 * EDGE, True)):
-        assert held(*long, (time, 20.0, 0.1))[0].has_settled(time) == settled
-    speed = (start, (0.15, None, 0.1), (0.2, 20.0, 0.1))
-    assert held(*speed)[0].has_settled(0.2)  # a held speed does no harm
+    assert settled(start)
+    assert not settled(*short)
+    assert settled(*short, (0.2, 20.0, 0.1))
+    assert not settled(*long, (0.2, 20.0, 0.1))
+    assert not settled(*long, (0.8, 20.0, 0.1))
+    assert settled(*long, (0.8 + 2 * EDGE, 20.0, 0.1))
+    assert settled(start, (0.15, None, 0.1), (0.2, 20.0, 0.1))  # a held speed does no harm
 
 
 def power(amplitude: float, frequency: float, high_pass: float) -> float:

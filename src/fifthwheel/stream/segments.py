@@ -1,0 +1,116 @@
+"""The segments of a record that a filter processes without a new start, as `Stream` would, bit for bit."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.dynamics import steps
+from fifthwheel.dynamics.speed_rate import speed_rates
+from fifthwheel.filters.model import sample_rows
+from fifthwheel.record import Record
+from fifthwheel.stream.settings import InputRule, Status, StreamSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamSegment:
+    """N consecutive samples as M rows of a compiled step."""
+
+    samples: slice  # of the record
+    rows: Array  # (M, 1 + n_d + 2 n_y), from `model.sample_rows`
+    sample_indices: NDArray[np.int64]  # (N,) indices of the samples among the rows
+    first: dict[str, float]  # speed and steer angles at the first sample, by name
+
+    def inputs(self, row: int) -> dict[str, float]:
+        """Speed and steer angles at a row, by name."""
+        k = len(self.first)
+        return dict(zip(self.first, self.rows[row, 1 + k : 1 + 2 * k].tolist(), strict=True))
+
+    def part(self, first: int, last: int) -> "StreamSegment":
+        """The segment of the rows from that of a sample, `first`, to before `last`."""
+        begin, end = np.searchsorted(self.sample_indices, [first, last]).tolist()
+        rows, k = self.rows[first:last].copy(), len(self.first)
+        rows[0, 0], rows[0, 1 : 1 + k] = 0.0, rows[0, 1 + k : 1 + 2 * k]  # no step before the first row
+        return StreamSegment(
+            samples=slice(self.samples.start + begin, self.samples.start + end),
+            rows=rows,
+            sample_indices=self.sample_indices[begin:end] - first,
+            first=self.inputs(first),
+        )
+
+
+def stream_segments(
+    record: Record, settings: StreamSettings, limit: steps.StepLimit
+) -> tuple[NDArray[np.int8], list[StreamSegment]]:
+    """Status (N,) of every sample as determined by the inputs, and the segments in which it is OK.
+
+    Raises:
+        SignalError: a gap between samples needs too many steps; see `steps.step_counts`.
+    """
+    time = record.time
+    inputs, fresh = held_inputs(record, settings)
+    slow = inputs[:, 0] < settings.min_speed
+    status = np.where(~fresh, Status.INPUT_MISSING, np.where(slow, Status.TOO_SLOW, Status.OK)).astype(np.int8)
+    ok = status == Status.OK
+    gap = np.diff(time, prepend=time[0]) > settings.max_gap
+    begins = np.flatnonzero(ok & (~np.concatenate([[False], ok[:-1]]) | gap))
+    measured = measurements(record, settings.measured)
+    segments = []
+    for first, following in itertools.pairwise([*begins, len(time)]):
+        stop = first + int(np.argmin(np.append(ok[first:following], False)))
+        samples = slice(int(first), stop)
+        fine, columns, indices = steps.subdivide(time[samples], inputs[samples], limit(inputs[samples, 0]))
+        dt, d = steps.step_inputs(fine, columns)
+        y = np.full((len(fine), measured.shape[1]), np.nan)
+        y[indices] = measured[samples]
+        start = dict(zip(settings.names, inputs[first].tolist(), strict=True))
+        rows = sample_rows(dt, d, y)
+        segments.append(StreamSegment(samples=samples, rows=rows, sample_indices=indices, first=start))
+    return status, segments
+
+
+def held_inputs(record: Record, settings: StreamSettings) -> tuple[Array, NDArray[np.bool_]]:
+    """Inputs (N, k), with the last value where one is missing, and whether all are at most `hold` seconds old (N,)."""
+    columns, derived, fresh = list[Array](), list[Array](), np.ones(len(record.time), dtype=bool)
+    for i, rule in enumerate(settings.inputs):
+        values = record.signals[rule.name]
+        present = plausible(rule, settings.hold, record.time, values)
+        last = np.maximum.accumulate(np.where(present, np.arange(len(values)), -1))
+        age = record.time - record.time[np.maximum(last, 0)]
+        fresh &= (last >= 0) & (age <= settings.hold)
+        columns.append(np.where(last >= 0, values[np.maximum(last, 0)], np.nan))
+        if not i and settings.speed_smoothing is not None:
+            rates = speed_rates(record.time[present], values[present], settings.speed_smoothing, settings.max_gap)
+            derived.append(np.append(0.0, rates)[np.cumsum(present)])
+    return np.column_stack([*columns, *derived]), fresh
+
+
+def plausible(rule: InputRule, hold: float, time: Array, values: Array) -> NDArray[np.bool_]:
+    """Which values (N,) of an input are plausible."""
+    present = np.asarray(np.abs(values) <= rule.largest)
+    indices = np.flatnonzero(present)
+    if rule.follows(np.abs(np.diff(values[indices])), np.diff(time[indices]), hold).all():
+        return present
+    last, last_time = np.nan, -np.inf
+    samples = zip(indices.tolist(), time[indices].tolist(), values[indices].tolist(), strict=True)
+    for i, at, value in samples:
+        if rule.follows(abs(value - last), at - last_time, hold):
+            last, last_time = value, at
+        else:
+            present[i] = False
+    return present
+
+
+def measurements(record: Record, largest: Mapping[str, float]) -> Array:
+    """Measured signals (N, m), NaN where they are missing or implausible."""
+    signals = [(record.signals[name], limit) for name, limit in largest.items()]
+    return np.column_stack([np.where(np.abs(values) <= limit, values, np.nan) for values, limit in signals])
+
+
+def without_measurement(time: Array, accepted: Array, coast: float) -> NDArray[np.bool_]:
+    """Samples (N,) of a segment for which no channel (N, m) was accepted for longer than `coast` seconds."""
+    last = np.maximum.accumulate(np.where(accepted.any(axis=1), time, time[0]))
+    return np.asarray(time - last > coast)
