@@ -6,9 +6,9 @@ from typing import Any
 
 from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_turn, straight_path, yaw_damping
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold, result
-from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition
-from fifthwheel.assess.propagation import Family, Neighbourhood, Samples, samples
+from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
@@ -96,7 +96,7 @@ def assess(
             notes.append(str(error))
     if not results:
         raise VehicleError("; ".join(dict.fromkeys(notes)))
-    driven, runs = Values(), dict[str, LaneChange]()
+    driven, runs = Values(), dict[str, LaneChangeRun]()
     if not cheap and subject.is_stable:
         runs["linear"] = lane_change.linear(subject)
     if nonlinear and not cheap:
@@ -120,12 +120,12 @@ def assess(
     )
 
 
-def _results(computed: Samples) -> list[MeasureResult]:
+def _results(computed: MeasureSamples) -> list[MeasureResult]:
     """The results of a family of measures."""
     return [_result(name, computed) for name in computed.centre if name != REAR]
 
 
-def _unstable(truck: Truck, computed: Samples) -> list[str]:
+def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
     """A note on the fraction of random trucks that are unstable."""
     if "yaw_damping" not in computed.centre or not computed.draws:
         return []
@@ -136,7 +136,7 @@ def _unstable(truck: Truck, computed: Samples) -> list[str]:
     return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
 
 
-def _result(name: str, computed: Samples) -> MeasureResult:
+def _result(name: str, computed: MeasureSamples) -> MeasureResult:
     spread = computed.spread(lambda values: values[name])
     others: dict[str, Any] = {"sigma": None, "interval": None, "order": None}
     if spread is not None:
@@ -145,7 +145,7 @@ def _result(name: str, computed: Samples) -> MeasureResult:
     return result(name, computed.centre[name], thresholds=thresholds, **others)
 
 
-def _threshold(name: str, limit: Limit, computed: Samples) -> Threshold:
+def _threshold(name: str, limit: Limit, computed: MeasureSamples) -> Threshold:
     def margin(values: Values) -> float:
         difference = values[name] - limit.threshold(values)
         return difference if limit.sense == "at least" else -difference

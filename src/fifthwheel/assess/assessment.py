@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.measures import SCHEME, definition, title
 from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import Body
@@ -101,7 +101,7 @@ class Assessment:
     origin: str
     """Where the uncertainty comes from, in words."""
     notes: tuple[str, ...] = ()
-    runs: Mapping[str, LaneChange] = field(default_factory=dict, repr=False)
+    runs: Mapping[str, LaneChangeRun] = field(default_factory=dict, repr=False)
     """The lane change by model, "linear" and "nonlinear"."""
 
     def __getitem__(self, name: str) -> MeasureResult:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.assess import lane_change, rollover, steady_turn, yaw_damping
-from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius
@@ -32,9 +32,9 @@ ROLLOVER_RANGE = (0.75, 1.35)
 """Lateral acceleration of that turn as a fraction of the threshold of the linear springs."""
 
 
-def measures(truck: Truck) -> tuple[Values, dict[str, LaneChange], tuple[str, ...]]:
+def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str, ...]]:
     """Measures of the nonlinear truck, its lane change, and the reasons why some are missing, such as MuJoCo."""
-    values, runs, notes = Values(), dict[str, LaneChange](), list[str]()
+    values, runs, notes = Values(), dict[str, LaneChangeRun](), list[str]()
     try:
         plant = Plant(truck.vehicle, Properties(half_track=truck.body.half_track))
         plant.multibody  # noqa: B018 - compiles it, or refuses it
@@ -83,7 +83,7 @@ def rollover_threshold(truck: Truck) -> Values:
     return {"rollover_threshold": threshold, rollover.set_name(first): threshold}
 
 
-def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:
+def drive_lane_change(truck: Truck, plant: Plant) -> LaneChangeRun:
     """The lane change, which the driver steers the front axle along."""
     course = lane_change.course(truck.speed).path(count=1, speed=truck.speed)
     truth = _drive(plant, course)
@@ -99,7 +99,7 @@ def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:
     places = {unit.name: (unit, min(axle.position for axle in unit.axles)) for unit in units}
     places["front"] = units[0], truck.front_axle.position
     positions = {name: _position(truth, unit, x) for name, (unit, x) in places.items()}
-    return LaneChange(
+    return LaneChangeRun(
         time=truth["time"],
         steer=truth[truck.vehicle.steer_signals()[0]],
         acceleration=acceleration | {"front": acceleration[front] + arm * yaw_acceleration},

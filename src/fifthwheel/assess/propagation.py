@@ -52,7 +52,7 @@ class Spread:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Samples:
+class MeasureSamples:
     """Measures of a truck, and of the trucks around it."""
 
     centre: Values
@@ -142,7 +142,7 @@ class Neighbourhood:
             return None
 
 
-def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> Samples:
+def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> MeasureSamples:
     """Measures of a truck and of the trucks around it; of random trucks where the pairs do not suffice.
 
     Args:
@@ -155,10 +155,10 @@ def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> S
     """
     centre = family(trucks.truck)
     pairs = tuple((_measured(plus, family), _measured(minus, family), step) for plus, minus, step in trucks.pairs)
-    result = Samples(centre=centre, pairs=pairs)
+    result = MeasureSamples(centre=centre, pairs=pairs)
     if not sampled or result.is_linear():
         return result
-    return Samples(centre=centre, pairs=pairs, draws=tuple(_measured(truck, family) for truck in trucks.draws))
+    return MeasureSamples(centre=centre, pairs=pairs, draws=tuple(_measured(truck, family) for truck in trucks.draws))
 
 
 def random_parameters(uncertainty: Uncertainty, given: Values, positive: Sequence[str]) -> list[Values]:

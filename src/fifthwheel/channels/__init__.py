@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 from fifthwheel.channels.articulation import ARTICULATION
-from fifthwheel.channels.channel import Channel, ErrorKind, Limit
+from fifthwheel.channels.channel import Channel, ErrorKind, SignalLimits
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral_acceleration import LATERAL_ACCELERATION
 from fifthwheel.channels.lateral_motion import LATERAL_VELOCITY, SIDESLIP
@@ -166,8 +166,8 @@ __all__ = [
     "YAW_RATE",
     "Channel",
     "ErrorKind",
-    "Limit",
     "SensorErrorName",
+    "SignalLimits",
     "SignalName",
     "channel_of",
     "is_input",

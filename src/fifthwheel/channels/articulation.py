@@ -4,9 +4,9 @@ from fifthwheel.channels.channel import (
     DEGREES,
     Channel,
     ErrorKind,
-    Limit,
     NamePattern,
     SensorModel,
+    SignalLimits,
     StateNoise,
     TurnRelation,
 )
@@ -16,7 +16,7 @@ ARTICULATION = Channel(
     unit="rad",
     patterns=(NamePattern(pattern="articulat|hitch|knick|coupling_angle|_gamma_|_art_h_"),),
     proposed="signal",
-    limit=Limit(magnitude=1.7, jump=0.06, turn=0.02),
+    limit=SignalLimits(magnitude=1.7, jump=0.06, turn=0.02),
     turn=TurnRelation(
         expected=lambda turn: -turn.towed_yaw_rate * turn.towed_length / turn.speed,
         least_sigma=0.01,

@@ -5,9 +5,9 @@ from fifthwheel.channels.channel import (
     ErrorKind,
     GainFault,
     Instant,
-    Limit,
     NamePattern,
     SensorModel,
+    SignalLimits,
     Symbol,
     TurnRelation,
 )
@@ -36,7 +36,7 @@ LATERAL_ACCELERATION = Channel(
         ),
     ),
     proposed="signal",
-    limit=Limit(magnitude=12.0, jump=3.0, turn=1.0),
+    limit=SignalLimits(magnitude=12.0, jump=3.0, turn=1.0),
     turn=TurnRelation(
         expected=lambda turn: turn.speed * turn.yaw_rate,
         least_sigma=0.3,

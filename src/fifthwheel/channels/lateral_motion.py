@@ -1,6 +1,6 @@
 """Lateral velocity and sideslip angle of a unit at a place on it."""
 
-from fifthwheel.channels.channel import Channel, Instant, Limit, NamePattern, SensorModel, StateNoise, Symbol
+from fifthwheel.channels.channel import Channel, Instant, NamePattern, SensorModel, SignalLimits, StateNoise, Symbol
 from fifthwheel.channels.inputs import VELOCITY_WORDS
 
 
@@ -22,7 +22,7 @@ LATERAL_VELOCITY = Channel(
         ),
     ),
     proposed="reference",
-    limit=Limit(magnitude=10.0, jump=1.0),
+    limit=SignalLimits(magnitude=10.0, jump=1.0),
     state=StateNoise(process=3e-3**2, observer_process=2e-2**2, initial_sigma=0.05),
     model=SensorModel(value=_lateral_velocity, has_place=True),
 )
@@ -36,7 +36,7 @@ SIDESLIP = Channel(
         ),
     ),
     proposed="reference",
-    limit=Limit(magnitude=1.0, jump=0.1),
+    limit=SignalLimits(magnitude=1.0, jump=0.1),
     noise=(0.005**2, 0.005**2),
     model=SensorModel(
         value=lambda now, i, name: _lateral_velocity(now, i, name) / now.motion.u[i],

@@ -7,9 +7,9 @@ from fifthwheel.channels.channel import (
     Channel,
     Exchange,
     GainFault,
-    Limit,
     NamePattern,
     SensorModel,
+    SignalLimits,
     StateNoise,
     Turn,
     TurnRelation,
@@ -39,7 +39,7 @@ ROLL_RATE = Channel(
         NamePattern(pattern="_(roll|wank)_", excluded="_[alr]\\d_", generic=True),
     ),
     proposed="signal",
-    limit=Limit(magnitude=2.0, jump=0.4),
+    limit=SignalLimits(magnitude=2.0, jump=0.4),
     turn=TurnRelation(
         expected=_in_turn, least_sigma=0.003, gain_faults=(GainFault("degrees", 20, np.inf),), has_other_causes=True
     ),
@@ -62,7 +62,7 @@ ROLL = Channel(
     unit="rad",
     patterns=(NamePattern(pattern="_roll(_?angle)?_|wank_?winkel|_phi_", excluded="_[alr]\\d_"),),
     proposed="signal",
-    limit=Limit(magnitude=0.5, jump=0.05, turn=0.02),
+    limit=SignalLimits(magnitude=0.5, jump=0.05, turn=0.02),
     noise=(0.005**2, 0.005**2),
     state=StateNoise(process=3e-5**2, observer_process=1e-3**2, initial_sigma=0.005),
     model=SensorModel(value=lambda now, i, _: now.motion.roll[i], needs_roll=True),

@@ -5,9 +5,9 @@ from fifthwheel.channels.channel import (
     Channel,
     ErrorKind,
     Exchange,
-    Limit,
     NamePattern,
     SensorModel,
+    SignalLimits,
     StateNoise,
     TurnRelation,
 )
@@ -30,7 +30,7 @@ YAW_RATE = Channel(
         NamePattern(pattern="_(yaw|gier)_", excluded="_[alr]\\d_", generic=True),
     ),
     proposed="signal",
-    limit=Limit(magnitude=1.5, jump=0.15, turn=0.03),
+    limit=SignalLimits(magnitude=1.5, jump=0.15, turn=0.03),
     turn=TurnRelation(
         expected=lambda turn: turn.towed_yaw_rate if turn.is_towed else turn.yaw_rate,
         least_sigma=0.01,

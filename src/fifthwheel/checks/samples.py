@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SPEED, Limit, SignalName, channel_of, is_input
+from fifthwheel.channels import SPEED, SignalLimits, SignalName, channel_of, is_input
 from fifthwheel.checks.findings import Fault, Finding, Severity
 from fifthwheel.record.record import Record
 from fifthwheel.record.signal_names import si_unit
@@ -20,7 +20,7 @@ _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
 
 
-def limit_of(name: str) -> Limit | None:
+def limit_of(name: str) -> SignalLimits | None:
     """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
     channel = channel_of(name)
     return channel.limit if channel else None

@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
-from fifthwheel.fleet.dataset import Dataset
+from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.vehicle import unit_of
 
@@ -86,7 +86,7 @@ def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> R
     Args:
         batch: trucks with the digests of their trips.
     """
-    trips = {row["digest"]: row for row in Dataset(job.path).trips(d for _, digests in batch for d in digests)}
+    trips = {row["digest"]: row for row in TripDataset(job.path).trips(d for _, digests in batch for d in digests)}
     result = Rows()
     for truck, digests in batch:
         rows = [trips[digest] for digest in digests if digest in trips]

@@ -4,7 +4,7 @@ from typing import Any
 
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification
-from fifthwheel.live.node import Estimator, Node
+from fifthwheel.live.node import LiveEstimator, Node
 from fifthwheel.logs import LiveMap, SignalMap
 from fifthwheel.logs.can.database import load
 from fifthwheel.logs.can.decoder import FrameDecoder, signal_columns
@@ -17,7 +17,9 @@ RATE = 100.0
 """Of the outputs, Hz."""
 
 
-def make_node(signal_map: SignalMap, estimator: Estimator, *, extra: tuple[str, ...] = (), rate: float = RATE) -> Node:
+def make_node(
+    signal_map: SignalMap, estimator: LiveEstimator, *, extra: tuple[str, ...] = (), rate: float = RATE
+) -> Node:
     """The node of a vehicle.
 
     Args:

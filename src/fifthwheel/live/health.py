@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 
 from fifthwheel.live.sampler import Arrivals
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 from fifthwheel.logs.can.decoder import Quality
 
 SHORTEST_TIMEOUT = 0.06
@@ -12,7 +12,7 @@ SHORTEST_TIMEOUT = 0.06
 FIRST = 0.1
 """A signal that has never arrived is missing after this time since the first frame, s."""
 
-_FAULTS = {Quality.NOT_AVAILABLE: Fault.NOT_AVAILABLE, Quality.WRONG_LENGTH: Fault.WRONG_LENGTH}
+_FAULTS = {Quality.NOT_AVAILABLE: LiveFault.NOT_AVAILABLE, Quality.WRONG_LENGTH: LiveFault.WRONG_LENGTH}
 
 
 class Health:
@@ -40,7 +40,7 @@ class Health:
             if arrivals.last > -math.inf:
                 arrivals.last = time
 
-    def problems(self, time: float) -> dict[str, Fault]:
+    def problems(self, time: float) -> dict[str, LiveFault]:
         """The fault of each column that has one at this time, s."""
         if math.isnan(self._since):
             self._since = time
@@ -52,16 +52,16 @@ class Health:
                 period = arrivals.period if arrivals.period > 0 else FIRST
                 missing = time - arrivals.last > max(SHORTEST_TIMEOUT, 1.5 * period)
             if missing:
-                found[column] = Fault.SIGNAL_MISSING
+                found[column] = LiveFault.SIGNAL_MISSING
             elif (quality := self._quality[column]) is not Quality.VALID:
                 found[column] = _FAULTS[quality]
         return found
 
-    def faults(self, problems: dict[str, Fault]) -> Fault:
+    def faults(self, problems: dict[str, LiveFault]) -> LiveFault:
         """The faults of all columns together."""
-        result = Fault.NONE
+        result = LiveFault.NONE
         for fault in problems.values():
             result |= fault
-        if problems and len(problems) == len(self._arrivals) and result == Fault.SIGNAL_MISSING:
-            return Fault.SILENT
+        if problems and len(problems) == len(self._arrivals) and result == LiveFault.SIGNAL_MISSING:
+            return LiveFault.SILENT
         return result

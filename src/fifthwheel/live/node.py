@@ -7,7 +7,7 @@ from typing import Protocol
 
 from fifthwheel.live.health import Health
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
-from fifthwheel.live.status import HARMLESS, Fault, NodeStatus
+from fifthwheel.live.status import HARMLESS, LiveFault, NodeStatus
 from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
@@ -21,7 +21,7 @@ LATE_FRAME = 0.05
 _INPUT_MISSING: Mapping[str, float] = {"status": Status.INPUT_MISSING, "nis": math.nan}
 
 
-class Estimator(Protocol):
+class LiveEstimator(Protocol):
     """`Observer` or `Learner`."""
 
     def push(self, sample: Mapping[str, float | None], /) -> dict[str, float]:
@@ -40,8 +40,8 @@ class Output:
     bus_time: float
     """The same instant by the clock of the bus, s."""
     status: NodeStatus
-    faults: Fault
-    problems: Mapping[str, Fault]
+    faults: LiveFault
+    problems: Mapping[str, LiveFault]
     """Fault of a column."""
     states: Mapping[str, float]
     """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
@@ -65,7 +65,7 @@ class Node:
 
     def __init__(
         self,
-        estimator: Estimator,
+        estimator: LiveEstimator,
         decoder: FrameDecoder,
         live_map: LiveMap,
         *,
@@ -73,7 +73,7 @@ class Node:
         extra: tuple[str, ...] = (),
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
-        self.faults = Fault.NONE
+        self.faults = LiveFault.NONE
         """Faults that the node cannot see, such as those of the bus; see `set_fault`."""
         self.extra: dict[str, float] = {}
         """Last valid value of the extra columns."""
@@ -86,7 +86,7 @@ class Node:
         self._rate = rate
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
 
-    def set_fault(self, fault: Fault, present: bool) -> None:
+    def set_fault(self, fault: LiveFault, present: bool) -> None:
         """Set or clear a fault that the node cannot see."""
         if (int(self.faults) & int(fault) != 0) != present:  # operations on flags are slow
             self.faults ^= fault
@@ -150,11 +150,11 @@ class Node:
         problems = self._health.problems(cycle.time)
         faults = self.faults | self._health.faults(problems)
         if cycle.time - self._jumped < SHOWN:
-            faults |= Fault.TIME_JUMP
+            faults |= LiveFault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
-            faults |= Fault.OVERLOAD
+            faults |= LiveFault.OVERLOAD
         if wheel_lifts(answer):
-            faults |= Fault.WHEEL_LIFT
+            faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
         if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):

@@ -14,12 +14,12 @@ class NodeStatus(IntEnum):
     INPUT_MISSING = Status.INPUT_MISSING
     INCONSISTENT = Status.INCONSISTENT
     DEGRADED = 8
-    """The states are valid, and a fault limits their quality; see `Fault`."""
+    """The states are valid, and a fault limits their quality; see `LiveFault`."""
     FAILED = 9
     """The estimator gave a state that is not finite; it starts again."""
 
 
-class Fault(IntFlag):
+class LiveFault(IntFlag):
     """What is wrong now; several may be."""
 
     NONE = 0
@@ -47,5 +47,5 @@ class Fault(IntFlag):
     """A wheel is about to lift: see `observe.states.wheel_lifts`. A fault of the truck's motion."""
 
 
-HARMLESS = Fault.NOT_RECORDED | Fault.NOT_SENT | Fault.WHEEL_LIFT
+HARMLESS = LiveFault.NOT_RECORDED | LiveFault.NOT_SENT | LiveFault.WHEEL_LIFT
 """Faults that do not limit the quality of the states."""

@@ -19,7 +19,7 @@ from fifthwheel.plant.driver import Driver, Pose
 from fifthwheel.plant.mujoco_model import SIDES, model_xml
 from fifthwheel.plant.properties import Properties
 from fifthwheel.plant.sensors import Sensor, article_sensors, measure
-from fifthwheel.plant.truth import ROLLOVER_ANGLE, Samples, true_signals
+from fifthwheel.plant.truth import ROLLOVER_ANGLE, RunSamples, true_signals
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -140,7 +140,7 @@ class Plant:
         if count < rate:
             raise SignalError(f"{course.name}: expected a run of 1 s or more, the truck rolls over; reduce its speed")
         time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
-        truth = true_signals(time, Samples(sensed[:count], wheels[:count]), self.vehicle, self.properties, layout)
+        truth = true_signals(time, RunSamples(sensed[:count], wheels[:count]), self.vehicle, self.properties, layout)
         return PlantRun(
             vehicle=self.vehicle, properties=self.properties, time=time, truth=truth, name=name or course.name
         )
@@ -153,7 +153,7 @@ class Multibody:
     axles: tuple[BeamAxle, ...]
     model: Any
     """mujoco.MjModel."""
-    layout: tyre_forces.Layout
+    layout: tyre_forces.StepLayout
     forces: Scan
     """The compiled step of the tyre forces."""
     constants: Array
@@ -194,7 +194,7 @@ def mujoco() -> Any:
     return mujoco
 
 
-def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
+def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayout:
     body_type = mujoco().mjtObj.mjOBJ_BODY
 
     def row(name: str) -> int:
@@ -202,7 +202,7 @@ def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
 
     axles = [axle for body in bodies for axle in body.axles]
     rows = [row(axle.name) for axle in axles]
-    return tyre_forces.Layout(
+    return tyre_forces.StepLayout(
         bodies=tuple(row(body.name) for body in bodies),
         axles=tuple(rows),
         carriers=tuple(int(model.body_parentid[k]) for k in rows),

@@ -7,7 +7,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, Layout
+from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, StepLayout
 from fifthwheel.vehicle import Vehicle
 
 ROLLOVER_ANGLE = 0.6
@@ -19,7 +19,7 @@ LOWEST_SPEED = 1.0
 
 
 @dataclass(frozen=True)
-class Samples:
+class RunSamples:
     """Sensed values and wheel outputs at the sampling instants of a run."""
 
     sensed: Array
@@ -29,7 +29,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Frame:
+class BodyFrame:
     """The frame of a body over time: each array (N, 3) in world axes."""
 
     position: Array
@@ -39,7 +39,7 @@ class Frame:
     angular_velocity: Array
 
     @classmethod
-    def of(cls, sensed: Array) -> "Frame":
+    def of(cls, sensed: Array) -> "BodyFrame":
         """The frame by the first 15 sensed values of a body, (N, 15 or more)."""
         return cls(*(sensed[:, 3 * k : 3 * k + 3] for k in range(5)))
 
@@ -60,7 +60,7 @@ class Frame:
 
 
 def true_signals(
-    time: Array, samples: Samples, vehicle: Vehicle, properties: Properties, layout: Layout
+    time: Array, samples: RunSamples, vehicle: Vehicle, properties: Properties, layout: StepLayout
 ) -> dict[str, Array]:
     """Every signal of a run, (N,) each, by name.
 
@@ -75,7 +75,7 @@ def true_signals(
     signals: dict[str, Array] = {}
     headings: list[Array] = []
     for i, unit in enumerate(vehicle.units):
-        frame = Frame.of(samples.sensed[:, BODY_SENSORS * i : BODY_SENSORS * (i + 1)])
+        frame = BodyFrame.of(samples.sensed[:, BODY_SENSORS * i : BODY_SENSORS * (i + 1)])
         acceleration = samples.sensed[:, BODY_SENSORS * i + 15 : BODY_SENSORS * i + 18]
         heading, z_axis = frame.heading, frame.z_axis
         headings.append(heading)
@@ -122,7 +122,7 @@ def true_signals(
     return signals
 
 
-def horizontal_motion(frame: Frame, heading: Array, x: float, z: float) -> tuple[Array, Array, Array]:
+def horizontal_motion(frame: BodyFrame, heading: Array, x: float, z: float) -> tuple[Array, Array, Array]:
     """Longitudinal and lateral velocity in the horizontal plane, (N,), and position, (N, 3), of a point of a body."""
     position, velocity = frame.at(x, z)
     c, s = np.cos(heading), np.sin(heading)

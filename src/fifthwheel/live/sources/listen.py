@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from fifthwheel.live.node import SHOWN, Node, Output
 from fifthwheel.live.sources.bus import LONGEST_QUEUE, Arrival, LiveBus
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 
 IDLE = 0.003
 """Longest time without a look at the clock, s."""
@@ -35,8 +35,8 @@ def listen(
     newest, at = time.time(), time.monotonic()  # a time of the bus, and when it was
     overloaded, dropped = -SHOWN, 0
     while not stopped():
-        node.set_fault(Fault.BUS_OFF, any(bus.off for bus in buses))
-        node.set_fault(Fault.OVERLOAD, time.monotonic() - overloaded < SHOWN)
+        node.set_fault(LiveFault.BUS_OFF, any(bus.off for bus in buses))
+        node.set_fault(LiveFault.OVERLOAD, time.monotonic() - overloaded < SHOWN)
         try:
             arrival = frames.get_nowait()
         except queue.Empty:

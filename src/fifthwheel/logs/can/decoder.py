@@ -5,7 +5,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.logs.can.database import Databases, Signal, group
+from fifthwheel.logs.can.database import CanSignal, Databases, group
 from fifthwheel.names import split_source
 from fifthwheel.record.signal_names import split_header
 
@@ -86,7 +86,7 @@ class FrameDecoder:
                 )
             unit = split_header(text)[1] or signals[column.signal].unit
             self._wanted.append(column._replace(column=f"{column.column} [{unit}]" if unit else column.column))
-        self._routes: dict[tuple[int, bool, int], list[tuple[str, Signal]]] = {}
+        self._routes: dict[tuple[int, bool, int], list[tuple[str, CanSignal]]] = {}
         self._chosen: dict[str, tuple[int, bool, int]] = {}
         self.other_sources: dict[str, list[str]] = {}
         """Frames that have a column too, but from another source or bus than the one that is used."""
@@ -128,7 +128,7 @@ class FrameDecoder:
                 filters.append({"can_id": number & mask, "can_mask": mask, "extended": extended})
         return filters
 
-    def _route(self, frame: Frame) -> list[tuple[str, Signal]]:
+    def _route(self, frame: Frame) -> list[tuple[str, CanSignal]]:
         """The wanted signals of frames with this id from this bus."""
         message = self._databases.message(frame.id, frame.extended)
         if message is None:

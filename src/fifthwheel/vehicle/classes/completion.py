@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.vehicle.axle_loads import Body, Joint, static_axle_loads
+from fifthwheel.vehicle.axle_loads import Joint, SupportedBody, static_axle_loads
 from fifthwheel.vehicle.classes.figures import DAMPING_TIME, LOAD_EXPONENT, RELAXATION_LENGTH, Figure
 from fifthwheel.vehicle.classes.table import CLASSES, VehicleClass
 
@@ -189,7 +189,7 @@ def _axle_loads(units: list[Table], couplings: list[Table]) -> dict[str, float]:
             _group_path(unit, group): sum(axle["position"] for axle in group["axles"]) / len(group["axles"])
             for group in unit["axle_groups"]
         }
-        bodies.append(Body(unit["name"], unit["mass"], unit["cog"], groups))
+        bodies.append(SupportedBody(unit["name"], unit["mass"], unit["cog"], groups))
     if len(couplings) != len(units) - 1:
         raise VehicleError(
             f"coupling: expected {len(units) - 1} between {len(units)} units, got {len(couplings)}; give one for each"
