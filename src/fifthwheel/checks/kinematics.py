@@ -276,8 +276,7 @@ def _explain(
             wrong, true_unit = (signal, "g") if gain < 0.18 else ("speed", "km/h" if gain < 1 else "m/s")
             problem = (
                 f"{wrong} is probably in {true_unit}: speed * {other} should equal {signal}, but is {1 / gain:.1f} "
-                "times as "
-                "large"
+                "times as large"
             )
             return problem, {"unit": true_unit}, ""
         case Fault.GAIN:

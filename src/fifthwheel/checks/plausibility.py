@@ -102,8 +102,7 @@ def _speed(record: Record) -> Iterator[Finding]:
         first, last = time[speed >= MIN_SPEED][[0, -1]]
         message = (
             f"{slow:.0%} of the samples are below {MIN_SPEED:g} m/s; to use only the fast part, set start = "
-            f"{first:.2f} and "
-            f"stop = {last:.2f} in [time] of signals.toml"
+            f"{first:.2f} and stop = {last:.2f} in [time] of signals.toml"
         )
         yield finding(Fault.ZERO_SPEED, "warning", message)
 

@@ -93,8 +93,7 @@ def identify(
         typer.Option(
             "--validate",
             help="A log for validation: it is predicted with the identified vehicle and not used for the estimation; "
-            "may "
-            "be repeated.",
+            "may be repeated.",
         ),
     ] = None,
     passes: Annotated[

@@ -206,8 +206,7 @@ def _sources(
             if log.columns[timestamps.column].clock != clock:
                 raise SignalError(
                     f"{signal}: the time column {timestamps.column!r} and {column!r} are in different groups; choose "
-                    "a time "
-                    "column of the same group, or delete `time` in signals.toml"
+                    "a time column of the same group, or delete `time` in signals.toml"
                 )
         else:
             timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")

@@ -147,9 +147,8 @@ class Record:
         if not rows.size or gaps[longest] > max_gap + 1e-9:
             raise SignalError(
                 f"{name}: {1 - present.mean():.0%} of the samples are missing; the longest gap is "
-                f"{time[edges[longest]]:.2f} to "
-                f"{time[edges[longest + 1]]:.2f} s; up to {max_gap:g} s is permitted; map another column, or cut the "
-                "record with start and stop"
+                f"{time[edges[longest]]:.2f} to {time[edges[longest + 1]]:.2f} s; up to {max_gap:g} s is permitted; "
+                "map another column, or cut the record with start and stop"
             )
         return _frozen(name, np.interp(time, time[present], values[present]))
 

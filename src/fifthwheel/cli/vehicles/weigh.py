@@ -33,8 +33,7 @@ def weigh(
         typer.Option(
             min=0.0,
             help="Permitted difference between the measured front axle load and the one predicted from the other "
-            "axles, "
-            "as a fraction of the tractor's axle loads.",
+            "axles, as a fraction of the tractor's axle loads.",
         ),
     ] = 0.02,
     force: ForceFileOption = False,

@@ -115,6 +115,5 @@ def _steering_wheel(
     keys = {"gain": float(f"{1 / used:.4g}"), "unit": "deg" if degrees else channel.unit}
     return channel.model_copy(update=keys), (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
-        f"{low:.0f} "
-        f"to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"
+        f"{low:.0f} to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"
     )

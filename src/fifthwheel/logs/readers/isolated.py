@@ -232,8 +232,7 @@ class _Child:
         cause = _SIGNALS.get(-code if code < 0 else code - 128, f"exit code {code}")
         return (
             f"crashed ({cause}). The file is probably damaged: {CURE}. If it is intact, reading may need more "
-            "memory: set "
-            f"{MEMORY} to more than {limit(MEMORY):g}"
+            f"memory: set {MEMORY} to more than {limit(MEMORY):g}"
         )
 
 
