@@ -19,7 +19,7 @@ class ParameterPath(NamedTuple):
     unit: str
     """Unit or coupling."""
     component: str
-    """Axle group, axle, "sprung" or "payload"; empty where the path has none."""
+    """Axle group, axle, "sprung", "payload" or "accelerometers.rear"; empty where the path has none."""
     quantity: str
 
     @classmethod

@@ -81,7 +81,7 @@ def text(value: float, si: str, sigma: float | None) -> str:
 def _file_value(value: Any) -> Any:
     """Fields in the form of a file: with its keys, and without those that have no value."""
     if isinstance(value, dict):
-        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None}
+        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None and v != {}}
     return [_file_value(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
@@ -92,6 +92,12 @@ def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
     for key, kind in (("sprung", SprungMass), ("payload", Payload), ("accelerometer", Accelerometer)):
         if key in fields:
             fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind, stated)
+    if "accelerometers" in fields:
+        places = f"{path}.accelerometers"
+        fields["accelerometers"] = {
+            name: _fields(_table(table, f"{places}.{name}"), f"{places}.{name}", Accelerometer, stated)
+            for name, table in _table(fields["accelerometers"], places).items()
+        }
     groups = _tables(fields, "axle_groups", path)
     fields["axle_groups"] = [_group(group, path, stated, only=len(groups) == 1) for group in groups]
     return fields
