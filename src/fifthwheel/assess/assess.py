@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
-from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_turn, straight_path, yaw_damping
-from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold, result
+import numpy as np
+
+from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_motion, yaw_damping
+from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
-from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition
+from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition, title
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
@@ -23,8 +24,8 @@ FAMILIES: tuple[Family, ...] = (
     lane_change.measure_peak,
     yaw_damping.measure,
     yaw_damping.measure_pulse,
-    steady_turn.measure,
-    straight_path.measure,
+    steady_motion.measure_turn,
+    steady_motion.measure_straight_path,
     low_speed_turn.measure,
 )
 
@@ -90,7 +91,7 @@ def assess(
     for family in CHEAP if cheap else FAMILIES:
         try:
             computed = samples(trucks, family, sampled=not cheap)
-            results += _results(computed)
+            results += [_result(name, computed) for name in computed.centre if name != REAR]
             notes += _unstable(subject, computed)
         except FifthwheelError as error:
             notes.append(str(error))
@@ -120,11 +121,6 @@ def assess(
     )
 
 
-def _results(computed: MeasureSamples) -> list[MeasureResult]:
-    """The results of a family of measures."""
-    return [_result(name, computed) for name in computed.centre if name != REAR]
-
-
 def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
     """A note on the fraction of random trucks that are unstable."""
     if "yaw_damping" not in computed.centre or not computed.draws:
@@ -137,12 +133,18 @@ def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
 
 
 def _result(name: str, computed: MeasureSamples) -> MeasureResult:
-    spread = computed.spread(lambda values: values[name])
-    others: dict[str, Any] = {"sigma": None, "interval": None, "order": None}
-    if spread is not None:
-        others = {"sigma": spread.sigma, "interval": spread.interval, "order": spread.order}
-    thresholds = tuple(_threshold(name, limit, computed) for limit in definition(name).limits)
-    return result(name, computed.centre[name], thresholds=thresholds, **others)
+    measure, spread = definition(name), computed.spread(lambda values: values[name])
+    return MeasureResult(
+        name=name,
+        title=title(name),
+        unit=measure.unit,
+        source=measure.source,
+        value=float(np.round(computed.centre[name], 12)),
+        sigma=spread.sigma,
+        interval=spread.interval,
+        order=spread.order,
+        thresholds=tuple(_threshold(name, limit, computed) for limit in measure.limits),
+    )
 
 
 def _threshold(name: str, limit: Limit, computed: MeasureSamples) -> Threshold:

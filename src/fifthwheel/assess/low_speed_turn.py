@@ -66,7 +66,7 @@ def measure(truck: Truck) -> Values:
     run = turn(truck)
     values = {"swept_path": swept_path(truck, run), "friction_demand": friction_demand(truck, run)}
     if truck.body.rear_overhang is not None:
-        corner = rear_end(truck, run) - 0.5j * truck.body.width * np.exp(1j * run.headings[:, -1])
+        corner = run.origins[:, -1] + (truck.ends()[-1][0] - 0.5j * truck.body.width) * np.exp(1j * run.headings[:, -1])
         values["tail_swing"] = max(0.0, -float(corner.imag.min()))
     return values
 
@@ -141,12 +141,6 @@ def _references(truck: Truck) -> list[float]:
     return [truck.front_axle.position, *(c.trailing_position for c in truck.vehicle.couplings)]
 
 
-def rear_end(truck: Truck, run: LowSpeedTurn) -> Array:
-    """Middle of the rear end of the last unit, (N,) complex, m."""
-    x = truck.rear_axle.position - (truck.body.rear_overhang or 0.0)
-    return np.asarray(run.origins[:, -1] + x * np.exp(1j * run.headings[:, -1]))
-
-
 def swept_path(truck: Truck, run: LowSpeedTurn) -> float:
     """Largest width between the outermost and the innermost edge of all units at one station of the road, m."""
     inner, outer = edges(truck, run)
@@ -164,9 +158,7 @@ def swept_path(truck: Truck, run: LowSpeedTurn) -> float:
 def edges(truck: Truck, run: LowSpeedTurn) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Station and distance from the road line, m, of points on the inner side (to the left) and the outer side."""
     inner, outer = [], []
-    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
-        last = i == len(truck.vehicle.units) - 1
-        rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if last else 0.0)
+    for i, (rear, front) in enumerate(truck.ends()):
         axis = np.exp(1j * run.headings[:, i : i + 1])
         points = run.origins[:, i : i + 1] + np.linspace(rear, front, 12) * axis
         inner.append((points + 0.5j * truck.body.width * axis).ravel())

@@ -212,8 +212,7 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> Panel:
     items: list[Item] = []
     shown = int(np.argmax(np.append(run.origins[:, -1].imag > RADIUS + SHOWN, True))) or len(run.steer)
     width, last = truck.body.width, len(truck.vehicle.units) - 1
-    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
-        rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if i == last else 0.0)
+    for i, (unit, (rear, front)) in enumerate(zip(truck.vehicle.units, truck.ends(), strict=True)):
         corners = np.array([front + 0.5j * width, rear + 0.5j * width, rear - 0.5j * width, front - 0.5j * width])
         outlines = [
             np.append(run.origins[row, i] + np.append(corners, corners[0]) * np.exp(1j * run.headings[row, i]), np.nan)
