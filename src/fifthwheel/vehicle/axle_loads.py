@@ -34,9 +34,7 @@ class Joint(NamedTuple):
 def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[Coupling]) -> dict[str, Any]:
     """Vertical load of each axle group of a vehicle by its path, N; see `static_axle_loads`, also for the error.
 
-    Args:
-        p: parameters by path; numbers or symbols.
-        units, couplings: give names and structure; their numbers are not used.
+    p has the parameters by path, numbers or symbols; units and couplings give names and structure only.
     """
     bodies = [
         SupportedBody(
@@ -60,11 +58,8 @@ def static_axle_loads(units: Sequence[SupportedBody], joints: Sequence[Joint]) -
 
     The supports of a unit are its axle groups, at the mean position of their axles, and its front coupling. They carry
     its weight and the load of the unit behind. The moments are solved from the last unit to the first. Two units whose
-    joint is not free in pitch are one body, with the axle groups of both as its supports.
-
-    Args:
-        units: front to rear.
-        joints: the couplings, front to rear.
+    joint is not free in pitch are one body, with the axle groups of both as its supports. Units and joints are in the
+    order from front to rear.
 
     Raises:
         VehicleError: a unit does not have exactly two supports at two positions, so its loads are not determined.

@@ -35,11 +35,7 @@ def read(path: Path) -> str:
 
 
 def parse(text: str, vehicle: type[Component]) -> tuple[Table, bool]:
-    """Fields of a vehicle, and whether all its numbers are exact.
-
-    Args:
-        text: TOML.
-        vehicle: the class with these fields.
+    """Fields of a vehicle, which its class has, and whether all its numbers are exact.
 
     Raises:
         VehicleError: not TOML, an unknown key, or a value that is no quantity of its unit.
@@ -145,15 +141,8 @@ _CURES = {
 def read_quantity(value: Any, si: str, path: str) -> tuple[float, float | None]:
     """A value of a vehicle file and its stated standard deviation, in the SI unit `si`.
 
-    An angle is a dimension: N is not accepted for N/rad.
-
-    Args:
-        value: a number in `si`, or a text as in `units.uncertain_quantity`.
-        si: the SI unit.
-        path: of the value, for the message.
-
-    Raises:
-        VehicleError: the value is not a number with a suitable unit.
+    The value is a number in `si`, or a text as in `units.uncertain_quantity`. An angle is a dimension: N is not
+    accepted for N/rad. A VehicleError begins with the path.
     """
     try:
         return uncertain_quantity(value, si, strict=True)

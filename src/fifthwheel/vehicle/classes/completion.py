@@ -21,13 +21,8 @@ FLOOR_HEIGHT = Figure(1.22, 0.1, "article 1.2, Auburn 1.25 m")
 
 
 def complete(fields: Mapping[str, Any]) -> Table:
-    """Fields of a vehicle with the missing numbers of each unit that has a class, and of the coupling in front of it.
-
-    Args:
-        fields: of the vehicle, as from `toml_format.parse`.
-
-    Returns:
-        The fields; `stated` also has the standard deviation of each filled number, and `assumed` its source.
+    """Fields of a vehicle, as from `toml_format.parse`, with the missing numbers of each unit that has a class, and of
+    the coupling in front of it; `stated` has the standard deviation of each filled number, and `assumed` its source.
 
     Raises:
         VehicleError: a class does not exist or has other axle groups, or a number is missing that no class can give.
