@@ -18,29 +18,29 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.online.live_filter import InnovationStatistics
-from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 
 def find_doubts(
-    problem: OnlineProblem, learner: LearnerSettings, estimate: Estimate, innovations: InnovationStatistics
+    setup: Setup, learner: LearnerSettings, estimate: Estimate, innovations: InnovationStatistics
 ) -> tuple[Doubt, ...]:
     """The doubts at an estimate, each with the parameters that it concerns."""
     return (
-        *_contradicted_assumptions(problem, estimate),
-        *_unusual_estimates(problem, estimate),
-        *_inconsistent_innovations(problem, learner, innovations),
+        *_contradicted_assumptions(setup, estimate),
+        *_unusual_estimates(setup, estimate),
+        *_inconsistent_innovations(setup, learner, innovations),
     )
 
 
-def score_tests(problem: OnlineProblem, estimate: Estimate) -> list[ScoreTest]:
+def score_tests(setup: Setup, estimate: Estimate) -> list[ScoreTest]:
     """The score test of every considered unknown, the largest |t| first.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
     """
     tests = []
-    for i, unknown in enumerate(problem.considered):
+    for i, unknown in enumerate(setup.considered_unknowns):
         gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
         if information > 0:
             implied = -gradient / (1 + information)
@@ -56,30 +56,30 @@ def score_tests(problem: OnlineProblem, estimate: Estimate) -> list[ScoreTest]:
     return sorted(tests, key=lambda test: -abs(test.statistic))
 
 
-def _contradicted_assumptions(problem: OnlineProblem, estimate: Estimate) -> Iterator[Doubt]:
+def _contradicted_assumptions(setup: Setup, estimate: Estimate) -> Iterator[Doubt]:
     """The assumption that the score tests contradict most, with those that are about as likely."""
-    likely = most_likely(score_tests(problem, estimate))
+    likely = most_likely(score_tests(setup, estimate))
     if not likely:
         return
     strong = abs(likely[0].statistic) > STRONG_SCORE
-    moved = [name for test in likely for name in _moved(problem, estimate, test.shifts)]
-    considered = {u.name: u for u in problem.considered}
+    moved = [name for test in likely for name in _moved(setup, estimate, test.shifts)]
+    considered = {u.name: u for u in setup.considered_unknowns}
     yield Doubt(
         kind=DoubtKind.ASSUMPTION,
         causes=tuple(_cause(considered[test.name], test.implied) for test in likely),
-        parameters=problem.parameters if strong else tuple(dict.fromkeys(moved)),
+        parameters=_parameters(setup) if strong else tuple(dict.fromkeys(moved)),
         statistic=abs(likely[0].statistic),
     )
 
 
-def _unusual_estimates(problem: OnlineProblem, estimate: Estimate) -> Iterator[Doubt]:
+def _unusual_estimates(setup: Setup, estimate: Estimate) -> Iterator[Doubt]:
     """Sensor errors and parameters far outside their priors."""
     covariance = estimate.Pz + estimate.B @ estimate.B.T
-    for i, u in enumerate(problem.estimated):
+    for i, u in enumerate(setup.estimated_unknowns):
         deviation = float(estimate.z[i])
         if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
             kind = DoubtKind.SENSOR
-            parameters = _moved(problem, estimate, covariance[:, i] / covariance[i, i] * deviation)
+            parameters = _moved(setup, estimate, covariance[:, i] / covariance[i, i] * deviation)
         elif u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE:
             kind, parameters = DoubtKind.ESTIMATE, (u.name,)
         else:
@@ -88,23 +88,27 @@ def _unusual_estimates(problem: OnlineProblem, estimate: Estimate) -> Iterator[D
 
 
 def _inconsistent_innovations(
-    problem: OnlineProblem, learner: LearnerSettings, innovations: InnovationStatistics
+    setup: Setup, learner: LearnerSettings, innovations: InnovationStatistics
 ) -> Iterator[Doubt]:
     """Innovations that are larger or more autocorrelated than noise and discrepancy explain."""
     size, autocorrelation = max(innovations.mean_square), max(innovations.autocorrelation)
     if size > learner.max_innovation_ratio or autocorrelation > learner.max_autocorrelation:
         yield Doubt(
-            kind=DoubtKind.NOISE, causes=(), parameters=problem.parameters, statistic=max(size, autocorrelation)
+            kind=DoubtKind.NOISE, causes=(), parameters=_parameters(setup), statistic=max(size, autocorrelation)
         )
 
 
-def _moved(problem: OnlineProblem, estimate: Estimate, shifts: Array) -> tuple[str, ...]:
+def _parameters(setup: Setup) -> tuple[str, ...]:
+    """Names of the estimated unknowns that are no sensor errors."""
+    return tuple(u.name for u in setup.estimated_unknowns if u.kind is not UnknownKind.SENSOR)
+
+
+def _moved(setup: Setup, estimate: Estimate, shifts: Array) -> tuple[str, ...]:
     """The estimated parameters that shifts (n_z,) move by more than `HARMFUL_SHIFT` sigma."""
     sigma = np.sqrt(np.diag(estimate.Pz + estimate.B @ estimate.B.T))
     harmful = np.abs(shifts) > HARMFUL_SHIFT * sigma
-    return tuple(
-        u.name for u, moved in zip(problem.estimated, harmful, strict=True) if moved and u.name in problem.parameters
-    )
+    moved = zip(setup.estimated_unknowns, harmful, strict=True)
+    return tuple(u.name for u, is_moved in moved if is_moved and u.kind is not UnknownKind.SENSOR)
 
 
 def _cause(unknown: Unknown, deviation: float) -> Cause:
