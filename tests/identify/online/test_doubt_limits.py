@@ -22,7 +22,9 @@ CONSIDERED = (
     Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.CONSIDERED, **BOUNDS),
     Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.CONSIDERED, moves={"x": 2.0, "y": -1.0}, **BOUNDS),
 )
-PROBLEM = SimpleNamespace(estimated_unknowns=ESTIMATED, considered_unknowns=CONSIDERED)
+PROBLEM = SimpleNamespace(
+    unknowns=(*ESTIMATED, *CONSIDERED), estimated_unknowns=ESTIMATED, considered_unknowns=CONSIDERED
+)
 PZ, B = np.diag([0.03, 0.15, 0.2]), np.array([[0.1, 0.0], [0.0, 0.1], [0.0, 0.2]])
 SIGMA = np.sqrt([0.04, 0.16, 0.24])  # of Pz + B B'
 
