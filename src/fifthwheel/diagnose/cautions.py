@@ -19,8 +19,7 @@ from fifthwheel.channels import (
 from fifthwheel.checks.findings import Severity
 from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.fit_quality import fit_quality
-from fifthwheel.diagnose.run_summary import RunSummary
-from fifthwheel.diagnose.state_summary import innovation_size
+from fifthwheel.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma

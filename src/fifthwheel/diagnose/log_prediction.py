@@ -60,7 +60,7 @@ class LogPrediction:
         return cls(
             vehicle=dataset.vehicle,
             model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=True),
-            log=dataset.logs[0],
+            log=dataset.logs[0].with_noise(dataset.vehicle, outputs, settings.noise),
             unknowns=one_stage_unknowns(dataset.vehicle, outputs, settings),
             errors={
                 error.name: error.value

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Mapping
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.console import Console
 
 import fifthwheel
 from fifthwheel import pages
@@ -23,9 +23,6 @@ from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import CYCLE, GREY
 from fifthwheel.report.provenance import Provenance
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 Runs = Mapping[str, LaneChangeRun]
 """The lane change by model, "linear" and "nonlinear"."""
@@ -80,7 +77,7 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
     yield from map(pages.Hint, assessment.notes)
 
 
-def show_assessment(assessment: Assessment, console: "Console | None" = None) -> None:
+def show_assessment(assessment: Assessment, console: Console | None = None) -> None:
     """Print an assessment: measures with sigma, thresholds and notes."""
     terminal.show(assessment_document(assessment), console)
 

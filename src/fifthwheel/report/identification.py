@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.console import Console
 
 from fifthwheel import pages
 from fifthwheel.assess import Assessment
@@ -13,10 +13,11 @@ from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
-from fifthwheel.diagnose.run_summary import summarise_runs
+from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, seconds, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Fit, Identification, Verdict
+from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.result import display
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
@@ -30,11 +31,6 @@ from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.states import StateConditions, states_section
 from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_role
 from fifthwheel.vehicle import Vehicle, unit_of
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from fifthwheel.identify.design.assess import InformationAssessment
 
 ESTIMATES = (
     *("Parameter|name", "Verdict|full", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Prior>|full"),
@@ -50,7 +46,7 @@ def write_report(
     *,
     title: str,
     conclusion: Conclusion | None = None,
-    outlook: "InformationAssessment | None" = None,
+    outlook: InformationAssessment | None = None,
     performance: Assessment | None = None,
     conditions: StateConditions | None = None,
     provenance: Provenance | None = None,
@@ -104,7 +100,7 @@ def write_report(
 
 
 def show_identification(
-    identification: Identification, console: "Console | None" = None, conclusion: Conclusion | None = None
+    identification: Identification, console: Console | None = None, conclusion: Conclusion | None = None
 ) -> None:
     """Print an identification; the conclusion as of `identification_document`."""
     terminal.show(identification_document(identification, conclusion), console)
@@ -222,7 +218,7 @@ def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
     )
 
 
-def _information(identification: Identification, outlook: "InformationAssessment | None") -> Iterator[pages.Block]:
+def _information(identification: Identification, outlook: InformationAssessment | None) -> Iterator[pages.Block]:
     rows = information_summary(identification, outlook)
     if not rows:
         return

@@ -3,15 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.console import Console
 
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.diagnose.run_summary import summarise_records
-from fifthwheel.diagnose.state_summary import StateSummary, record_of, summarise_states
+from fifthwheel.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
 from fifthwheel.observe import States, Status
@@ -26,9 +25,6 @@ from fifthwheel.report import consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_states
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.words import STATUSES, counted, sentence
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +76,7 @@ def write_states_report(
 def show_states(
     states: Sequence[States],
     records: Sequence[Record],
-    console: "Console | None" = None,
+    console: Console | None = None,
     conclusion: Conclusion | None = None,
 ) -> None:
     """Print how reliable states are, with their uncertainty, cautions and next steps."""

@@ -1,28 +1,25 @@
 """A vehicle: loads, handling, oscillations, the numbers that are assumed, and those that a measurement has set."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from fifthwheel import pages
 from fifthwheel.checks.axle_loads import StaticLoad
+from fifthwheel.diagnose.assumptions import AssumedNumber
+from fifthwheel.dynamics.summary import VehicleSummary
 from fifthwheel.formatting import enumerated, percent, with_sigma
 from fifthwheel.vehicle import Vehicle, unit_of
-
-if TYPE_CHECKING:
-    from fifthwheel.diagnose.assumptions import AssumedNumber
-    from fifthwheel.dynamics.summary import VehicleSummary
 
 NOTHING_ASSUMED = "No number is assumed from a vehicle class."
 
 
-def vehicle_document(vehicle: Vehicle, summary: "VehicleSummary", assumed: "Sequence[AssumedNumber]") -> pages.Document:
+def vehicle_document(vehicle: Vehicle, summary: VehicleSummary, assumed: Sequence[AssumedNumber]) -> pages.Document:
     """The summary of a vehicle, and its assumed numbers."""
     headline = f"{vehicle.name}: {' + '.join(unit.name for unit in vehicle.units)}, {summary.at_speed}"
     rest = assumed_blocks(assumed) if assumed else [pages.Paragraph(f"\n{NOTHING_ASSUMED}")]
     return pages.Document(vehicle.name, [pages.Headline(headline), summary.table(), *rest])
 
 
-def assumed_blocks(numbers: "Sequence[AssumedNumber]") -> list[pages.Block]:
+def assumed_blocks(numbers: Sequence[AssumedNumber]) -> list[pages.Block]:
     """The numbers that a vehicle file leaves to classes, with their effects and sources."""
     rows = [
         (pages.Code(n.path), with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll))
