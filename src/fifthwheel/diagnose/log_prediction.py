@@ -55,7 +55,7 @@ class LogPrediction:
         """
         settings = OneStage(check=False)
         dataset = prepare_dataset([record], vehicle, settings, findings=False)
-        outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
+        outputs = dataset.outputs
         sensors = identification.sensors if identification else ()
         return cls(
             vehicle=dataset.vehicle,

@@ -1,14 +1,14 @@
 """A document on a terminal, in Unicode or ASCII."""
 
 from collections.abc import Iterable
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table as Grid
+from typing import TYPE_CHECKING
 
 from fifthwheel import pages
 from fifthwheel.errors import printable_lines
 from fifthwheel.formatting import plain_ascii
+
+if TYPE_CHECKING:
+    from rich.console import Console as Console
 
 COLOURS = {
     "converged": "green",
@@ -22,13 +22,15 @@ COLOURS = {
 """Kind of a mark, which is a verdict, -> colour; its word is always shown too."""
 
 
-def show(document: pages.Document, console: Console | None = None) -> None:
+def show(document: pages.Document, console: "Console | None" = None) -> None:
     """Print the blocks of a document, except plots and HTML; in ASCII where that is no terminal with Unicode."""
+    from rich.console import Console  # slow to import
+
     _Printer(console or Console()).show(document.blocks)
 
 
 class _Printer:
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: "Console") -> None:
         self._console = console
         self._ascii = not (console.is_terminal and console.encoding.lower().startswith("utf"))
 
@@ -56,6 +58,8 @@ class _Printer:
 
     def _text(self, text: str) -> str:
         """A text for this console, with brackets that are no markup and without control characters."""
+        from rich.markup import escape
+
         text = printable_lines(text)
         return escape(plain_ascii(text) if self._ascii else text)
 
@@ -68,6 +72,8 @@ class _Printer:
 
     def _table(self, table: pages.Table) -> None:
         """A table without lines, and without the columns that have HTML."""
+        from rich.table import Table as Grid
+
         shown = [k for k, cell in enumerate(table.rows[0]) if not isinstance(cell, pages.Markup)] if table.rows else []
         columns = [table.columns[k] for k in shown] or table.columns
         grid = Grid(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
@@ -85,6 +91,8 @@ class _Printer:
         return f"[{colour}]{text}[/]" if colour else text
 
     def _items(self, items: pages.Items) -> None:
+        from rich.table import Table as Grid
+
         if not items.lines:
             return
         if items.title:

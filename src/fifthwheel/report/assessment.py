@@ -5,7 +5,6 @@ from itertools import cycle
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 import fifthwheel
 from fifthwheel import pages
@@ -77,7 +76,7 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
     yield from map(pages.Hint, assessment.notes)
 
 
-def show_assessment(assessment: Assessment, console: Console | None = None) -> None:
+def show_assessment(assessment: Assessment, console: "terminal.Console | None" = None) -> None:
     """Print an assessment: measures with sigma, thresholds and notes."""
     terminal.show(assessment_document(assessment), console)
 

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.comparison import Comparison
@@ -33,7 +31,7 @@ def write_comparison_page(path: Path, comparison: Comparison) -> None:
     page.write(path, pages.Document("Comparison", blocks, subtitle))
 
 
-def show_comparison(comparison: Comparison, console: Console | None = None) -> None:
+def show_comparison(comparison: Comparison, console: "terminal.Console | None" = None) -> None:
     """Print the estimates of each run with their differences from the first."""
     terminal.show(comparison_document(comparison), console)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from fifthwheel import pages
 from fifthwheel.assess import Assessment
@@ -100,7 +99,7 @@ def write_report(
 
 
 def show_identification(
-    identification: Identification, console: Console | None = None, conclusion: Conclusion | None = None
+    identification: Identification, console: "terminal.Console | None" = None, conclusion: Conclusion | None = None
 ) -> None:
     """Print an identification; the conclusion as of `identification_document`."""
     terminal.show(identification_document(identification, conclusion), console)

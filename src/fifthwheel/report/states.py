@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 import fifthwheel
 from fifthwheel import pages
@@ -76,7 +75,7 @@ def write_states_report(
 def show_states(
     states: Sequence[States],
     records: Sequence[Record],
-    console: Console | None = None,
+    console: "terminal.Console | None" = None,
     conclusion: Conclusion | None = None,
 ) -> None:
     """Print how reliable states are, with their uncertainty, cautions and next steps."""
