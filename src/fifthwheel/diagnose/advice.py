@@ -58,7 +58,10 @@ def next_steps(
         outlook: information at the identified truck, for the effect of a change.
     """
     poor = tuple(p.log for p in predicted_logs(identification) if p.poor)
-    steps = [Advice(_use_poor(poor), logs=poor)] if poor else []
+    steps = []
+    if poor:
+        reason = f"{'it is' if len(poor) == 1 else 'they are'} predicted poorly"
+        steps = [Advice(f"Use {enumerated(poor)} for the identification too, because {reason}.", logs=poor)]
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
     steps += [*_friction(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
@@ -70,11 +73,6 @@ def next_steps(
     if converged and all(fit.identified_on for fit in identification.fits):
         steps.append(Advice("Validate the result with a log that is not used for the identification (--validate LOG)."))
     return steps
-
-
-def _use_poor(logs: Sequence[str]) -> str:
-    reason = "it is predicted poorly" if len(logs) == 1 else "they are predicted poorly"
-    return f"Use {enumerated(logs)} for the identification too, because {reason}."
 
 
 def _more_excitation(identification: Identification, runs: Sequence[RunSummary]) -> Iterator[Advice]:

@@ -108,8 +108,7 @@ def show_identification(
 def identification_document(identification: Identification, conclusion: Conclusion | None = None) -> pages.Document:
     """Parameters with sigma and verdict, derived quantities, the fit, cautions and next steps.
 
-    Args:
-        conclusion: of the identification with its logs and states; without it, one from the identification alone.
+    Without a conclusion, that of the identification without its logs and states.
     """
     conclusion = conclusion or conclude_identification(identification)
     blocks: list[pages.Block] = [

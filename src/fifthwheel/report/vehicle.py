@@ -46,12 +46,7 @@ def _effect(fraction: float | None) -> str:
 
 
 def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Vehicle) -> pages.Document:
-    """Measured axle loads and those of the vehicle file, and the masses and CoG positions from them.
-
-    Args:
-        before: the vehicle of the file.
-        after: the vehicle with masses and CoG positions from the measured loads.
-    """
+    """Measured axle loads, with masses and CoG positions before, of the vehicle file, and after, from these loads."""
     old_loads, new_loads = before.axle_loads(), after.axle_loads()
     rows = []
     for path in old_loads:
@@ -68,12 +63,7 @@ def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Ve
 
 
 def roll_test_document(before: Vehicle, after: Vehicle) -> pages.Document:
-    """The numbers that a roll test has set.
-
-    Args:
-        before: the vehicle of the file.
-        after: the vehicle with the result of the test.
-    """
+    """The numbers that a roll test has set: before it, by the vehicle file, and after it."""
     old = before.parameters()
     rows = [
         (path, with_sigma(value, after.stated[path], unit_of(path)), with_sigma(old[path], None, unit_of(path)))
