@@ -38,7 +38,8 @@ SIGNED = ("cog", "position", "leading_position", "trailing_position", "roll_yaw_
 
 Order = Literal["linear", "sampled"]
 Family = Callable[[Truck], Values]
-"""Measures of a truck that are computed together."""
+"""Measures of a truck that are computed together; a FifthwheelError where the truck, such as an unstable one, does not
+have them."""
 
 
 @dataclass(frozen=True, kw_only=True)
