@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.channels import si_unit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.online import LearnedValue
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.node import Output
 from fifthwheel.live.status import Fault, NodeStatus
 from fifthwheel.logs.can.decoder import Frame
-from fifthwheel.record.signal_names import si_unit
 
 SCALE = 1e-4
 """Resolution of states and sigmas, SI."""
