@@ -1,6 +1,6 @@
 """The article: C. Cheng and D. Cebon (2011), Vehicle System Dynamics 49. Its method and its results, reproduced.
 
-settings, unknowns, dual, stage, posterior, estimator   the identification in two stages by a dual Kalman filter
+settings, dual, problem, stage, posterior, estimator   the identification in two stages by a dual Kalman filter
 published, experiments, outcomes, comparison, ...       every published number beside ours, and its Figures 4 to 9
 """
 
