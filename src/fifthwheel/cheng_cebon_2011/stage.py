@@ -141,7 +141,7 @@ class _Stage:
 
     @cached_property
     def sigmas(self) -> Array:
-        """Standard deviations of z at the start of the filter, and that z gains per sample (2, n_p); 0 if not active."""
+        """Standard deviations (2, n_p) of z at the start, and that z gains per sample; 0 if not active."""
         sigmas = np.array([filter_sigmas(u, self.settings) for u in self.problem.unknowns]).reshape(-1, 2)
         return np.where(self.is_active, sigmas.T, 0.0)
 

@@ -33,14 +33,10 @@ OUTLIER = "outlier"
 class Kind:
     """A kind of change: the unknowns that it alters."""
 
-    name: str
-    """"tyres", "load", "sensor" or `OUTLIER`."""
-    subject: str
-    """What has changed: an axle group, a trailer, a signal."""
-    members: Indices
-    """In the state."""
-    trips: frozenset[int]
-    """At which trips it may have happened."""
+    name: str  # "tyres", "load", "sensor" or `OUTLIER`
+    subject: str  # what has changed: an axle group, a trailer, a signal
+    members: Indices  # in the state
+    trips: frozenset[int]  # at which trips it may have happened
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +45,10 @@ class Change:
 
     kind: Kind
     trip: int
-    probability: float
-    """Of this kind at this trip, among all kinds and dates."""
-    statistic: float
-    """Normalised innovation squared of the alarm."""
-    threshold: float
-    """That it exceeds without a change by the false-alarm probability of one test."""
-    alarm: int
-    """Trip after which it was found."""
+    probability: float  # of this kind at this trip, among all kinds and dates
+    statistic: float  # normalised innovation squared of the alarm
+    threshold: float  # that it exceeds without a change by the false-alarm probability of one test
+    alarm: int  # trip after which it was found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +58,9 @@ class Truck:
     start: State
     trips: Sequence[Observation]
     walk: Walk
-    tested: Indices
-    """Unknowns in the state whose change matters: the parameters of the vehicle."""
+    tested: Indices  # unknowns in the state whose change matters: the parameters of the vehicle
     kinds: Sequence[Kind]
-    widening: Array
-    """Factors (n,) of model error."""
+    widening: Array  # factors (n,) of model error
 
 
 def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, list[float]]:

@@ -68,16 +68,13 @@ class Combined:
     """The result for one truck."""
 
     truck: str
-    rows: Sequence[Mapping[str, Any]]
-    """Of its trips, in the order of time."""
+    rows: Sequence[Mapping[str, Any]]  # of its trips, in the order of time
     layout: Layout
     observations: Sequence[Observation]
-    states: Sequence[State]
-    """At each trip, from all trips."""
+    states: Sequence[State]  # at each trip, from all trips
     widening: Array
     changes: Sequence[Change]
-    p_values: Sequence[float]
-    """Of each trip by its innovation."""
+    p_values: Sequence[float]  # of each trip by its innovation
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""

@@ -26,32 +26,22 @@ Indices = NDArray[np.int64]
 class Observation:
     """The information of one trip, and where its k unknowns and j considered unknowns are in the state."""
 
-    time: float
-    """Days."""
-    places: Indices
-    """(k,) in the state."""
-    considered: Indices
-    """(j,) among the considered unknowns."""
-    vector: Array
-    """(k,)."""
-    information: Array
-    """(k, k)."""
-    coupling: Array
-    """(k, j)."""
-    score_covariance: Array
-    """(k, k); see `SharedInformation`."""
+    time: float  # days
+    places: Indices  # (k,) in the state
+    considered: Indices  # (j,) among the considered unknowns
+    vector: Array  # (k,)
+    information: Array  # (k, k)
+    coupling: Array  # (k, j)
+    score_covariance: Array  # (k, k); see `SharedInformation`
 
 
 @dataclass(frozen=True)
 class State:
     """An estimate of n unknowns."""
 
-    z: Array
-    """(n,)."""
-    P: Array
-    """Covariance (n, n), without model error and considered unknowns."""
-    B: Array
-    """Effect (n, m) of the considered unknowns on the error of z."""
+    z: Array  # (n,)
+    P: Array  # covariance (n, n), without model error and considered unknowns
+    B: Array  # effect (n, m) of the considered unknowns on the error of z
 
     @classmethod
     def prior(cls, n: int, m: int) -> "State":
@@ -100,8 +90,7 @@ class State:
 class Walk:
     """How the unknowns change over days."""
 
-    rate: Array
-    """Variance that each unknown gains in a day (n,)."""
+    rate: Array  # variance that each unknown gains in a day (n,)
     resets: Mapping[int, Indices] = field(default_factory=dict)
     """Before the trip of this number: the unknowns that take their priors again."""
 

@@ -65,11 +65,9 @@ history is the estimate at this date from all trips, `trip_value` that of the tr
 class CombinationJob:
     """What all combinations share; sent once to each worker."""
 
-    path: str
-    """Of the data set."""
+    path: str  # of the data set
     settings: FleetSettings
-    false_alarm: float
-    """Probability of a false alarm in one test."""
+    false_alarm: float  # probability of a false alarm in one test
 
 
 @dataclass(frozen=True)

@@ -102,11 +102,9 @@ class Outcome:
 class TripJob:
     """What all trips of a run share; sent once to each worker."""
 
-    folder: str
-    """Of the rows."""
+    folder: str  # of the rows
     settings: OneStage
-    done: Any
-    """Sorted digests of the trips that are done, an array of bytes."""
+    done: Any  # sorted digests of the trips that are done, an array of bytes
 
 
 def process_trip(job: TripJob, trip: Trip) -> Outcome:

@@ -35,19 +35,15 @@ class Estimator(Protocol):
 class Output:
     """The states of one cycle."""
 
-    time: float
-    """Since the start of the node, s; always increasing."""
-    bus_time: float
-    """The same instant by the clock of the bus, s."""
+    time: float  # since the start of the node, s; always increasing
+    bus_time: float  # the same instant by the clock of the bus, s
     status: NodeStatus
     faults: Fault
-    problems: Mapping[str, Fault]
-    """Fault of a column."""
+    problems: Mapping[str, Fault]  # fault of a column
     states: Mapping[str, float]
     """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
     observer also "nis", with a learner "learning"."""
-    samples: tuple[Mapping[str, float], ...]
-    """Samples of this cycle, as the estimator received them."""
+    samples: tuple[Mapping[str, float], ...]  # samples of this cycle, as the estimator received them
 
 
 class Node:

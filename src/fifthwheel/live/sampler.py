@@ -18,10 +18,8 @@ TRACKING = 0.1
 class Cycle:
     """One sample."""
 
-    time: float
-    """Instant of the newest reading, s; without a new one, when the cycle was due."""
-    values: dict[str, float]
-    """By column, in the unit of the log; a column without a valid reading is absent."""
+    time: float  # instant of the newest reading, s; without a new one, when the cycle was due
+    values: dict[str, float]  # by column, in the unit of the log; a column without a valid reading is absent
 
 
 class Arrivals:

@@ -40,12 +40,9 @@ class Session:
     checkpoint: Checkpoint | None = None
     recorder: Recorder | None = None
     encoder: FrameEncoder | None = None
-    bus: LiveBus | None = None
-    """On which frames are sent."""
-    send_period: float = 0.01
-    """Time between two outputs that are sent, s."""
-    trailer_column: str = ""
-    """Column with the number of the trailer; empty for none."""
+    bus: LiveBus | None = None  # on which frames are sent
+    send_period: float = 0.01  # time between two outputs that are sent, s
+    trailer_column: str = ""  # column with the number of the trailer; empty for none
     views: Sequence[View] = ()
     now: Callable[[], float] = time.monotonic
 

@@ -32,50 +32,35 @@ from fifthwheel.workflow import read_vehicle
 class Inputs:
     """Where frames and knowledge of the truck come from."""
 
-    vehicle: str
-    """Name in the catalogue, or file."""
+    vehicle: str  # name in the catalogue, or file
     signals: Path
     buses: tuple[str, ...] = ()
-    bitrate: int | None = None
-    """bit/s; None where it is set outside."""
-    trace: Path | None = None
-    """Instead of a bus."""
-    speed: float = 1.0
-    """Of the replay; 0 for as fast as possible."""
+    bitrate: int | None = None  # bit/s; None where it is set outside
+    trace: Path | None = None  # instead of a bus
+    speed: float = 1.0  # of the replay; 0 for as fast as possible
     identification: Path | None = None
     learn: bool = False
-    state: Path | None = None
-    """File of the learned estimates."""
+    state: Path | None = None  # file of the learned estimates
     trailer: str | None = None
-    trailer_signal: str | None = None
-    """Message.Signal with the number of the trailer."""
-    locks: tuple[str, ...] = ()
-    """Parameters that are not learned."""
-    tyres: TyreLaw = "linear"
-    """Law of the side forces that is learned."""
-    min_speed: float = 5.0
-    """m/s."""
+    trailer_signal: str | None = None  # Message.Signal with the number of the trailer
+    locks: tuple[str, ...] = ()  # parameters that are not learned
+    tyres: TyreLaw = "linear"  # law of the side forces that is learned
+    min_speed: float = 5.0  # m/s
     friction: float | None = None
-    half_track: float = ObserverSettings.half_track
-    """m; see `ObserverSettings`."""
-    allow_outside: bool = False
-    """See `SignalMap.load`."""
+    half_track: float = ObserverSettings.half_track  # m; see `ObserverSettings`
+    allow_outside: bool = False  # see `SignalMap.load`
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
     """Where states and parameters go to."""
 
-    send: int | None = None
-    """First id of the frames."""
-    send_rate: float = 100.0
-    """Hz."""
+    send: int | None = None  # first id of the frames
+    send_rate: float = 100.0  # Hz
     dbc: Path = Path("fifthwheel-live.dbc")
     record: Path | None = None
-    page: str | None = None
-    """Port, or HOST:PORT."""
-    force: bool = False
-    """Replace a record that exists."""
+    page: str | None = None  # port, or HOST:PORT
+    force: bool = False  # replace a record that exists
 
 
 @contextmanager

@@ -24,10 +24,8 @@ class DirectionModule(NamedTuple):
     """The assembly of both loops, and the numbers of values that pass from the first to the second."""
 
     source: str
-    shared: int
-    """For each sample."""
-    fixed: int
-    """For all samples together."""
+    shared: int  # for each sample
+    fixed: int  # for all samples together
 
 
 class _Instruction(NamedTuple):
@@ -35,13 +33,10 @@ class _Instruction(NamedTuple):
 
     op: int
     operands: tuple[int, ...]
-    place: tuple[int, int]
-    """Argument or result, and its element, of an input or output."""
+    place: tuple[int, int]  # argument or result, and its element, of an input or output
     constant: float
-    varies: bool
-    """Whether it differs between directions."""
-    invariant: bool
-    """Whether it is the same for all samples."""
+    varies: bool  # whether it differs between directions
+    invariant: bool  # whether it is the same for all samples
 
 
 def _instructions(step: ca.Function) -> list[_Instruction]:

@@ -179,12 +179,9 @@ class Layout(NamedTuple):
     """Where the elements of an array are: element e of row k of group g is at g * group + k * row + e."""
 
     name: str
-    type: str
-    """Type of an element."""
-    group: str
-    """Distance between two groups, in elements: a number or a register."""
-    row: str = "0"
-    """Distance between two rows, in elements; 0 if all rows share the elements."""
+    type: str  # type of an element
+    group: str  # distance between two groups, in elements: a number or a register
+    row: str = "0"  # distance between two rows, in elements; 0 if all rows share the elements
 
 
 def function(

@@ -233,12 +233,9 @@ def _machine() -> Any:
 class Program(NamedTuple):
     """Machine code in memory."""
 
-    code: bytes
-    """Object code; the engine refers to it."""
-    engine: Any
-    """Executes the code."""
-    numbers: list[int]
-    """What its callers need to know of the code."""
+    code: bytes  # object code; the engine refers to it
+    engine: Any  # executes the code
+    numbers: list[int]  # what its callers need to know of the code
 
 
 def load(step: Step, form: str, translate: Callable[[], list[Any]]) -> Program:

@@ -25,8 +25,7 @@ class Arrival(NamedTuple):
     """A frame and when it was read."""
 
     frame: Frame
-    at: float
-    """By `time.monotonic`, s."""
+    at: float  # by `time.monotonic`, s
 
 
 class LiveBus:
