@@ -11,7 +11,7 @@ their priors again. The hypothesis with the smallest cost, minus the logarithm o
 alarm, is reported, with its posterior probability. All hypotheses have the same prior probability.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,8 +66,7 @@ class Truck:
 def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, list[float]]:
     """The changes, the walk with their resets, and the normalised innovation squared of each trip as its p-value.
 
-    Args:
-        false_alarm: probability of a false alarm in one test.
+    `false_alarm` is the probability of a false alarm in one test.
     """
     from scipy.special import chdtrc, chdtri
 
@@ -145,8 +144,7 @@ def _dated(
 ) -> tuple[Kind, int, float] | None:
     """The most probable kind and trip of a change with its probability; None if no change is more probable than none.
 
-    Args:
-        alarm: trip of the change before, first and last trip of the window.
+    `alarm` has the trip of the change before, and the first and last trip of the window.
     """
     last, first, n = alarm
     begin, end = max(last, first - LOOK_BACK, 0), min(n + LOOK_AHEAD, len(truck.trips) - 1)
@@ -182,8 +180,3 @@ def _dated(
     if smallest >= none:
         return None
     return kind, trip, float(1 / sum(np.exp(np.minimum(smallest - other, 0.0)) for other, _, _ in hypotheses))
-
-
-def trips_with(places: Mapping[int, Indices], members: Indices) -> frozenset[int]:
-    """The trips whose unknowns have at least one of some members."""
-    return frozenset(k for k, own in places.items() if np.intersect1d(own, members).size)

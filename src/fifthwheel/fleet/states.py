@@ -81,10 +81,6 @@ class State:
         gain = P @ np.linalg.solve(np.eye(len(i)) + H @ P, d)
         return float(z @ H @ z / 2 - trip.vector @ z + logarithm / 2 - d @ gain / 2)
 
-    def covariance(self, widening: Array) -> Array:
-        """Covariance (n, n) with the factors of model error (n,) and with the considered unknowns."""
-        return self.P * np.outer(widening, widening) + self.B @ self.B.T
-
 
 @dataclass(frozen=True, kw_only=True)
 class Walk:
