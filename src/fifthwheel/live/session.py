@@ -10,9 +10,8 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.checkpoint import Checkpoint
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import Node, Output
-from fifthwheel.live.outputs.background import BackgroundWriter
 from fifthwheel.live.outputs.frames_out import FrameEncoder
-from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.sources.bus import LiveBus
 from fifthwheel.live.status import Fault
 

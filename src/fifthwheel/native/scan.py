@@ -239,13 +239,7 @@ class Program(NamedTuple):
 
 
 def load(step: Step, form: str, translate: Callable[[], list[Any]]) -> Program:
-    """The program of a step, from the cache or the compiler.
-
-    Args:
-        step: what it computes.
-        form: of the translation.
-        translate: LLVM assembly, then the numbers of the program.
-    """
+    """The program of a step in a form of its translation, LLVM assembly and numbers, from the cache or the compiler."""
     translation = functools.cache(translate)
 
     def compute() -> list[Any]:
