@@ -26,13 +26,13 @@ def parameter_estimate(unknown: Unknown, value: float, sigma_z: float, verdict: 
 
     Args:
         value: SI.
-        sigma_z: standard deviation in units of the prior; sigma = sigma_z dp/dz.
+        sigma_z: standard deviation in units of the prior.
         others: further fields of `Estimate`; by default the initial value is the prior mean and the stage is 1.
     """
     return Estimate(
         name=unknown.name,
         value=value,
-        sigma=sigma_z * unknown.slope(value),
+        sigma=unknown.sigma(value, sigma_z),
         unit=unit_of(unknown.name),
         verdict=verdict,
         prior=unknown.prior_sigma,

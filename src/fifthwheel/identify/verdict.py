@@ -1,5 +1,6 @@
 """The verdict on an estimate, and all rules that decide it."""
 
+import math
 from collections.abc import Collection, Sequence
 from enum import StrEnum
 
@@ -65,20 +66,37 @@ def uninformed_parameters(
 
 
 def estimate_verdict(
-    unknown: Unknown, value: float, sigma: float, *, converged: bool, doubtful: bool = False
+    unknown: Unknown,
+    value: float,
+    sigma_z: float,
+    *,
+    excited: float = math.inf,
+    converged: bool = True,
+    doubtful: bool = False,
 ) -> Verdict:
-    """AT_BOUND, CONVERGED, DOUBTFUL or NOT_CONVERGED for a parameter that the logs determine.
+    """NOT_EXCITED, AT_BOUND, NOT_CONVERGED, DOUBTFUL or CONVERGED: the first that applies.
 
     At a bound means closer to it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound.
 
     Args:
         value: estimate, SI.
-        sigma: its standard deviation, SI.
+        sigma_z: its standard deviation in units of the prior.
+        excited: a parameter is excited if sigma_z is below this limit.
         converged: whether the estimation has converged and the model explains the logs.
         doubtful: whether there is a doubt (`doubts`) that concerns the parameter.
     """
-    if min(value - unknown.lower, unknown.upper - value) < 0.1 * sigma:
+    if not sigma_z < excited:
+        return Verdict.NOT_EXCITED
+    if min(value - unknown.lower, unknown.upper - value) < 0.1 * unknown.sigma(value, sigma_z):
         return Verdict.AT_BOUND
     if not converged:
         return Verdict.NOT_CONVERGED
     return Verdict.DOUBTFUL if doubtful else Verdict.CONVERGED
+
+
+def uncertain_verdict(unknown: Unknown, sigma_z: float, excited: float) -> Verdict:
+    """FIXED for a considered parameter; CONVERGED or NOT_EXCITED for an uncertain one, by `excited`, the limit of
+    sigma_z, in units of the prior."""
+    if not unknown.is_estimated:
+        return Verdict.FIXED
+    return Verdict.CONVERGED if sigma_z < excited else Verdict.NOT_EXCITED

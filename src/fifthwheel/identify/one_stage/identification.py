@@ -19,10 +19,9 @@ from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
-from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.identify.verdict import Verdict, estimate_verdict
+from fifthwheel.identify.verdict import Verdict, estimate_verdict, uncertain_verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
@@ -46,7 +45,8 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
         if u.name in solution.estimated:
             estimated.append(_estimate(solution, linearisation, u, shared[u.name], converged, u.name in doubtful))
         else:
-            uncertain.append(_uncertain_estimate(u, shared[u.name], sigma[u.name], settings))
+            verdict = uncertain_verdict(u, sigma[u.name], settings.excited)
+            uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     fixed = parameters.expand_names(dataset.vehicle, settings.fixed, settings)
     estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
@@ -103,8 +103,7 @@ def _estimate(
     posterior, history = linearisation.posterior, linearisation.history
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
     uninformed = solution.uninformed.get(name)
-    sigma = sigma_z * unknown.slope(value)
-    verdict = uninformed or estimate_verdict(unknown, value, sigma, converged=converged, doubtful=doubtful)
+    verdict = uninformed or estimate_verdict(unknown, value, sigma_z, converged=converged, doubtful=doubtful)
     settled = None if uninformed else history.settled_row(name, settings.tolerance)
     return estimates.parameter_estimate(
         unknown,
@@ -137,13 +136,6 @@ def _without_number(name: str, single_log: bool) -> str:
     its segment."""
     base, number = split_log(name)
     return base if single_log or (number is not None and "." in number) else name
-
-
-def _uncertain_estimate(unknown: Unknown, value: float, sigma_z: float, settings: OneStage) -> Estimate:
-    """The estimate of an uncertain or considered parameter."""
-    informed = sigma_z < settings.excited
-    verdict = Verdict.FIXED if not unknown.is_estimated else Verdict.CONVERGED if informed else Verdict.NOT_EXCITED
-    return estimates.parameter_estimate(unknown, value, sigma_z, verdict)
 
 
 def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
