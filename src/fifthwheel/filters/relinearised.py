@@ -49,7 +49,7 @@ _MEMORY = (*_ARRAYS, "_base", "_count", "_position", "_pass", "_complete")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class JointEstimate:
     """Estimated parameters z and the effect of considered parameters c on them; see `joint`."""
 
     z: Array  # (n_z,)
@@ -59,13 +59,13 @@ class Estimate:
     information: Array  # (n_c,) of the score tests
 
     @classmethod
-    def prior(cls, n_z: int, n_c: int) -> "Estimate":
+    def prior(cls, n_z: int, n_c: int) -> "JointEstimate":
         """The estimate before the first sample."""
         none = np.zeros(n_c)
         return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=np.zeros((n_z, n_c)), gradient=none, information=none)
 
     @classmethod
-    def of(cls, vector: Array, layout: JointLayout) -> "Estimate":
+    def of(cls, vector: Array, layout: JointLayout) -> "JointEstimate":
         """The inverse of `vector`."""
         start, n_z = layout.estimate.start, layout.n_z
         z, Pz, B, gradient, information = (
@@ -84,7 +84,7 @@ class Estimate:
         """In the order of the carry."""
         return np.concatenate([self.z, pack_array(self.Pz), self.B.ravel(order="F"), self.gradient, self.information])
 
-    def with_variance_inflation(self, factor: float) -> "Estimate":
+    def with_variance_inflation(self, factor: float) -> "JointEstimate":
         """The estimate if `factor` innovations contain the information of one; no variance exceeds the prior's."""
         scale = np.sqrt(np.clip(1 / np.diag(self.Pz), 1.0, factor))
         return replace(
@@ -145,9 +145,9 @@ class RelinearisedFilter:
         self._samples = np.zeros((settings.samples, k))
         self._sample_views = list(self._samples)
         self._variances = layout.Pz.start + np.cumsum([0, *range(n_z, 1, -1)])
-        self.set_estimate(Estimate.prior(n_z, n_p - n_z))
+        self.set_estimate(JointEstimate.prior(n_z, n_p - n_z))
 
-    def set_estimate(self, estimate: "Estimate") -> None:
+    def set_estimate(self, estimate: "JointEstimate") -> None:
         """Set the estimate, and discard the segment."""
         self._estimate[:] = estimate.vector()
         self._base: Array | None = None  # point of linearisation of the second filter; None for the first filter's z
@@ -169,13 +169,13 @@ class RelinearisedFilter:
         self._d[:] = d
         self._pause_second()
 
-    def estimate(self) -> "Estimate":
+    def estimate(self) -> "JointEstimate":
         """The estimate after all passes over all samples.
 
         Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples.
         """
         vector, _ = self._finish_passes()
-        return Estimate.of(vector, self.layout)
+        return JointEstimate.of(vector, self.layout)
 
     def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:
         """Process the sample in the first lane of `sample`: [dt, d, y, weight].
@@ -297,7 +297,7 @@ class RelinearisedFilter:
 
         The state changes with z to first order, and its covariance increases by the square of that change.
         """
-        layout, estimate = self.layout, Estimate.of(vector, self.layout)
+        layout, estimate = self.layout, JointEstimate.of(vector, self.layout)
         V = self.carry[layout.V, 0].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
         difference = estimate.z - self._z
         change = V @ difference

@@ -8,7 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from fifthwheel._atomic import reserved
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification
 from fifthwheel.live.build import completed_map, make_node, make_observer

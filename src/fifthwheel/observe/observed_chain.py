@@ -14,7 +14,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.vehicle import Vehicle
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.doubts import (
     HARMFUL_SHIFT,
     NONLINEAR_ACCELERATION,
@@ -21,6 +20,7 @@ from fifthwheel.identify.doubts import (
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 def find_doubts(solution: Solution, linearisation: Linearisation) -> list[Doubt]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import channel_fits
 from fifthwheel.identify.one_stage.gauss_newton import minimise

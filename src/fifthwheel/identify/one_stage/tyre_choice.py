@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.evidence import lateral_accelerations
 from fifthwheel.identify.one_stage.solution import Linearisation, Solution
+from fifthwheel.vehicle.parameters import FRICTION
 
 LEAST_ACCELERATION = 1.5
 """m/s^2; above this lateral acceleration tyres soften by 1 % or more."""

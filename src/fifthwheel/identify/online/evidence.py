@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.relinearised import Estimate
+from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import (
     HARMFUL_SHIFT,
     STRONG_SCORE,
@@ -24,7 +24,7 @@ from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 
 def find_doubts(
-    problem: OnlineProblem, learner: LearnerSettings, estimate: Estimate, innovations: InnovationStatistics
+    problem: OnlineProblem, learner: LearnerSettings, estimate: JointEstimate, innovations: InnovationStatistics
 ) -> tuple[Doubt, ...]:
     """The doubts at an estimate, each with the parameters that it concerns."""
     return (
@@ -34,7 +34,7 @@ def find_doubts(
     )
 
 
-def score_tests(problem: OnlineProblem, estimate: Estimate) -> list[ScoreTest]:
+def score_tests(problem: OnlineProblem, estimate: JointEstimate) -> list[ScoreTest]:
     """The score test of every considered unknown, the largest |t| first.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
@@ -56,7 +56,7 @@ def score_tests(problem: OnlineProblem, estimate: Estimate) -> list[ScoreTest]:
     return sorted(tests, key=lambda test: -abs(test.statistic))
 
 
-def _contradicted_assumptions(problem: OnlineProblem, estimate: Estimate) -> Iterator[Doubt]:
+def _contradicted_assumptions(problem: OnlineProblem, estimate: JointEstimate) -> Iterator[Doubt]:
     """The assumption that the score tests contradict most, with those that are about as likely."""
     likely = most_likely(score_tests(problem, estimate))
     if not likely:
@@ -72,7 +72,7 @@ def _contradicted_assumptions(problem: OnlineProblem, estimate: Estimate) -> Ite
     )
 
 
-def _unusual_estimates(problem: OnlineProblem, estimate: Estimate) -> Iterator[Doubt]:
+def _unusual_estimates(problem: OnlineProblem, estimate: JointEstimate) -> Iterator[Doubt]:
     """Sensor errors and parameters far outside their priors."""
     covariance = estimate.Pz + estimate.B @ estimate.B.T
     for i, u in enumerate(problem.estimated):
@@ -98,7 +98,7 @@ def _inconsistent_innovations(
         )
 
 
-def _moved(problem: OnlineProblem, estimate: Estimate, shifts: Array) -> tuple[str, ...]:
+def _moved(problem: OnlineProblem, estimate: JointEstimate, shifts: Array) -> tuple[str, ...]:
     """The estimated parameters that shifts (n_z,) move by more than `HARMFUL_SHIFT` sigma."""
     sigma = np.sqrt(np.diag(estimate.Pz + estimate.B @ estimate.B.T))
     harmful = np.abs(shifts) > HARMFUL_SHIFT * sigma

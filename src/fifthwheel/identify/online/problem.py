@@ -6,7 +6,7 @@ from typing import Any
 
 from fifthwheel import dynamics
 from fifthwheel.channels import SignalName
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model

@@ -12,7 +12,6 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt
@@ -28,6 +27,7 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 
 if TYPE_CHECKING:
     import pandas as pd
