@@ -21,7 +21,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import joint
-from fifthwheel.filters.joint_equations import JointLayout
+from fifthwheel.filters.joint import JointLayout
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
 from fifthwheel.filters.scaling import Scaling

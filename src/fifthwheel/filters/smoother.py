@@ -12,7 +12,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
 from fifthwheel.native import Scan, compiled
 
 
@@ -36,17 +36,9 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P, n_report = packed_size(n_x), 0 if report is None else sizes(report)[3]
-    carry, sample, constant = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", n_x + n_P + 1 + n_d),
-            ("sample", 1 + n_d + 3 * n_y + n_x + n_P),
-            ("constant", n_p + n_c + n_P + n_y + 1 + n_report),
-        )
-    )
-    adjoint, information, dt_next, d_next = split(carry, [n_x, n_P, 1, n_d])
-    dt, d, y, _, accepted, before, P_before = split(sample, [1, n_d, n_y, n_y, n_y, n_x, n_P])
-    p, c, _, r, _, c_report = split(constant, [n_p, n_c, n_P, n_y, 1, n_report])
+    carry, adjoint, information, dt_next, d_next = partitioned("carry", n_x, n_P, 1, n_d)
+    sample, dt, d, y, _, accepted, before, P_before = partitioned("sample", 1, n_d, n_y, n_y, n_y, n_x, n_P)
+    constant, p, c, _, r, _, c_report = partitioned("constant", n_p, n_c, n_P, n_y, 1, n_report)
     information, P_before = unpack(information, n_x), unpack(P_before, n_x)
 
     predicted, H = kalman.observe(model, before, d, p, c)

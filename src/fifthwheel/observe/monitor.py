@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.update import ChannelUpdate
+from fifthwheel.filters.kalman import ChannelUpdate
 
 START: Array = np.array([1.0, 0.0, -1.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present

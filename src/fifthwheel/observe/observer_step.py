@@ -35,8 +35,8 @@ from fifthwheel.channels import (
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import kalman
+from fifthwheel.filters.kalman import ChannelUpdate
 from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
-from fifthwheel.filters.update import ChannelUpdate
 from fifthwheel.native import DirectionScan, Scan, compiled
 from fifthwheel.observe import monitor
 from fifthwheel.observe.observed_chain import ObservedChain
