@@ -17,7 +17,7 @@ This filter adds:
 """
 
 import functools
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import NamedTuple, Self
 
 import casadi as ca
@@ -49,10 +49,10 @@ class JointLayout:
     def __init__(self, n_x: int, n_z: int, n_c: int) -> None:
         self.n_x, self.n_z, self.n_c = n_x, n_z, n_c
         self.lengths = (n_x, packed_size(n_x), n_x * (n_z + n_c), n_z, packed_size(n_z), n_z * n_c, n_c, n_c)
-        edges = np.concatenate([[0], np.cumsum(self.lengths)]).tolist()
-        slices = [slice(a, b) for a, b in pairwise(edges)]
+        edges = [0, *accumulate(self.lengths)]
+        slices = [slice(*ends) for ends in pairwise(edges)]
         self.x, self.P, self.V, self.z, self.Pz, self.B, self.gradient, self.information = slices
-        self.size = sum(self.lengths)
+        self.size = edges[-1]
         self.estimate = slice(self.z.start, self.size)
         """All that does not belong to the state."""
 

@@ -6,6 +6,7 @@ which starts at the initial state with the best fit to the record.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,10 @@ from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
 from fifthwheel.native import Scan, compiled
+
+CHUNK = 500
+"""Number of rows in one pass, which bounds the memory. The forward pass stores only the carry before each chunk; the
+backward pass repeats the filter chunk by chunk."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,14 +69,31 @@ def run_smoother(
     model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x0: Array, P0: Array
 ) -> Smoothed:
     """Filter a record forwards, then smooth it backwards; arguments as in `kalman.run_kalman`."""
+    constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
+    (smoothed,) = smoothed_rows(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
+
+
+def smoothed_rows(model: Model, report: Model | None, rows: Array, carry: Array, constant: Array) -> Array:
+    """Outputs of `smoother_step` given all M rows, for B carries and constants of the filter, (B, M, n_output).
+
+    The constants have those of the report after those of the filter.
+    """
     n_x, n_d, _, _, n_y = sizes(model)
-    n_P = packed_size(n_x)
-    constant = np.concatenate([p, c, noise.vector()])
-    carry = np.concatenate([x0, pack_array(P0)])
-    _, out = kalman.kalman_step(model)(carry, rows, constant)
-    edges = np.cumsum([n_x, n_P, 2 * n_y, n_y])
-    _, _, _, accepted, predicted = np.split(out, edges, axis=1)
-    start = np.concatenate([np.zeros(n_x + n_P + 1), rows[-1, 1 : 1 + n_d]])
-    _, backward = smoother_step(model)(start, np.hstack([rows, accepted, predicted])[::-1], constant)
-    backward = backward[::-1]
-    return Smoothed(state=backward[:, :n_x], covariance=unpack_array(backward[:, n_x:], n_x))
+    forwards, backwards = kalman.kalman_step(model), smoother_step(model, report)
+    filter_constant, constant = constant[:, : forwards.n_constant], constant[:, : backwards.n_constant]
+    slices = [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
+    starts = [carry]
+    for chunk in slices[:-1]:
+        starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
+    back = np.zeros((len(carry), backwards.n_carry))
+    back[:, backwards.n_carry - n_d :] = rows[-1, 1 : 1 + n_d]
+    result = np.empty((len(carry), len(rows), backwards.n_output))
+    for chunk, start in zip(reversed(slices), reversed(starts), strict=True):
+        _, out = forwards.batch(start, rows[chunk], filter_constant)
+        samples = np.broadcast_to(rows[chunk], (len(carry), *rows[chunk].shape))
+        accepted_and_predicted = out[:, :, -(n_y + n_x + packed_size(n_x)) :]
+        samples = np.concatenate([samples, accepted_and_predicted], axis=2)
+        back, smoothed = backwards.batch(back, samples[:, ::-1], constant)
+        result[:, chunk] = smoothed[:, ::-1]
+    return result

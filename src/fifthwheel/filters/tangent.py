@@ -125,15 +125,10 @@ def run_in_chunks(
     constant: Array,
     directions: Array,
 ) -> Iterator[Chunk]:
-    """Outputs of a step and their derivatives over a record, in chunks of rows.
+    """Outputs of a step and their derivatives along k directions over N rows, in chunks of rows.
 
-    Args:
-        scan: `simulation_tangent` or `innovations_tangent` of a model.
-        rows: (N, n_sample).
-        start: carry before the first row, (n_carry,).
-        start_directions: derivative of the start along each of k directions, (k, n_carry_dot); k may be 0.
-        constant: of the step.
-        directions: derivative of the parameters along each direction, (k, n_p).
+    The carry before the first row and its derivatives are `start` (n_carry,) and `start_directions` (k, n_carry_dot);
+    k may be 0. `directions` (k, n_p) are the derivatives of the parameters.
     """
     only_start = np.asarray(~directions.any(axis=1))  # directions of the start alone: their effect may decay
     initial = np.abs(start_directions).max(axis=1, initial=0.0)
@@ -148,22 +143,13 @@ def run_in_chunks(
 
 
 def simulation_start(x0: Array, q: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `simulation_tangent` before the first row, and its derivatives.
-
-    Args:
-        x0: initial state (n,).
-        q: variances of the discrepancies (m,).
-        x0_directions: derivative of x0 along each of the k directions, (k, n).
-    """
+    """Carry of `simulation_tangent` before the first row, and its derivatives, from the initial state (n,), the
+    variances of the discrepancies (m,), and the derivatives of x0 along k directions, (k, n)."""
     return np.concatenate([x0, np.zeros_like(q), q]), np.pad(x0_directions, ((0, 0), (0, len(q))))
 
 
 def innovations_start(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `innovations_tangent` before the first row, and its derivatives; the initial covariance is constant.
-
-    Args:
-        x0, P0: initial state (n,) and covariance (n, n).
-        x0_directions: derivative of x0 along each of the k directions, (k, n).
-    """
+    """Carry of `innovations_tangent` before the first row, and its derivatives, as `simulation_start`; the initial
+    covariance (n, n) is constant."""
     packed = pack_array(P0)
     return np.concatenate([x0, packed]), np.pad(x0_directions, ((0, 0), (0, len(packed))))
