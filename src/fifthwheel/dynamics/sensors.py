@@ -26,7 +26,7 @@ from fifthwheel.vehicle.parameters import HALF_TRACK, TYRE_PARAMETERS
 
 
 class SensorInputs(NamedTuple):
-    """The quantities from which sensor outputs are computed; a `channels.channel.Instant`."""
+    """The quantities from which sensor outputs are computed: the `Instant` of `channels`."""
 
     p: Mapping[str, ca.SX]  # parameters of the vehicle and of the sensors, by name
     vehicle: Vehicle
