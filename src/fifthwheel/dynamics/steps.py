@@ -33,10 +33,7 @@ SPEEDS = np.geomspace(1.0, 60.0, 32)
 class StepLimit:
     """The longest step of a vehicle's model as a function of speed.
 
-    Args:
-        vehicle: with its numbers.
-        roll: yaw and roll, or yaw only.
-        margin: factor by which the fastest eigenvalue may grow while parameters are estimated.
+    The fastest eigenvalue may grow by the factor `margin` while parameters are estimated.
     """
 
     def __init__(self, vehicle: Vehicle, *, roll: bool, margin: float = 1.25) -> None:
@@ -78,14 +75,9 @@ def step_limit(vehicle: Vehicle, roll: bool) -> StepLimit:
 
 
 def step_counts(gap: Array, limit: Array) -> NDArray[np.int64]:
-    """Number of steps between each sample and the next, (N - 1,).
+    """Number of steps (N - 1,) between N samples, by the time between them (N - 1,) and the longest steps (N,), s.
 
-    Args:
-        gap: (N - 1,) time between samples, s.
-        limit: (N,) longest step at each sample, s.
-
-    Raises:
-        SignalError: a gap needs more than `MAX_STEPS` steps.
+    A SignalError where a gap needs more than `MAX_STEPS` steps.
     """
     count = np.ceil(gap / np.minimum(limit[1:], limit[:-1]))
     if not (count < MAX_STEPS).all():
@@ -98,21 +90,11 @@ def step_counts(gap: Array, limit: Array) -> NDArray[np.int64]:
 
 
 def subdivide(time: Array, inputs: Array, limit: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Times and inputs with enough steps between the samples; inputs are interpolated linearly.
+    """Times (M,) and inputs (M, k) with enough steps between N samples, and the indices (N,) of these among the M rows.
 
-    Each step depends only on the two samples around it. A record that is processed sample by sample therefore gives the
-    same bits.
-
-    Args:
-        time: (N,) increasing, s.
-        inputs: (N, k).
-        limit: (N,) longest step at each sample, s.
-
-    Returns:
-        Times (M,), inputs (M, k), and the indices of the N samples among the M rows (N,).
-
-    Raises:
-        SignalError: as in `step_counts`.
+    Inputs are interpolated linearly; `limit` (N,) is the longest step at each sample, s. Each step depends only on the
+    two samples around it. A record that is processed sample by sample therefore gives the same bits. A SignalError as
+    in `step_counts`.
     """
     count = step_counts(np.diff(time), limit)
     if (count == 1).all():
@@ -131,10 +113,6 @@ def step_inputs(time: Array, inputs: Array) -> tuple[Array, Array]:
     """dt (M,) and d (M, 2 k) of `ChainModel`: the step before each row, and the inputs at its beginning and its end.
 
     The first row has no step before it: its dt is 0, and both halves of its d are equal.
-
-    Args:
-        time: (M,) s.
-        inputs: (M, k).
     """
     before = np.vstack([inputs[:1], inputs[:-1]])
     return np.diff(time, prepend=time[0]), np.hstack([before, inputs])
