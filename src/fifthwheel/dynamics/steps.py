@@ -20,8 +20,11 @@ The error of a step is then below 1e-6 of the largest state. That limit is reach
 measured with the catalogue's vehicles and two trains of three units at 3 to 35 m/s, with relaxation lengths of 0.1 to
 0.8 m on all groups or on some, for 400 random states and steer angles each. The values differ because the order of the
 series differs (`model.ORDER`), and because the matrices of the yaw model and of models with relaxation lengths are
-strongly non-normal. `StepLimit` applies its margin in addition.
+strongly non-normal. `StepLimit` applies `MARGIN` in addition.
 """
+
+MARGIN = 1.25
+"""Factor by which the fastest eigenvalue may grow while parameters are estimated."""
 
 MAX_STEPS = 1e5
 """Largest number of steps between two samples."""
@@ -31,20 +34,17 @@ SPEEDS = np.geomspace(1.0, 60.0, 32)
 
 
 class StepLimit:
-    """The longest step of a vehicle's model as a function of speed.
+    """The longest step of a vehicle's model as a function of speed."""
 
-    The fastest eigenvalue may grow by the factor `margin` while parameters are estimated.
-    """
-
-    def __init__(self, vehicle: Vehicle, *, roll: bool, margin: float = 1.25) -> None:
-        self.vehicle, self.roll, self.margin = vehicle, roll, margin
+    def __init__(self, vehicle: Vehicle, *, roll: bool) -> None:
+        self.vehicle, self.roll = vehicle, roll
 
     @lazy
     def longest(self) -> Array:
         """Longest step at each of `SPEEDS`, s."""
         fastest = [np.abs(np.linalg.eigvals(matrices(self.vehicle, u, roll=self.roll).A)).max() for u in SPEEDS]
         limit = MAX_STEP_EIGENVALUE[self.roll, bool(relaxation_groups(self.vehicle))]
-        return np.asarray(limit / (self.margin * np.array(fastest)))
+        return np.asarray(limit / (MARGIN * np.array(fastest)))
 
     @lazy
     def safe_step_by_speed(self) -> list[float]:
@@ -70,7 +70,7 @@ class StepLimit:
 
 @functools.lru_cache(64)
 def step_limit(vehicle: Vehicle, roll: bool) -> StepLimit:
-    """`StepLimit` with the default margin, cached."""
+    """`StepLimit`, cached."""
     return StepLimit(vehicle, roll=roll)
 
 

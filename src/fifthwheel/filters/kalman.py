@@ -82,10 +82,14 @@ def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX
     return y, H
 
 
-def report_outputs(model: Model, x: ca.SX, covariance: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Outputs of another model of the same state, and their variances without measurement noise."""
-    outputs, H = observe(model, x, d, p, c)
-    return outputs, ca.vertcat(*[H[i, :] @ covariance @ H[i, :].T for i in range(H.shape[0])])
+def report_outputs(
+    model: Model, x: ca.SX, covariance: ca.SX, considered: ca.SX, d: ca.SX, c: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Outputs of another model of the same state, and their variances without measurement noise; `considered` (n, k)
+    as in `correct_channel`."""
+    outputs, H = observe(model, x, d, ca.SX(0, 1), c)
+    rows = ca.vertsplit(H) if H.shape[0] else []
+    return outputs, ca.vertcat(*[h @ covariance @ h.T + ca.sumsqr(h @ considered) for h in rows])
 
 
 def correct(
