@@ -23,7 +23,6 @@ from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
 from fifthwheel.dynamics import TIME_SCALE
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
@@ -31,6 +30,7 @@ from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
 from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel._atomic import reserved
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.live.checkpoint import Checkpoint, make_learning

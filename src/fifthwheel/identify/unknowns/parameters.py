@@ -14,7 +14,7 @@ from fifthwheel.channels import (
     is_of,
     names_of,
 )
-from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
+from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage
 from fifthwheel.identify.unknowns.unknown import (
@@ -27,6 +27,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 TIME_SCALE_SIGMA = 0.002
