@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.channel import Channel, Limit, SignalName
+from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
@@ -214,8 +214,8 @@ __all__ = [
     "YAW",
     "YAW_RATE",
     "Channel",
-    "Limit",
     "SensorErrorName",
+    "SignalLimits",
     "SignalName",
     "channel_of",
     "checked_name",

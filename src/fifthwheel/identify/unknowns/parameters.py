@@ -204,9 +204,10 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     if error is None or sigma is None:
         return None
     if error.kind in PLACE_KINDS:
-        unit = vehicle.unit(SignalName.of(error.signal).unit)
-        stated = vehicle.stated.get(f"{unit.name}.accelerometer.{error.kind}", sigma)
-        return getattr(unit.accelerometer_place, error.kind), stated
+        signal = SignalName.of(error.signal)
+        unit = vehicle.unit(signal.unit)
+        stated = vehicle.stated.get(f"{unit.accelerometer_path(signal.part)}.{error.kind}", sigma)
+        return getattr(unit.place_of_accelerometer(signal.part), error.kind), stated
     return float(error.kind == "gain"), sigma
 
 
