@@ -15,7 +15,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
-from fifthwheel.fleet.changes import OUTLIER, Kind, TruckTrips, find_changes
+from fifthwheel.fleet.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
 from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
