@@ -222,7 +222,7 @@ def test_every_key_of_a_vehicle_file_is_in_the_example() -> None:
     kinds: list[type[BaseModel]] = [Vehicle, *PREFIXES]
     for kind in kinds:
         for field in kind.model_fields:
-            assert re.search(rf"\b{FILE_KEYS.get(field, field)}\b( =|\]\])|\.{field}\]|\n\[{field}\]", example), field
+            assert re.search(rf"\b{FILE_KEYS.get(field, field)}\b( =|\]\])|\.{field}[].]|\n\[{field}\]", example), field
 
 
 @pytest.mark.parametrize("block", examples("python", "# runnable"))

@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.dataset import LogData, speed_range
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
@@ -192,7 +192,7 @@ def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: 
         span=record.span,
         samples=len(record),
         used=sum(s.span[1] - s.span[0] for s in log.segments),
-        speed=speed_range([log]),
+        speed=log.speeds,
         rejected={name: float(value) for name, value in zip(outputs, rejected, strict=True) if name in measured},
         noise={name: log.noise[name] for name in measured},
         notes=record.notes,

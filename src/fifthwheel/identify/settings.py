@@ -6,8 +6,9 @@ from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from typing import Any, ClassVar, Literal
 
-from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION, FRICTION_RANGE, TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError
+from fifthwheel.vehicle.parameters import FRICTION, FRICTION_RANGE, TYRE_PARAMETERS
 from fifthwheel.vehicle.uncertainty import Change
 
 Progress = Callable[[str, int, int], None]
@@ -167,9 +168,9 @@ class OneStage(CommonSettings):
     the same height may be a point, or stand along the sides."""
     tyres: TyreLaw | Literal["auto"] = "linear"
     """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
-    and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
+    and which is estimated too (`dynamics.tyres`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
     in a `Learner` saturating."""
-    friction: float = DEFAULTS[FRICTION]
+    friction: float = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: float = 0.4
     """Prior standard deviation of the friction, as a fraction of its median."""

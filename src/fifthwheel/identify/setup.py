@@ -15,8 +15,10 @@ from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
+    expand_names,
     given_parameters,
     group_paths,
+    lacks_roll_rate,
     one_stage_unknowns,
     suspects,
     time_base_delays,
@@ -86,6 +88,16 @@ class Setup:
             for u in self.unknowns
         ]
         return replace(self, unknowns=tuple(unknowns))
+
+    @cached_property
+    def fixed(self) -> tuple[str, ...]:
+        """Paths of the parameters that the settings fix."""
+        return tuple(expand_names(self.vehicle, self.settings.fixed, self.settings))
+
+    @cached_property
+    def without_roll_rate(self) -> frozenset[str]:
+        """Estimated parameters that are identifiable only from a roll rate that is not measured."""
+        return frozenset(name for name in self.estimated if lacks_roll_rate(name, self.outputs))
 
     @property
     def inputs(self) -> tuple[str, ...]:

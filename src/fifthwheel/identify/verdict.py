@@ -1,11 +1,10 @@
 """The verdict on an estimate, and all rules that decide it."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
 
 
@@ -44,7 +43,7 @@ def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: fl
 
 
 def uninformed_parameters(
-    posterior: Posterior, names: Sequence[str], channels: Collection[str], limit: float
+    posterior: Posterior, names: Sequence[str], without_roll_rate: Iterable[str], limit: float
 ) -> dict[str, Verdict]:
     """The estimated parameters that the logs do not determine, each with NOT_EXCITED or NOT_IDENTIFIABLE.
 
@@ -53,16 +52,13 @@ def uninformed_parameters(
 
     Args:
         names: of the estimated parameters.
-        channels: measured signals.
+        without_roll_rate: those of them whose roll rate is not measured.
         limit: fraction of the prior sigma.
     """
     verdicts = information_verdicts(posterior, [posterior.names.index(name) for name in names], limit)
     uninformed: dict[str, Verdict] = {posterior.names[i]: v for i, v in verdicts.items() if v is not Verdict.CONVERGED}
     excited = len(uninformed) < len(names) or Verdict.NOT_IDENTIFIABLE in uninformed.values()
-    for name in names:
-        if lacks_roll_rate(name, channels):
-            uninformed[name] = Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED
-    return uninformed
+    return uninformed | dict.fromkeys(without_roll_rate, Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED)
 
 
 def estimate_verdict(

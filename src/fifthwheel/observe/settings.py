@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fifthwheel.channels import LATERAL_ACCELERATION, is_of
-from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION_RANGE, HALF_TRACK, TyreLaw
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
+from fifthwheel.vehicle.parameters import FRICTION_RANGE, HALF_TRACK, TYRE_PARAMETERS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +67,7 @@ class ObserverSettings:
     friction: float | None = None
     """Peak friction of the road, at which tyres saturate, for lateral accelerations above 3 m/s^2, braking in a turn
     and slippery roads: 0.75 dry, 0.6 wet, 0.3 snow; None: linear tyres."""
-    half_track: float = DEFAULTS[HALF_TRACK]
+    half_track: float = TYRE_PARAMETERS[HALF_TRACK].default
     """Lateral distance from the centre line to the middle of the tyres of one side, m, for load transfer ratios; with
     twin tyres about 0.92 m."""
     brakes: Mapping[str, float] = field(default_factory=dict)

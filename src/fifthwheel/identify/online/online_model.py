@@ -14,7 +14,6 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified
-from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 
@@ -69,7 +68,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    setup = setup.considering([name for name in setup.estimated if lacks_roll_rate(name, outputs)])
+    setup = setup.considering(setup.without_roll_rate)
     if not setup.estimated_unknowns:
         raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
     return replace(setup, unknowns=(*setup.estimated_unknowns, *setup.considered_unknowns))
