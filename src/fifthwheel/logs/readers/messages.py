@@ -20,8 +20,8 @@ class TooMuchError(Exception):
 def send(pipe: int, head: Mapping[str, Any], columns: Iterable[Array] = ()) -> None:
     """Write a message to a pipe; the columns (n,) have the same length."""
     text = json.dumps(head).encode()
-    body = b"".join(np.ascontiguousarray(column, np.float64).tobytes() for column in columns)
-    for part in (_HEAD.pack(len(text), len(body)) + text, body):
+    samples = [np.ascontiguousarray(column, np.float64).view(np.uint8).data for column in columns]
+    for part in (_HEAD.pack(len(text), sum(map(len, samples))) + text, *samples):
         rest = memoryview(part)
         while rest:
             rest = rest[os.write(pipe, rest) :]
