@@ -21,8 +21,8 @@ def send(pipe: int, head: Mapping[str, Any], columns: Iterable[Array] = ()) -> N
     """Write a message to a pipe; the columns (n,) have the same length."""
     text = json.dumps(head).encode()
     samples = [np.ascontiguousarray(column, np.float64).view(np.uint8).data for column in columns]
-    for part in (_HEAD.pack(len(text), sum(map(len, samples))) + text, *samples):
-        rest = memoryview(part)
+    start = memoryview(_HEAD.pack(len(text), sum(map(len, samples))) + text)
+    for rest in (start, *samples):
         while rest:
             rest = rest[os.write(pipe, rest) :]
 
