@@ -10,9 +10,9 @@ from fifthwheel.cheng_cebon_2011 import figures, table
 from fifthwheel.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
 from fifthwheel.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
 from fifthwheel.cheng_cebon_2011.outcomes import Outcome, history_table, outcome, parameter_table
+from fifthwheel.cluster import run_all
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.identify.settings import Progress
-from fifthwheel.studies.pool import run_all
 from fifthwheel.studies.result_table import write_table
 from fifthwheel.vehicle import Vehicle, get
 
