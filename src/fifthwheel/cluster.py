@@ -92,8 +92,8 @@ def run_on(
     """Each task with its result, in the order in which they end.
 
     The function is at the top level of a module that the workers can import, and takes `shared`, which is sent once to
-    the scheduler and from there to each worker, and a task. Tasks are consumed as the cluster can take them. A task whose
-    worker ended is tried again on another one; after the number of attempts of the cluster's configuration
+    the scheduler and from there to each worker, and a task. Tasks are consumed as the cluster can take them. A task
+    whose worker ended is tried again on another one; after the number of attempts of the cluster's configuration
     (distributed.scheduler.allowed-failures) the result is `Lost`. When the iteration ends early, tasks that have not
     started are cancelled.
     """
@@ -154,8 +154,8 @@ def run_all(
 
     The function is at the top level of a module, so that another process can import it, and takes `shared`, which is
     sent once to each process, and a task. `jobs` are processes, by default one per core up to `MAX_PROCESSES`; 1 is
-    this process. `scheduler` is the address of a Dask scheduler that computes instead. When the iteration ends early, such
-    as by Ctrl-C, tasks that have not started are cancelled.
+    this process. `scheduler` is the address of a Dask scheduler that computes instead. When the iteration ends early,
+    such as by Ctrl-C, tasks that have not started are cancelled.
 
     Raises:
         FifthwheelError: `shared` or the function cannot be pickled, a process was ended from outside, or the scheduler
