@@ -323,7 +323,7 @@ def _estimates(estimator: _Estimator, state: _State, sigma_z: Mapping[str, float
         else:
             # a sigma above that of the prior is no estimate
             converged = trusted and state.settled.get(name, False) and sigma < 1
-            verdict = estimate_verdict(unknown, value, sigma * unknown.slope(value), converged=converged)
+            verdict = estimate_verdict(unknown, value, sigma, converged=converged)
             initial, time = unknown.centre, _settling_time(state.histories[f"stage {stage}"], name, settings)
         result.append(
             estimates.parameter_estimate(
