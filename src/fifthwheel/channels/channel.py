@@ -16,7 +16,7 @@ Instant = Any
 
 
 class SignalName(NamedTuple):
-    """The parts of a signal's name, quantity.unit[.part], such as yaw_rate.tractor and speed.
+    """The parts of a signal's name, quantity.unit[.part]; signals are in SI and ISO 8855 (y left, z up).
 
     >>> SignalName.of("steer.tractor.front")
     SignalName(quantity='steer', unit='tractor', part='front')

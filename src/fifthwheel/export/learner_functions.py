@@ -20,8 +20,7 @@ class Slopes(NamedTuple):
     """A function whose derivatives are stored without their zeros."""
 
     function: ca.Function
-    places: Array
-    """Of each stored derivative in V by columns (n_x, n_p)."""
+    places: Array  # of each stored derivative in V by columns (n_x, n_p)
 
 
 def linearisation(live: LiveFilter) -> Slopes:

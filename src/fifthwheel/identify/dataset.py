@@ -24,7 +24,7 @@ from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
-from fifthwheel.record.segments import segments_above
+from fifthwheel.record.record import segments_above
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 

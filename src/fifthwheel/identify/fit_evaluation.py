@@ -205,7 +205,7 @@ def _free_run(
         time=segment.time,
         measured=np.column_stack([segment.signals.get(name, missing) for name in model.outputs]),
         response=free_response(model, p, segment.time, inputs, x0)[1],
-        deviation=np.sqrt([log.noise[name] for name in model.outputs]),
+        deviation=np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs]),
         own=own,
         shared=shared,
     )

@@ -1,4 +1,4 @@
-"""A live run from what a user requests: files, buses, outputs."""
+"""A live run from what a user requests: files, buses, outputs; a node from vehicle, signal map and estimator."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -6,76 +6,65 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 from fifthwheel._atomic import reserved
 from fifthwheel.dynamics.tyres import TyreLaw
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
-from fifthwheel.live.build import completed_map, make_node, make_observer
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import Learning
-from fifthwheel.live.node import Node, Output
-from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.node import Estimator, Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
-from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.session import Session
-from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.sources.listen import frame_queue, listen
-from fifthwheel.live.sources.replay import read_trace, replay
-from fifthwheel.logs import SignalMap
-from fifthwheel.observe import ObserverSettings
+from fifthwheel.live.sources.bus import LiveBus, frame_queue
+from fifthwheel.live.sources.feed import listen, read_trace, replay
+from fifthwheel.logs import LiveMap, SignalMap
+from fifthwheel.logs.can.database import load
+from fifthwheel.logs.can.decoder import FrameDecoder, signal_columns
+from fifthwheel.logs.signal_map import TimeColumn
+from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import read_vehicle
+from fifthwheel.workflow import exported_observer, read_vehicle
+
+RATE = 100.0
+"""Of the outputs, Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inputs:
     """Where frames and knowledge of the truck come from."""
 
-    vehicle: str
-    """Name in the catalogue, or file."""
+    vehicle: str  # name in the catalogue, or file
     signals: Path
     buses: tuple[str, ...] = ()
-    bitrate: int | None = None
-    """bit/s; None where it is set outside."""
-    trace: Path | None = None
-    """Instead of a bus."""
-    speed: float = 1.0
-    """Of the replay; 0 for as fast as possible."""
+    bitrate: int | None = None  # bit/s; None where it is set outside
+    trace: Path | None = None  # instead of a bus
+    speed: float = 1.0  # of the replay; 0 for as fast as possible
     identification: Path | None = None
     learn: bool = False
-    state: Path | None = None
-    """File of the learned estimates."""
+    state: Path | None = None  # file of the learned estimates
     trailer: str | None = None
-    trailer_signal: str | None = None
-    """Message.Signal with the number of the trailer."""
-    locks: tuple[str, ...] = ()
-    """Parameters that are not learned."""
-    tyres: TyreLaw = "linear"
-    """Law of the side forces that is learned."""
-    min_speed: float = 5.0
-    """m/s."""
+    trailer_signal: str | None = None  # Message.Signal with the number of the trailer
+    locks: tuple[str, ...] = ()  # parameters that are not learned
+    tyres: TyreLaw = "linear"  # law of the side forces that is learned
+    min_speed: float = 5.0  # m/s
     friction: float | None = None
-    half_track: float = ObserverSettings.half_track
-    """m; see `ObserverSettings`."""
-    allow_outside: bool = False
-    """See `SignalMap.load`."""
+    half_track: float = ObserverSettings.half_track  # m; see `ObserverSettings`
+    allow_outside: bool = False  # see `SignalMap.load`
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
     """Where states and parameters go to."""
 
-    send: int | None = None
-    """First id of the frames."""
-    send_rate: float = 100.0
-    """Hz."""
+    send: int | None = None  # first id of the frames
+    send_rate: float = 100.0  # Hz
     dbc: Path = Path("fifthwheel-live.dbc")
     record: Path | None = None
-    page: str | None = None
-    """Port, or HOST:PORT."""
-    force: bool = False
-    """Replace a record that exists."""
+    page: str | None = None  # port, or HOST:PORT
+    force: bool = False  # replace a record that exists
 
 
 @contextmanager
@@ -84,14 +73,7 @@ def opened(
 ) -> Iterator[tuple[Session, Iterator[Output]]]:
     """A session and the outputs for it, until `stop` is set or the trace ends; then everything is closed.
 
-    Args:
-        inputs: sources.
-        outputs: destinations.
-        stop: ends the outputs.
-        say: receives sentences for the user.
-
-    Raises:
-        FifthwheelError: an input cannot be used, or an output cannot be written.
+    `say` receives sentences for the user. A FifthwheelError if an input cannot be used, or an output cannot be written.
     """
     vehicle = read_vehicle(inputs.vehicle)
     signal_map = SignalMap.load(inputs.signals, allow_outside=inputs.allow_outside)
@@ -173,3 +155,43 @@ def _report(session: Session, say: Callable[[str], object]) -> None:
         say(error)
     if session.recorder is not None and session.recorder.path.exists():
         say(f"Written: {session.recorder.path}")
+
+
+def make_node(signal_map: SignalMap, estimator: Estimator, *, extra: tuple[str, ...] = (), rate: float = RATE) -> Node:
+    """The node of a vehicle, with a map as `completed_map` gives it.
+
+    The values of the `extra` columns of the databases are kept in `Node.extra`; `rate` is that of the outputs, Hz. A
+    SignalError if a column is in no database, or has timestamps of its own.
+    """
+    columns = list(dict.fromkeys(text for channel in signal_map.signals.values() for text in channel.columns))
+    decoder = FrameDecoder(load(signal_map.databases), [*columns, *extra])
+    mapped = LiveMap(signal_map, ["time", *decoder.columns])
+    return Node(estimator, decoder, mapped, rate=rate, extra=decoder.columns[len(columns) :])
+
+
+def completed_map(signal_map: SignalMap) -> SignalMap:
+    """The map with the signals of the databases that have names of signals; its time is that of the frames.
+
+    A SignalError if no column is mapped, or a database cannot be read.
+    """
+    complete = signal_map.completed(signal_columns(load(signal_map.databases)))
+    if not complete.signals:
+        raise SignalError(
+            "signals.toml: no column is mapped to a signal; map columns such as VDC2.yaw_rate, which `fifthwheel "
+            "signals` proposes from a recorded trace"
+        )
+    return complete.model_copy(update={"time": TimeColumn(rate=complete.rate)})
+
+
+def make_observer(
+    vehicle: Vehicle, signal_map: SignalMap, identification: Identification | None, min_speed: float, **settings: Any
+) -> Observer:
+    """The observer of a vehicle with the signals of a completed map; settings and errors of `exported_observer`."""
+    every = Observer(vehicle, signal_map.signals)
+    used = [name for name in signal_map.signals if name in (*every.inputs, *every.outputs)]
+    observer = exported_observer(vehicle, used, identification, min_speed=min_speed, **settings)
+    straight = dict.fromkeys(used, 0.0) | {"speed": 2 * min_speed}
+    for time in (0.0, 0.01):  # compiles it now, and not while driving
+        observer.push({"time": time, **straight})
+    observer.reset()
+    return observer
