@@ -11,10 +11,10 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, chain_parameters, online_model
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.setup import simplified
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
     given_parameters,
-    group_paths,
     lacks_roll_rate,
     model_parameters,
     one_stage_unknowns,
@@ -84,10 +84,7 @@ class OnlineProblem:
         if settings.tyres == "auto":  # at small slip angles tyres that saturate are linear
             settings = replace(settings, tyres="saturating")
         vehicle_file, signals = vehicle, frozenset(signals)
-        if not settings.relaxation:
-            vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
-        if not settings.uniform_payload:
-            vehicle = vehicle.lumped()
+        vehicle = simplified(vehicle, settings)
         if "speed" not in signals:
             raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
         vehicle = vehicle.with_logged_steering(signals, "the signals")
