@@ -142,6 +142,8 @@ def _sentence(error: Mapping[str, Any], hint: Any) -> str:
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"].startswith(("greater", "less", "float", "int_", "finite")):
         expected = _range(_bounds(hint), whole=error["type"].startswith("int_"))
+    if error["type"] == "too_short":
+        expected = "at least one value"
     cure = _metadata(hint, Cure)
     return f"{where}: expected {expected}, got {shorten(error['input'])}; {cure.text if cure else 'correct it'}"
 

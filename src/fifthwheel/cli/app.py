@@ -54,6 +54,11 @@ class Only:
     names: tuple[str, ...]
 
 
+OF_A_DESIGN = Only(("fix", "free", "prior", "consider", "any_load", "suspension_from"))
+OF_LOGS = Only((*OF_A_DESIGN.names, "sensor"))
+"""Options of an identification for predictions before it."""
+
+
 def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function as the command of its name; its help ends with the examples.
 
@@ -68,6 +73,9 @@ def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., No
     return register
 
 
+_KEYWORD = inspect.Parameter.KEYWORD_ONLY
+
+
 def _with_options(function: Callable[..., None]) -> Callable[..., None]:
     """The function with a parameter for each option of its settings."""
     parameters: list[inspect.Parameter] = []
@@ -75,7 +83,7 @@ def _with_options(function: Callable[..., None]) -> Callable[..., None]:
     for parameter in inspect.signature(function).parameters.values():
         kind, *only = get_args(parameter.annotation) or (parameter.annotation,)
         if not (isinstance(kind, type) and issubclass(kind, Settings)):
-            parameters.append(parameter)
+            parameters.append(parameter.replace(kind=_KEYWORD))
             continue
         known = options_of(kind)
         names = only[0].names if only else tuple(known)
@@ -103,8 +111,7 @@ def _parameter(kind: type[Settings], name: str, option: Option) -> inspect.Param
         hint = str | None
     smallest, largest = limits(kind, name)
     info = typer.Option(*option.flags_of(name), help=help, min=option.smallest or smallest, max=largest)
-    keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD
-    return inspect.Parameter(name, keyword, default=default, annotation=Annotated[hint, info])
+    return inspect.Parameter(name, _KEYWORD, default=default, annotation=Annotated[hint, info])
 
 
 def _value(option: Option, name: str, value: Any) -> Any:

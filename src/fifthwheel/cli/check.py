@@ -7,8 +7,9 @@ import typer
 
 from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
-from fifthwheel.cli.app import command
+from fifthwheel.cli.app import OF_LOGS, command
 from fifthwheel.cli.terminal import load_records, print_files, warn_of_axle_loads
+from fifthwheel.options import IdentificationOptions
 
 
 @command(
@@ -25,13 +26,8 @@ def check(
     signals: options.SignalsOption = None,
     allow_outside: options.AllowOutsideOption = False,
     exclude: options.ExcludeOption = None,
-    fix: options.FixOption = None,
-    free: options.FreeOption = None,
-    prior: options.PriorOption = None,
-    consider: options.ConsiderOption = None,
-    any_load: options.AnyLoadOption = False,
-    sensor: options.SensorOption = None,
-    suspension_from: options.SuspensionOption = None,
+    *,
+    chosen: Annotated[IdentificationOptions, OF_LOGS],
     plot: Annotated[
         Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
     ] = None,
@@ -49,15 +45,7 @@ def check(
     from fifthwheel.workflow import IdentifyOptions, read_vehicle
 
     truck = read_vehicle(vehicle)
-    chosen = IdentifyOptions(
-        fix=fix or (),
-        free=free or (),
-        prior=prior or (),
-        consider=consider or (),
-        any_load=any_load,
-        sensor=sensor or (),
-    )
-    truck, settings = chosen.one_stage(truck, options.chosen_identification(suspension_from))
+    truck, settings = IdentifyOptions.of(chosen).one_stage(truck)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_axle_loads(truck, records)

@@ -7,8 +7,9 @@ import typer
 
 from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
-from fifthwheel.cli.app import command
+from fifthwheel.cli.app import OF_A_DESIGN, command, quantity_option
 from fifthwheel.cli.terminal import print_files, progress_bar
+from fifthwheel.options import IdentificationOptions
 
 
 @command(
@@ -44,12 +45,8 @@ def design(
             "Default: yaw rate and roll rate of every unit.",
         ),
     ] = None,
-    fix: options.FixOption = None,
-    free: options.FreeOption = None,
-    prior: options.PriorOption = None,
-    consider: options.ConsiderOption = None,
-    any_load: options.AnyLoadOption = False,
-    suspension_from: options.SuspensionOption = None,
+    *,
+    chosen: Annotated[IdentificationOptions, OF_A_DESIGN],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
@@ -72,10 +69,7 @@ def design(
     if out:
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    chosen = IdentifyOptions(
-        fix=fix or (), free=free or (), prior=prior or (), consider=consider or (), any_load=any_load
-    )
-    truck, settings = chosen.one_stage(truck, options.chosen_identification(suspension_from))
+    truck, settings = IdentifyOptions.of(chosen).one_stage(truck)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(
@@ -83,8 +77,8 @@ def design(
                 fractions("--target", target),
                 settings,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],
-                speed=_speed("--speed", speed) if speed else None,
-                max_speed=_speed("--max-speed", max_speed),
+                speed=quantity_option("--speed", speed, "m/s", "km/h") if speed else None,
+                max_speed=quantity_option("--max-speed", max_speed, "m/s", "km/h"),
                 max_acceleration=max_acceleration,
                 progress=progress,
             )
@@ -99,18 +93,3 @@ def design(
         show(design_document(result))
         if out:
             print_files({out.name: out})
-
-
-def _speed(option: str, text: str) -> float:
-    """A speed in m/s; without a unit it is in km/h.
-
-    Raises:
-        SignalError: the text is not a speed.
-    """
-    from fifthwheel.errors import SignalError
-    from fifthwheel.units import quantity
-
-    try:
-        return quantity(text if text[-1:].isalpha() else f"{text} km/h", "m/s")
-    except SignalError as error:
-        raise SignalError(f"{option}: {error}") from error

@@ -15,11 +15,11 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.fleet.changes import OUTLIER, Change, Kind, Truck, find_changes, trips_with
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import FleetSettings
 
 DAY = 86_400.0
 """Seconds."""

@@ -14,10 +14,10 @@ from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
 from fifthwheel.fleet.dataset import Dataset, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
 from fifthwheel.fleet.trips import Outcome, TripJob, process_trip
 from fifthwheel.identify import OneStage
+from fifthwheel.options import FleetSettings
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""

@@ -9,7 +9,7 @@ import pyarrow as pa
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
 from fifthwheel.fleet.dataset import Dataset
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of
 
 _DATE = pa.timestamp("us", tz="UTC")

@@ -28,6 +28,7 @@ def _checked_error(name: str) -> str:
 
 SensorErrorKey = Annotated[str, AfterValidator(_checked_error)]
 SignalKey = Annotated[str, AfterValidator(checked_name)]
+Brakes = Annotated[Mapping[str, FiniteNonNegative], Cure("give fractions of the braking force")]
 InSI = Annotated[Finite, Cure("give a finite number in SI")]
 _RADIANS = Cure("convert degrees to rad")
 
@@ -78,7 +79,7 @@ class ObserverSettings(ObserverOptions):
     acceleration_offset: NonNegative = 0.3
     """The same for the offset of every lateral accelerometer, m/s^2. It contains gravity by the tilt of the mounting:
     1 deg gives 0.17 m/s^2."""
-    brakes: Mapping[str, FiniteNonNegative] = field(default_factory=dict)
+    brakes: Brakes = field(default_factory=dict)
     """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
     it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
     speed_smoothing: Positive = TIME_CONSTANT

@@ -1,10 +1,10 @@
 """Settings of an identification from the choices that a user makes."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 from fifthwheel.channels import sensor_error_settings
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
@@ -13,6 +13,8 @@ from fifthwheel.identify import CommonSettings, Identification, OneStage
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
+from fifthwheel.options import IdentificationOptions
+from fifthwheel.settings import arguments, options_of
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
@@ -75,34 +77,19 @@ def one_stage_settings(
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions:
+class IdentifyOptions(IdentificationOptions):
     """The choices of a user for an identification, as the options of `fifthwheel identify` state them."""
 
-    method: str = "one-stage"
-    """Or "two-stage", or "article"."""
-    form: str = "output-error"
-    """Or "prediction-error"; one stage."""
-    tyres: str = "linear"
-    """Or "saturating", or "auto"; one stage."""
-    friction: float | None = None
-    """Prior median of the peak friction of the road, for tyres that saturate."""
-    fix: Sequence[str] = ()
-    free: Sequence[str] = ()
-    prior: Sequence[str] = ()
-    """NAME=FRACTION."""
-    consider: Sequence[str] = ()
-    """NAME=FRACTION."""
-    sensor: Sequence[str] = ()
-    """NAME=SIGMA."""
-    any_load: bool = False
-    passes: int | None = None
-    check: bool = True
+    @classmethod
+    def of(cls, chosen: IdentificationOptions) -> Self:
+        """The choices that a front end has read."""
+        return cls(**vars(chosen))
 
     def settings(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, CommonSettings]:
         """Vehicle and settings.
 
         Args:
-            suspension: identification of the same truck whose suspension the vehicle gets.
+            suspension: identification of the same truck whose suspension the vehicle gets; default: `suspension_from`.
 
         Raises:
             FifthwheelError: a text that is not NAME=FRACTION or NAME=SIGMA, or an option of another method.
@@ -110,20 +97,16 @@ class IdentifyOptions:
             VehicleError: a parameter that does not exist, or `suspension` is of another vehicle.
         """
         if self.method == "one-stage":
-            _refuse("two-stage", {"--passes": self.passes})
+            self._refuse("two-stage", ["passes"])
             return self.one_stage(vehicle, suspension)
-        of_one_stage: dict[str, object] = {f"--{name}": getattr(self, name) for name in _ONE_STAGE}
-        of_one_stage |= {"--any-load": self.any_load, "--suspension-from": suspension}
-        of_one_stage |= {"--form": self.form != "output-error", "--tyres": self.tyres != "linear"}
-        _refuse("one-stage", of_one_stage | {"--friction": self.friction})
+        self._refuse("one-stage", _ONE_STAGE)
         preset = article() if self.method == "article" else TwoStage()
-        return vehicle, replace(preset, fixed=tuple(self.fix), check=self.check, passes=self.passes or preset.passes)
+        return vehicle, replace(preset, fixed=self.fix, check=self.check, passes=self.passes or preset.passes)
 
     def one_stage(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, OneStage]:
         """The same for one stage, whatever the method."""
         form: Any = self.form.replace("-", "_")
-        tyres: Any = self.tyres
-        if self.friction is not None and tyres == "linear":
+        if self.friction is not None and self.tyres == "linear":
             raise FifthwheelError("--friction: linear tyres have none; add --tyres saturating, or remove --friction")
         chosen = one_stage_settings(
             vehicle,
@@ -133,31 +116,26 @@ class IdentifyOptions:
             consider=considered_sigmas(self.consider),
             any_load=self.any_load,
             sensors=sensor_sigmas(self.sensor),
-            base=OneStage(check=self.check, form=form, tyres=tyres, friction=self.friction or OneStage.friction),
+            base=OneStage(check=self.check, form=form, tyres=self.tyres, friction=self.friction or OneStage.friction),
         )
+        if suspension is None and self.suspension_from is not None:
+            suspension = Identification.load(self.suspension_from)
         return with_suspension(vehicle, chosen, suspension) if suspension else (vehicle, chosen)
 
     def arguments(self) -> list[str]:
         """The options of the command line that state these choices."""
-        default = IdentifyOptions()
-        arguments = [
-            f"--{name}={getattr(self, name)}"
-            for name in ("method", "form", "tyres", "friction", "passes")
-            if getattr(self, name) != getattr(default, name)
-        ]
-        arguments += [f"--{name}={text}" for name in ("fix", *_ONE_STAGE) for text in getattr(self, name)]
-        return arguments + ["--any-load"] * self.any_load + ["--no-check"] * (not self.check)
+        return arguments(self)
+
+    def _refuse(self, method: str, names: Iterable[str]) -> None:
+        """Refuse options that were given but belong to another method."""
+        for name in names:
+            if getattr(self, name) != getattr(IdentifyOptions, name):
+                (option,) = options_of(IdentifyOptions)[name].flags_of(name)
+                raise FifthwheelError(f"{option}: needs --method {method}; remove {option}, or choose that method")
 
 
-_ONE_STAGE = ("free", "prior", "consider", "sensor")
-"""Lists of options that belong to one stage."""
-
-
-def _refuse(method: str, options: Mapping[str, object]) -> None:
-    """Refuse options that were given but belong to another method."""
-    for option, value in options.items():
-        if value:
-            raise FifthwheelError(f"{option}: needs --method {method}; remove {option}, or choose that method")
+_ONE_STAGE = ("free", "prior", "consider", "sensor", "any_load", "suspension_from", "form", "tyres", "friction")
+"""Options that belong to one stage."""
 
 
 def named_values(
@@ -198,7 +176,6 @@ def fractions(option: str, texts: Sequence[str] | None) -> dict[str, float]:
 
 def considered_sigmas(texts: Sequence[str] | None) -> dict[str, float]:
     """ "name=fraction" as name: fraction; for model errors a factor, or a latency in s."""
-    from fifthwheel.errors import FifthwheelError
 
     def sigma(name: str, text: str) -> float:
         if name == "gyro_delay":

@@ -9,7 +9,7 @@ import typer
 
 from fifthwheel._atomic import one_run, result_folder
 from fifthwheel.cli import options, terminal
-from fifthwheel.cli.app import command
+from fifthwheel.cli.app import command, quantity_option
 
 
 @command(
@@ -72,7 +72,12 @@ def assess(
         subject = read_truck(truck)
     values, sigmas = _parameters(changes or [])
     assessment = run_assessment(
-        subject, speed=_speed(speed), body=_body(body or []), changes=values, sigmas=sigmas, nonlinear=not linear
+        subject,
+        speed=quantity_option("--speed", speed, "m/s", "km/h"),
+        body=_body(body or []),
+        changes=values,
+        sigmas=sigmas,
+        nonlinear=not linear,
     )
     files: dict[str, Path] = {}
     if out is not None:
@@ -108,18 +113,3 @@ def _body(texts: list[str]) -> dict[str, float | str]:
     if incomplete := [name for name, value in values.items() if not value]:
         raise VehicleError(f"--body {incomplete[0]}: expected NAME=VALUE, such as half_track=0.93m")
     return dict(values)
-
-
-def _speed(text: str) -> float:
-    """A speed in m/s; a number without a unit is in km/h."""
-    from fifthwheel.errors import SignalError, UnitError
-    from fifthwheel.units import quantity
-
-    try:
-        return float(text) / 3.6
-    except ValueError:
-        pass
-    try:
-        return quantity(text, "m/s")
-    except UnitError as error:
-        raise SignalError(f"--speed {text}: {error}") from None
