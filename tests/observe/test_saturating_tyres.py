@@ -144,7 +144,7 @@ def test_brakes_of_an_unknown_group_or_without_a_force() -> None:
     with pytest.raises(SignalError, match=r"brakes, tractor\.driv: .* did you mean 'tractor\.drive'"):
         Observer(TRUCK, SIGNALS, ObserverSettings(friction=0.8, brakes={"tractor.driv": 1.0}))
     for brakes in ({"semitrailer": -1.0}, {"semitrailer": 0.0}, {"semitrailer": np.nan}):
-        with pytest.raises(SignalError, match="brakes(, semitrailer)?: expected a "):
+        with pytest.raises(SignalError, match=r"brakes(, semitrailer)?: expected a "):
             ObserverSettings(brakes=brakes)
 
 

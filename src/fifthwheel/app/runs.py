@@ -2,9 +2,10 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 from fifthwheel._atomic import result_folder
 from fifthwheel.app import inputs
@@ -17,6 +18,7 @@ from fifthwheel.identify.result.display import fit_panel, prediction
 from fifthwheel.plots import Line, Plot
 from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
+from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
     IDENTIFICATION_FILES,
@@ -47,10 +49,13 @@ def next_name(workspace: Workspace) -> str:
     return next(name for k in range(1, len(used) + 2) if (name := f"run-{k}") not in used)
 
 
-def options(choices: Choices) -> IdentifyOptions:
+def options(workspace: Workspace, choices: Choices) -> IdentifyOptions:
     """The choices for the identification; unknown ones, of another version, are left out."""
-    known = {field.name for field in fields(IdentifyOptions)}
-    return IdentifyOptions(**{key: value for key, value in choices.identify.items() if key in known})
+    known = options_of(IdentifyOptions)
+    given: dict[str, Any] = {key: value for key, value in choices.identify.items() if key in known}
+    if given.get("suspension_from"):
+        given["suspension_from"] = workspace.run(str(given["suspension_from"])) / RESULT
+    return IdentifyOptions(**given)
 
 
 def vehicle(workspace: Workspace) -> Vehicle:
@@ -59,12 +64,6 @@ def vehicle(workspace: Workspace) -> Vehicle:
     if found is None:
         raise FifthwheelError("There is no vehicle file yet; describe the truck on the page Truck.")
     return found
-
-
-def suspension(workspace: Workspace, choices: Choices) -> Identification | None:
-    """The result whose suspension the vehicle gets, if one is chosen."""
-    name = choices.identify.get("suspension_from")
-    return Identification.load(workspace.run(str(name))) if name else None
 
 
 def logs(workspace: Workspace, choices: Choices) -> tuple[list[str], list[str]]:
@@ -96,7 +95,7 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
     choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
     progress("predicting", 0, 0)
-    truck, settings = options(choices).one_stage(truck, suspension(workspace, choices))
+    truck, settings = options(workspace, choices).one_stage(truck)
     return assess_information(records, truck, settings)
 
 
@@ -110,8 +109,7 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)
     chosen, validate = logs(workspace, choices)
-    calibration = suspension(workspace, choices)
-    truck, settings = options(choices).settings(truck, calibration)
+    truck, settings = options(workspace, choices).settings(truck)
     paths = [workspace.log(log) for log in (*chosen, *validate)]
     signals = workspace.folder / SIGNALS
     signals_file = signals if signals.exists() else None
@@ -138,9 +136,10 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     arguments += [f"--validate=logs/{log}" for log in validate]
     for log in (*chosen, *validate):
         arguments += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
-    if calibration := choices.identify.get("suspension_from"):
-        arguments.append(f"--suspension-from=runs/{calibration}/{RESULT}")
-    return arguments + options(choices).arguments()
+    stated = options(workspace, choices)
+    if stated.suspension_from:
+        stated = replace(stated, suspension_from=stated.suspension_from.relative_to(workspace.folder))
+    return arguments + stated.arguments()
 
 
 def comparison(folder: Path, names: Sequence[str]) -> Comparison:
