@@ -11,8 +11,8 @@ import pytest
 
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.live.setup import opened
-from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.sources.listen import frame_queue, listen
+from fifthwheel.live.sources.bus import LiveBus, frame_queue
+from fifthwheel.live.sources.feed import listen
 from fifthwheel.live.status import Fault, NodeStatus
 from fifthwheel.options import LiveOptions, ObserverOptions
 from tests.live.truck_bus import driven, frames, observer_node, write_files

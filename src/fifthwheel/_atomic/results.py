@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
-from fifthwheel._atomic.cleanup import cleaned_up
 from fifthwheel._atomic.files import atomic_write
-from fifthwheel._atomic.locks import held
+from fifthwheel._atomic.locks import cleaned_up, held
 from fifthwheel.errors import FifthwheelError
 
 MANIFEST = "run.json"
@@ -71,8 +70,7 @@ def result_folder(
 def recover(folder: Path) -> None:
     """Finish putting the results of a killed run in place.
 
-    Raises:
-        FifthwheelError: another process writes to the folder, or a file of it has changed since.
+    A FifthwheelError if another process writes to the folder, or a file of it has changed since.
     """
     if (folder / _JOURNAL).exists():
         with _named_in(folder), held(folder / _LOCK, subject=folder):

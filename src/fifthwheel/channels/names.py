@@ -1,4 +1,8 @@
-"""Names of signals, quantity.unit[.part], such as yaw_rate.tractor, steer.tractor.front and speed."""
+"""Names of signals, quantity.unit[.part]; signals are in SI and ISO 8855 (y left, z up).
+
+"yaw_rate.tractor" is the yaw rate of the unit named tractor in rad/s; "steer.tractor.front" is the road-wheel angle of
+its front axle in rad. "time" and "speed" belong to the whole vehicle and have no unit name.
+"""
 
 from functools import lru_cache
 from typing import NamedTuple, Self

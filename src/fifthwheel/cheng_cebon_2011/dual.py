@@ -158,16 +158,10 @@ def run_dual(
     start: DualState,
     coupling: DualCoupling | None = None,
 ) -> DualFiltered:
-    """Run both filters over one record.
+    """Run both filters over one record, whose rows (N, 1 + n_d + 2 n_y) are those of `model.sample_rows`.
 
-    Args:
-        model: of the record.
-        rows: (N, 1 + n_d + 2 n_y), from `model.sample_rows`.
-        c: parameters of the model that are not estimated, (n_c,).
-        noise: of process and measurements.
-        scaling: of the n_p estimated parameters.
-        start: both filters before the first row.
-        coupling: of the two filters; by default equivalent to the joint filter.
+    c (n_c,) has the parameters of the model that are not estimated, and `start` is before the first row. The default
+    coupling is equivalent to the joint filter.
     """
     coupling = coupling or DualCoupling()
     n_x, _, n_p, _, n_y = sizes(model)

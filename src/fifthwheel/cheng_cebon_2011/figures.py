@@ -15,9 +15,18 @@ import numpy as np
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
-from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, OPTICAL_SIGMA, Experiment
+from fifthwheel.cheng_cebon_2011.experiments import (
+    DRIVE,
+    FRONT,
+    LANDING_LEG,
+    OPTICAL_SIGMA,
+    PAYLOAD_HEIGHT,
+    RESULTS,
+    TRAILER,
+    YAW_INERTIA,
+    Experiment,
+)
 from fifthwheel.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, RESULTS, TRAILER, YAW_INERTIA
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,8 +75,7 @@ class HistoryPanel:
     outcomes: Sequence[Outcome]
     quantity: str
     title: str
-    factor: float = 1.0
-    """Shown value divided by the SI value."""
+    factor: float = 1.0  # shown value divided by the SI value
 
     @property
     def truth(self) -> float:
@@ -246,21 +254,15 @@ def _states(experiment: Experiment, outcomes: Sequence[Outcome], title: str) -> 
     return figure
 
 
-def middle_manoeuvre(time: Array, signal: Array, *, before: float = 1.0, after: float = 2.0) -> tuple[float, float]:
-    """Start and end of the middle one of several manoeuvres, s; of the whole signal if it is 0.
+def middle_manoeuvre(time: Array, signal: Array) -> tuple[float, float]:
+    """1 s before and 2 s after the middle one of several manoeuvres, s; the whole signal (N,) if it is 0.
 
     A manoeuvre is a segment with more than 20 % of the largest magnitude of the signal, without a gap above 2 s.
-
-    Args:
-        time: (N,) s.
-        signal: (N,).
-        before: added before the manoeuvre, s.
-        after: added after the manoeuvre, s.
     """
     active = time[np.abs(signal) > 0.2 * np.max(np.abs(signal))] if np.any(signal) else time
     manoeuvres = np.split(active, np.flatnonzero(np.diff(active) > 2.0) + 1)
     middle = manoeuvres[len(manoeuvres) // 2]
-    return max(float(middle[0]) - before, float(time[0])), min(float(middle[-1]) + after, float(time[-1]))
+    return max(float(middle[0]) - 1.0, float(time[0])), min(float(middle[-1]) + 2.0, float(time[-1]))
 
 
 def _measured(experiment: Experiment, seed: int) -> dict[str, Array]:

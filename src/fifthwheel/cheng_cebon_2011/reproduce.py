@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel.cheng_cebon_2011 import figures, raw_results, table
+from fifthwheel.cheng_cebon_2011 import figures, table
 from fifthwheel.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
-from fifthwheel.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
-from fifthwheel.cheng_cebon_2011.outcomes import Outcome, outcome
-from fifthwheel.cheng_cebon_2011.published import RESULTS
+from fifthwheel.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome, history_table, outcome, parameter_table
 from fifthwheel.errors import FifthwheelError, VehicleError
+from fifthwheel.identify.settings import Progress
 from fifthwheel.studies.pool import run_all
 from fifthwheel.studies.result_table import write_table
 from fifthwheel.vehicle import Vehicle, get
@@ -22,20 +22,14 @@ FILES = ("reproduction.md", "reproduction.csv", "parameters.parquet", "histories
 ARMS = ("article", "default", "default, front fixed")
 """Names of the arms; section 4 without errors has all of them."""
 
-Progress = Callable[[str, int, int], None]
-"""Called with a title, the steps done and all steps."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
     """How much is computed."""
 
-    seeds: int = 20
-    """Seeds of every arm of every experiment."""
-    repetitions: int = 12
-    """Lane changes; the article needs more than 10."""
-    variant_seeds: Mapping[str, int]
-    """Seeds of every variant, by arm; empty for no variants."""
+    seeds: int = 20  # seeds of every arm of every experiment
+    repetitions: int = 12  # lane changes; the article needs more than 10
+    variant_seeds: Mapping[str, int]  # seeds of every variant, by arm; empty for no variants
 
 
 FULL = Extent(variant_seeds={"article": 3, "default": 1})
@@ -92,9 +86,7 @@ def reproduce(
     if vehicle is not None:
         _require_article_parameters(vehicle)
     extent = QUICK if quick else FULL
-    extent = replace(extent, seeds=seeds or extent.seeds)
-    if vehicle is not None:
-        extent = replace(extent, variant_seeds={})
+    extent = replace(extent, seeds=seeds or extent.seeds, variant_seeds=extent.variant_seeds if vehicle is None else {})
     experiments, changed = simulate(extent, progress, arms, vehicle)
     outcomes = identify_all(experiments, changed, extent, progress)
     rows = compare(experiments, outcomes)
@@ -114,12 +106,9 @@ def reproduce(
     for name, text in texts.items():
         with atomic_write(out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    tables = {
-        "parameters.parquet": raw_results.parameters(experiments | changed, outcomes),
-        "histories.parquet": raw_results.histories(experiments | changed, outcomes),
-    }
-    for name, raw in tables.items():
-        write_table(raw, out / name)
+    tables = {"parameters.parquet": parameter_table, "histories.parquet": history_table}
+    for name, made in tables.items():
+        write_table(made(experiments | changed, outcomes), out / name)
     drawn = figures.draw(experiments, outcomes, out)
     return Reproduction(
         experiments=experiments,

@@ -78,11 +78,11 @@ def c(
         estimator = exported_learner(
             read_vehicle(vehicle), signal, stored, min_speed=chosen.min_speed, passes=passes, segment=segment
         )
-        problem = estimator.live.problem
+        setup = estimator.live.setup
         described = {
-            "inputs": problem.inputs,
-            "measured": problem.outputs,
-            "estimated": tuple(u.name for u in problem.estimated),
+            "inputs": setup.inputs,
+            "measured": setup.outputs,
+            "estimated": tuple(u.name for u in setup.estimated_unknowns),
         }
     else:
         if passes is not None or segment is not None:

@@ -15,6 +15,7 @@ from fifthwheel.channels import (
     SignalName,
     is_of,
     is_sensor_error,
+    si_unit,
 )
 from fifthwheel.checks.findings import Severity
 from fifthwheel.diagnose import thresholds
@@ -29,7 +30,6 @@ from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 

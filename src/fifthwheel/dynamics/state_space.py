@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.channels import MODELLED, SignalName
+from fifthwheel.channels import MODELLED, SignalName, si_unit
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import Structure, matrices
 from fifthwheel.dynamics.model import all_parameters
@@ -23,7 +23,6 @@ from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.native import Scan, compiled
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
 

@@ -21,20 +21,17 @@ class Slopes(NamedTuple):
     """A function whose derivatives are stored without their zeros."""
 
     function: ca.Function
-    places: Array
-    """Of each stored derivative in V by columns (n_x, n_p)."""
+    places: Array  # of each stored derivative in V by columns (n_x, n_p)
 
 
 def linearisation(live: LiveFilter) -> Slopes:
     """(state, z, [dt, d]) -> (state after dt, F by rows, slopes at both ends of the step, predictions, H by rows,
     direct by rows); see `linearise`. The slopes are stored without zeros."""
-    problem, scaling = live.problem, live.problem.scaling
-    n_x, n_d, *_ = sizes(problem.model)
-    x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", len(problem.estimated)), ca.SX.sym("step", 1 + n_d)
+    setup, scaling = live.setup, live.setup.scaling
+    n_x, n_d, *_ = sizes(live.model)
+    x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", len(setup.estimated_unknowns)), ca.SX.sym("step", 1 + n_d)
     given = _numbers(live.filter.c, scaling.centre, scaling.scale)
-    later, F, slopes, predicted, H, direct = linearise(
-        problem.model, scaling.logarithmic, x, z, step[0], step[1:], *given
-    )
+    later, F, slopes, predicted, H, direct = linearise(live.model, scaling.logarithmic, x, z, step[0], step[1:], *given)
     pattern = (slopes[0].sparsity() + slopes[1].sparsity()).T.T
     first, last = (ca.project(slope, pattern).nz[:] for slope in slopes)
     results = [later, _by_rows(F), first, last, predicted, _by_rows(H), _by_rows(direct)]
@@ -46,13 +43,13 @@ def linearisation(live: LiveFilter) -> Slopes:
 def channel_update(live: LiveFilter) -> ca.Function:
     """(carry, [y, weight, noise, predicted, learn, row of H, row of direct, state before, z of the linearisation]) ->
     (carry, [accepted, innovation over its standard deviation]); see `correct`."""
-    layout, n_p, n_z = live.filter.layout, len(live.problem.unknowns), len(live.problem.estimated)
+    layout, n_p, n_z = live.filter.layout, len(live.setup.unknowns), len(live.setup.estimated_unknowns)
     carry, channel = ca.SX.sym("carry", layout.size), ca.SX.sym("channel", 5 + 2 * layout.n_x + n_p + n_z)
     scalars, row, direct, before, base_z = split(channel, [5, layout.n_x, n_p, layout.n_x, n_z])
     y, weight, noise, predicted, learn = ca.vertsplit(scalars)
     measured = JointChannel(y, weight, noise, predicted, row.T, direct.T)
     limit = ca.fmin(ca.SX(live.filter.noise.vector()[-1]), LARGEST_GATE)
-    lower, upper = _numbers(*bounds(live.problem.scaling, n_z))
+    lower, upper = _numbers(*bounds(live.setup.scaling, n_z))
     carried = Carried.of(carry, layout)
     new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, (lower, upper))
     results = [new.vector(), ca.vertcat(accepted, innovation)]
@@ -61,9 +58,9 @@ def channel_update(live: LiveFilter) -> ca.Function:
 
 def report(live: LiveFilter) -> ca.Function:
     """(state of the vehicle, z, d) -> (reported states, their derivatives by rows); see `reported_values`."""
-    view, scaling = live.view, live.problem.scaling
+    view, scaling = live.view, live.setup.scaling
     n_x, n_d, *_ = sizes(view.report)
-    x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(live.problem.estimated)), ca.SX.sym("d", n_d)
+    x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(live.setup.estimated_unknowns)), ca.SX.sym("d", n_d)
     numbers = _numbers(view.c, scaling.centre, scaling.scale)
     values, slopes = reported_values(view.report, scaling.logarithmic, x, z, d, *numbers)
     return ca.Function("report", [x, z, d], [ca.densify(values), _by_rows(slopes)], {"cse": True})
@@ -84,10 +81,10 @@ def start_slopes(live: LiveFilter) -> ca.Function:
 
 def _steady(live: LiveFilter) -> tuple[ca.SX, ca.SX, ca.SX, SteadyEquations]:
     """Symbols of inputs, values of the unknowns and state, and the equations of the steady state."""
-    problem = live.problem
-    inputs, p = ca.SX.sym("inputs", len(problem.inputs)), ca.SX.sym("p", len(problem.unknowns))
-    x = ca.SX.sym("x", len(state_names(problem.vehicle, roll=True)))
-    return inputs, p, x, steady_equations(problem.model, inputs, x, p, *_numbers(live.filter.c))
+    setup = live.setup
+    inputs, p = ca.SX.sym("inputs", len(setup.inputs)), ca.SX.sym("p", len(setup.unknowns))
+    x = ca.SX.sym("x", len(state_names(setup.vehicle, roll=True)))
+    return inputs, p, x, steady_equations(live.model, inputs, x, p, *_numbers(live.filter.c))
 
 
 def _numbers(*values: Array) -> list[ca.SX]:

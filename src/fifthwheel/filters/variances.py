@@ -7,9 +7,8 @@ import numpy as np
 from pydantic import AfterValidator
 
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, SignalName, channel_of
+from fifthwheel.channels import CHANNELS, SignalName, channel_of, checked_name
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.record.signal_names import checked_name
 from fifthwheel.settings import Cure, FinitePositive
 from fifthwheel.vehicle import Vehicle
 

@@ -40,12 +40,7 @@ class Attention:
 
 
 def find_attention(tables: Mapping[str, Sequence[Row]], settings: FleetSettings) -> list[Attention]:
-    """What needs attention, by truck.
-
-    Args:
-        tables: rows of "trips", "trucks", "trailers" and "changes".
-        settings: with the limits.
-    """
+    """What needs attention, by truck, from the rows of "trips", "trucks", "trailers" and "changes"."""
     found = [
         *map(_change, tables["changes"]),
         *_wear([*tables["trucks"], *tables["trailers"]], settings.wear),

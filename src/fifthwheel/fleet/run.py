@@ -1,6 +1,6 @@
 """A run over a fleet: every trip that is not done, then the combination of all trips."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,10 +17,9 @@ from fifthwheel.fleet.manifest import Trip, read_manifest
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
 from fifthwheel.fleet.trips import Outcome, TripJob, process_trip
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.settings import Progress
 from fifthwheel.options import FleetSettings
 
-Progress = Callable[[str, int, int], None]
-"""Called with a title, the steps done and all steps."""
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""
 JOIN_AFTER = 2000
@@ -128,9 +127,8 @@ def _combine(dataset: Dataset, fleet: FleetSettings, execute: Any, result: Fleet
     index = dataset.index()
     groups = list(batches(index))
     count = sum(len(digests) for group in groups for _, digests in group)
-    job = CombinationJob(
-        path=dataset.path, settings=fleet, false_alarm=fleet.false_alarms / max(count * len(WINDOWS), 1)
-    )
+    false_alarm = fleet.false_alarms / max(count * len(WINDOWS), 1)
+    job = CombinationJob(path=dataset.path, settings=fleet, false_alarm=false_alarm)
     every = Rows()
     for k, (group, rows) in enumerate(execute(combine_trucks, job, groups), start=1):
         progress("combining", k, len(groups))

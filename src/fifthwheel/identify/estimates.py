@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.dataset import LogData, speed_range
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
@@ -26,13 +26,13 @@ def parameter_estimate(unknown: Unknown, value: float, sigma_z: float, verdict: 
 
     Args:
         value: SI.
-        sigma_z: standard deviation in units of the prior; sigma = sigma_z dp/dz.
+        sigma_z: standard deviation in units of the prior.
         others: further fields of `Estimate`; by default the initial value is the prior mean and the stage is 1.
     """
     return Estimate(
         name=unknown.name,
         value=value,
-        sigma=sigma_z * unknown.slope(value),
+        sigma=unknown.sigma(value, sigma_z),
         unit=unit_of(unknown.name),
         verdict=verdict,
         prior=unknown.prior_sigma,
@@ -192,7 +192,7 @@ def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: 
         span=record.span,
         samples=len(record),
         used=sum(s.span[1] - s.span[0] for s in log.segments),
-        speed=speed_range([log]),
+        speed=log.speeds,
         rejected={name: float(value) for name, value in zip(outputs, rejected, strict=True) if name in measured},
         noise={name: log.noise[name] for name in measured},
         notes=record.notes,

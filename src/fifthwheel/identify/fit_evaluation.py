@@ -23,7 +23,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_factor, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
-from fifthwheel.identify.dataset import Dataset, LogData, speed_range
+from fifthwheel.identify.dataset import Dataset, LogData
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -79,11 +79,10 @@ def evaluate_fits(
             f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}; the estimates "
             "cannot be trusted. Check the signal, the vehicle file and the initial values."
         )
-    speeds = speed_range(logs)
     for log in dataset.validation:
         log = replace(log, noise=logs[0].noise)
         fits += fits_of(log, False)
-        notes += _speed_notes(log, speeds)
+        notes += _speed_notes(log, dataset.speeds)
     return FitEvaluation(fits=tuple(fits), notes=tuple(notes), trusted=not unexplained)
 
 
@@ -100,7 +99,7 @@ def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> boo
 
 def _speed_notes(log: LogData, speeds: tuple[float, float]) -> list[str]:
     """A note if a log leaves the range of speeds (m/s) by more than the margin."""
-    (low, high), (slow, fast) = speeds, speed_range([log])
+    (low, high), (slow, fast) = speeds, log.speeds
     if slow >= (1 - SPEED_MARGIN) * low and fast <= (1 + SPEED_MARGIN) * high:
         return []
     return [

@@ -1,9 +1,10 @@
 """What an estimation knows before it sees a sample: `identify`, the `Learner` and predictions begin with a `Setup`."""
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
+    expand_names,
     given_parameters,
     group_paths,
+    lacks_roll_rate,
     one_stage_unknowns,
     suspects,
     time_base_delays,
@@ -52,7 +55,11 @@ class Setup:
     estimated: tuple[str, ...]
     """Paths of the parameters that the settings estimate."""
     unknowns: tuple[Unknown, ...]
-    """All but the initial states."""
+    """All but the initial states; `Learner` has the estimated ones first."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields; what is derived from them is computed again."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def of(cls, vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> "Setup":
@@ -87,6 +94,31 @@ class Setup:
             for u in self.unknowns
         ]
         return replace(self, unknowns=tuple(unknowns))
+
+    @cached_property
+    def fixed(self) -> tuple[str, ...]:
+        """Paths of the parameters that the settings fix."""
+        return tuple(expand_names(self.vehicle, self.settings.fixed, self.settings))
+
+    @cached_property
+    def without_roll_rate(self) -> frozenset[str]:
+        """Estimated parameters that are identifiable only from a roll rate that is not measured."""
+        return frozenset(name for name in self.estimated if lacks_roll_rate(name, self.outputs))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The measured signals that drive the model: the speed and the steer angles."""
+        return ("speed", *self.vehicle.steer_signals())
+
+    @cached_property
+    def estimated_unknowns(self) -> tuple[Unknown, ...]:
+        """The unknowns that the logs change."""
+        return tuple(u for u in self.unknowns if u.is_estimated)
+
+    @cached_property
+    def considered_unknowns(self) -> tuple[Unknown, ...]:
+        """The unknowns that keep their prior mean."""
+        return tuple(u for u in self.unknowns if not u.is_estimated)
 
     @cached_property
     def given(self) -> dict[str, float]:
@@ -143,8 +175,11 @@ class Setup:
             z[places] += STIFFENING
         return z
 
+    def given_to_model(self, outputs: Sequence[str]) -> dict[str, float]:
+        """Every parameter of an extended model with these outputs before the estimation, by name, SI."""
+        return dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law) | self.given
+
     @cached_property
     def _parameters(self) -> Mapping[str, float]:
-        """Every parameter of the model before the estimation, by name, SI."""
-        model = dynamics.all_parameters(self.vehicle, self.outputs, extended=True, tyres=self.settings.tyre_law)
-        return MappingProxyType(model | self.given)
+        """Every parameter of the own model before the estimation, by name, SI."""
+        return MappingProxyType(self.given_to_model(self.outputs))

@@ -1,4 +1,4 @@
-"""A live run from what a user requests: files, buses, outputs."""
+"""A live run from what a user requests: files, buses, outputs; a node from vehicle, signal map and estimator."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -6,25 +6,30 @@ from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 from fifthwheel._atomic import reserved
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
-from fifthwheel.live.build import completed_map, make_node, make_observer
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import Learning
-from fifthwheel.live.node import Node, Output
-from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.node import Estimator, Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
-from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.session import Session
-from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.sources.listen import frame_queue, listen
-from fifthwheel.live.sources.replay import read_trace, replay
-from fifthwheel.logs import SignalMap
+from fifthwheel.live.sources.bus import LiveBus, frame_queue
+from fifthwheel.live.sources.feed import listen, read_trace, replay
+from fifthwheel.logs import LiveMap, SignalMap
+from fifthwheel.logs.can.database import load
+from fifthwheel.logs.can.decoder import FrameDecoder, signal_columns
+from fifthwheel.logs.signal_map import TimeColumn
+from fifthwheel.observe import Observer
 from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import read_vehicle
+from fifthwheel.workflow import exported_observer, read_vehicle
+
+RATE = 100.0
+"""Of the outputs, Hz."""
 
 
 @contextmanager
@@ -41,18 +46,8 @@ def opened(
 ) -> Iterator[tuple[Session, Iterator[Output]]]:
     """A session and the outputs for it, until `stop` is set or the trace ends; then everything is closed.
 
-    Args:
-        vehicle: name in the catalogue, or file.
-        signals: file of the signal map.
-        chosen: sources and destinations.
-        observer: of a run without learning.
-        allow_outside: see `SignalMap.load`.
-        force: replace a record that exists.
-        stop: ends the outputs.
-        say: receives sentences for the user.
-
-    Raises:
-        FifthwheelError: options contradict each other, an input cannot be used, or an output cannot be written.
+    `say` receives sentences for the user. A FifthwheelError if options contradict each other, an input cannot be
+    used, or an output cannot be written.
     """
     _require_consistent(chosen, observer)
     speed = _speed(chosen.rate)
@@ -172,3 +167,43 @@ def _report(session: Session, say: Callable[[str], object]) -> None:
         say(error)
     if session.recorder is not None and session.recorder.path.exists():
         say(f"Written: {session.recorder.path}")
+
+
+def make_node(signal_map: SignalMap, estimator: Estimator, *, extra: tuple[str, ...] = (), rate: float = RATE) -> Node:
+    """The node of a vehicle, with a map as `completed_map` gives it.
+
+    The values of the `extra` columns of the databases are kept in `Node.extra`; `rate` is that of the outputs, Hz. A
+    SignalError if a column is in no database, or has timestamps of its own.
+    """
+    columns = list(dict.fromkeys(text for channel in signal_map.signals.values() for text in channel.columns))
+    decoder = FrameDecoder(load(signal_map.databases), [*columns, *extra])
+    mapped = LiveMap(signal_map, ["time", *decoder.columns])
+    return Node(estimator, decoder, mapped, rate=rate, extra=decoder.columns[len(columns) :])
+
+
+def completed_map(signal_map: SignalMap) -> SignalMap:
+    """The map with the signals of the databases that have names of signals; its time is that of the frames.
+
+    A SignalError if no column is mapped, or a database cannot be read.
+    """
+    complete = signal_map.completed(signal_columns(load(signal_map.databases)))
+    if not complete.signals:
+        raise SignalError(
+            "signals.toml: no column is mapped to a signal; map columns such as VDC2.yaw_rate, which `fifthwheel "
+            "signals` proposes from a recorded trace"
+        )
+    return complete.model_copy(update={"time": TimeColumn(rate=complete.rate)})
+
+
+def make_observer(
+    vehicle: Vehicle, signal_map: SignalMap, identification: Identification | None, min_speed: float, **settings: Any
+) -> Observer:
+    """The observer of a vehicle with the signals of a completed map; settings and errors of `exported_observer`."""
+    every = Observer(vehicle, signal_map.signals)
+    used = [name for name in signal_map.signals if name in (*every.inputs, *every.outputs)]
+    observer = exported_observer(vehicle, used, identification, min_speed=min_speed, **settings)
+    straight = dict.fromkeys(used, 0.0) | {"speed": 2 * min_speed}
+    for time in (0.0, 0.01):  # compiles it now, and not while driving
+        observer.push({"time": time, **straight})
+    observer.reset()
+    return observer

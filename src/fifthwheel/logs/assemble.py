@@ -1,29 +1,25 @@
 """From the columns of a log and a signal map to a record on one time base."""
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, is_input, is_of
+from fifthwheel.channels import STEER, is_input, is_of, si_unit
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
+from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress, time_column
 from fifthwheel.record.record import Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.record.timestamps import implausible_timestamps, typical_step
 from fifthwheel.units import factor, quantity
 
-TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit")
-"""Columns that are the time of a table unless the map names another, in upper or lower case."""
-_TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
-_TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
+Window = tuple[float, float]
+"""First and last instant, s."""
 _MIN_EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
 _MAX_TIME = 1e100
@@ -46,11 +42,17 @@ class Samples:
     """Whether its instants differ from those of the rows: it has a time base or a delay of its own."""
 
 
-def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: ReadProgress = no_progress) -> Record:
-    """The record that a map makes of a log.
+def assemble(
+    log: LogSource,
+    signal_map: SignalMap,
+    *,
+    name: str,
+    exclude: Sequence[Window] = (),
+    progress: ReadProgress = no_progress,
+) -> Record:
+    """The record that a map makes of a log, without the samples whose timestamps are in the windows `exclude`.
 
-    Raises:
-        SignalError: a column does not exist, holds no numbers, or has no usable time; the message names it.
+    A SignalError names a column that does not exist, holds no numbers, or has no usable time.
     """
     if not signal_map.signals and not signal_map.reference:
         raise SignalError(f"{log.name}: no column is mapped to a signal; map columns in signals.toml")
@@ -64,7 +66,7 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
         timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
     }
     needed = {column for time_base in time_bases.values() for column in time_base.needed_columns}
-    for chunk in log.pieces(needed):
+    for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.pieces(needed):
         for timestamps, time_base in time_bases.items():
             if timestamps.clock == chunk.clock:
                 time_base.push(chunk)
@@ -98,6 +100,26 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
 
 
+def _outside(
+    log: LogSource, columns: Collection[str], windows: Sequence[Window], signal_map: SignalMap
+) -> Iterator[Chunk]:
+    """The samples outside the windows; a SignalError if there are none."""
+    named = signal_map.time.column if signal_map.time else None
+    rows, left = log.find(named) if named else time_column(log.columns), False
+    for chunk in log.pieces({*columns, rows or ""} - {""}):
+        time = log.times(chunk, rows)
+        if time is None:
+            yield chunk
+            left = True
+            continue
+        kept = ~np.any([(time >= start) & (time <= stop) for start, stop in windows], axis=0)
+        left |= bool(kept.any())
+        values = {name: values[kept] for name, values in chunk.values.items()}
+        yield replace(chunk, values=values, time=None if chunk.time is None else chunk.time[kept])
+    if not left:
+        raise SignalError(f"{log.name}: all samples are in the windows that are excluded; exclude less")
+
+
 def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], SignalSource]) -> dict[str, str]:
     """Signal to the name of its time base, without those of the main one.
 
@@ -111,14 +133,6 @@ def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], SignalSource]
     main = next((n for n in names if is_of(n, STEER)), "speed" if "speed" in names else None)
     common = names[main] if main else next(iter(names.values()))
     return {signal: name or _LOGGER for signal, name in names.items() if name != common}
-
-
-def time_column(columns: Mapping[str, Column]) -> str | None:
-    """The column with the time of a table's rows by its name and unit, if there is one."""
-    rows = [column for column in columns.values() if not column.clock]
-    by_name = {column.name.lower(): column.name for column in reversed(rows)}
-    timed = [column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())]
-    return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
 
 
 class _Timestamps(NamedTuple):
@@ -206,8 +220,7 @@ def _sources(
             if log.columns[timestamps.column].clock != clock:
                 raise SignalError(
                     f"{signal}: the time column {timestamps.column!r} and {column!r} are in different groups; choose "
-                    "a time "
-                    "column of the same group, or delete `time` in signals.toml"
+                    "a time column of the same group, or delete `time` in signals.toml"
                 )
         else:
             timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")
@@ -223,8 +236,7 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
     if column is None:
         raise SignalError(
             f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
-            f"{', '.join(log.columns)}); "
-            f'give the time column in signals.toml:\n[time]\ncolumn = "..."'
+            f'{", ".join(log.columns)}); give the time column in signals.toml:\n[time]\ncolumn = "..."'
         )
     return column
 

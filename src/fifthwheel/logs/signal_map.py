@@ -24,6 +24,7 @@ clock = "trailer logger"            # which clock gave them
 """
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -32,11 +33,13 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fifthwheel._types import Array
+from fifthwheel.channels import REFERENCE, checked_name, si_unit, split_header
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
-from fifthwheel.input_files import parse_toml, read_toml, require_inside
+from fifthwheel.input_files import flat_tables, parse_toml, read_toml, require_inside
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import REFERENCE, checked_name, si_unit, split_header
 from fifthwheel.units import factor, quantity
+
+Seconds = Annotated[float | str, AfterValidator(partial(quantity, si="s"))]
 
 
 class TimeColumn(BaseModel):
@@ -50,9 +53,9 @@ class TimeColumn(BaseModel):
     """Default: that of the header, else s."""
     rate: float | str = 100.0
     """Sampling rate, Hz; channels with 2.5 times this rate or more are decimated to it, without aliasing."""
-    start: float | str | None = None
+    start: Seconds | None = None
     """Earlier samples are left out, s."""
-    stop: float | str | None = None
+    stop: Seconds | None = None
     """Later samples are left out, s."""
 
     @field_validator("rate")
@@ -62,11 +65,6 @@ class TimeColumn(BaseModel):
         if not rate >= 1.0:
             raise ValueError(f"at least 1 Hz expected, got {rate:g} Hz")
         return rate
-
-    @field_validator("start", "stop")
-    @classmethod
-    def _instant(cls, value: float | str | None) -> float | None:
-        return None if value is None else quantity(value, "s")
 
 
 class SignalSource(BaseModel):
@@ -88,7 +86,7 @@ class SignalSource(BaseModel):
     """Subtracted last; a number in SI, or a text with a unit: "0.1 deg"."""
     points: tuple[tuple[float, float], ...] | None = None
     """Calibration: pairs of the column's value and the value in `unit`; piecewise linear, extrapolated at the ends."""
-    delay: float | str = 0.0
+    delay: Seconds = 0.0
     """Time by which the timestamps are late, s, or a text with a unit: "200 ms"."""
     time: str | None = None
     """Column with the channel's own timestamps, where the log has several rates."""
@@ -100,11 +98,6 @@ class SignalSource(BaseModel):
         if (self.column is None) == (self.sum is None):
             raise ValueError("either column = ... or sum = [...] expected; give one of them")
         return self
-
-    @field_validator("delay")
-    @classmethod
-    def _seconds(cls, value: float | str) -> float:
-        return quantity(value, "s")
 
     @field_validator("points")
     @classmethod
@@ -126,11 +119,7 @@ class SignalSource(BaseModel):
         )
 
     def converted(self, columns: Iterable[tuple[Array, str | None]], si: str) -> Array:
-        """The signal (n,) in the SI unit `si`, without the delay.
-
-        Args:
-            columns: values (n,) of each column, and its unit in the log.
-        """
+        """The signal (n,) in the SI unit `si`, without the delay, from the values and log units of its columns."""
         total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
         return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
 
@@ -138,19 +127,6 @@ class SignalSource(BaseModel):
     def columns(self) -> tuple[str, ...]:
         """The column, or the columns of the sum."""
         return self.sum or (self.column or "",)
-
-
-def _channels(value: Any) -> Any:
-    """Channels by signal, from the short form (name of a column) and nested tables, [signals.yaw_rate.tractor]."""
-    if not isinstance(value, Mapping):
-        return value
-    flat: dict[str, Any] = {}
-    for name, entry in value.items():
-        if isinstance(entry, Mapping) and entry and all(isinstance(inner, Mapping) for inner in entry.values()):
-            flat |= {f"{name}.{inner}": channel for inner, channel in _channels(entry).items()}
-        else:
-            flat[name] = {"column": entry} if isinstance(entry, str) else entry
-    return flat
 
 
 Name = Annotated[str, AfterValidator(checked_name)]
@@ -186,7 +162,10 @@ class SignalMap(BaseModel):
     @field_validator("signals", "reference", mode="before")
     @classmethod
     def _flat(cls, value: Any) -> Any:
-        return _channels(value)
+        """Channels by signal, from the short form (name of a column) and nested tables, [signals.yaw_rate.tractor]."""
+        if not isinstance(value, Mapping):
+            return value
+        return {n: {"column": c} if isinstance(c, str) else c for n, c in flat_tables(value).items()}
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

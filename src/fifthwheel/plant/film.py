@@ -47,22 +47,12 @@ LIGHT, FRAME, MIDDLE, DARK, FIRST, LAST = "#e4e4e4", "#c4c4c4", "#9a9a9a", "#222
 def film(
     run: "PlantRun", path: Path, *, start: float | None = None, stop: float | None = None, exaggerate: float = 5.0
 ) -> Path:
-    """Draw the moving truck from the true signals of a run.
+    """Draw the moving truck from the true signals of a run; returns the path.
 
-    Args:
-        run: result of `Plant.drive`.
-        path: a strip of six instants (.png, .svg) or an animation in real time (.gif; faster if longer than 8 s).
-        start: start of the drawn window, s; by default, 4 s (animation: 6 s) around the largest lateral acceleration of
-            the last unit.
-        stop: end of that window, s.
-        exaggerate: factor on roll angle and tyre deflection in the view from behind; the view from above is to scale.
-
-    Returns:
-        The path of the written file.
-
-    Raises:
-        SignalError: another suffix, a window outside the run, or a missing true signal.
-        FifthwheelError: matplotlib is not installed.
+    A strip of six instants (.png, .svg) or an animation in real time (.gif; faster if longer than 8 s), from `start` to
+    `stop`, s; by default, 4 s (animation: 6 s) around the largest lateral acceleration of the last unit. `exaggerate`
+    is a factor on roll angle and tyre deflection in the view from behind; the view from above is to scale. A
+    SignalError for another suffix, a window outside the run, or a missing true signal.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:

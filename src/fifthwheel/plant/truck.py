@@ -19,7 +19,7 @@ from fifthwheel.plant.driver import Driver, Pose
 from fifthwheel.plant.mujoco_model import SIDES, model_xml
 from fifthwheel.plant.properties import Properties
 from fifthwheel.plant.sensors import Sensor, article_sensors, measure
-from fifthwheel.plant.truth import ROLLOVER_ANGLE, Samples, true_signals
+from fifthwheel.plant.truth import ROLLOVER_ANGLE, true_signals
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -140,7 +140,7 @@ class Plant:
         if count < rate:
             raise SignalError(f"{course.name}: expected a run of 1 s or more, the truck rolls over; reduce its speed")
         time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
-        truth = true_signals(time, Samples(sensed[:count], wheels[:count]), self.vehicle, self.properties, layout)
+        truth = true_signals(time, sensed[:count], wheels[:count], self.vehicle, self.properties, layout)
         return PlantRun(
             vehicle=self.vehicle, properties=self.properties, time=time, truth=truth, name=name or course.name
         )
@@ -161,12 +161,7 @@ class Multibody:
 
     @classmethod
     def of(cls, vehicle: Vehicle, properties: Properties) -> "Multibody":
-        """Compile a truck.
-
-        Raises:
-            FifthwheelError: MuJoCo is not installed.
-            VehicleError: see `Plant`.
-        """
+        """Compile a truck."""
         bodies = sprung_bodies(vehicle, properties)
         model = mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
         layout = _layout(model, bodies)
@@ -180,11 +175,7 @@ class Multibody:
 
 
 def mujoco() -> Any:
-    """The module mujoco.
-
-    Raises:
-        FifthwheelError: it is not installed.
-    """
+    """The module mujoco, which may not be installed."""
     try:
         import mujoco
     except ImportError:

@@ -43,21 +43,13 @@ def typical_steps(time: Array, values: Array) -> Array:
 
 
 def decimate(time: Array, values: Array, rate: float, steps: Array | None = None) -> tuple[Array, Array]:
-    """Columns at the multiples of 1 / rate, low-passed below half of that rate.
+    """Columns (n, c) at the multiples of 1 / rate, low-passed below half of that rate: time (m,), s, and values (m, c).
 
     Each new value is the convolution with a symmetric windowed sinc, by the trapezoidal rule over the samples at their
     own times: jitter has no effect, and no delay results. A value is NaN where more than 2 % of the kernel's weight
     lies in a gap (three typical steps without a sample, or an end). There are no new instants further than half a new
-    step from every sample. A column with fewer samples than 2.5 times the rate is moved by `snap_to_grid` instead.
-
-    Args:
-        time: (n,) s, increasing.
-        values: (n, c), NaN where missing.
-        rate: Hz.
-        steps: (c,) s, typical steps of the columns; default: those of these samples.
-
-    Returns:
-        Time (m,) s and values (m, c).
+    step from every sample. A column with fewer samples than 2.5 times the rate is moved by `snap_to_grid` instead. The
+    typical `steps` (c,) of the columns, s, are by default those of these samples.
     """
     steps = typical_steps(time, values) if steps is None else steps
     grid = np.unique(np.rint(time * rate))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
@@ -19,7 +20,6 @@ from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
 
 if TYPE_CHECKING:

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import describe_remedy
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Verdict
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.words import spoken_verdict
 
 if TYPE_CHECKING:

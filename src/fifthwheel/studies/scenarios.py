@@ -76,10 +76,8 @@ class Scenario:
 
     vehicle: Vehicle
     run: SimulatedRun
-    sensors: Mapping[str, Sensor] | None = None
-    """By signal; None: those of Cheng and Cebon (2011)."""
-    plant_run: PlantRun | None = None
-    """Of the nonlinear truck; see `simulated`."""
+    sensors: Mapping[str, Sensor] | None = None  # by signal; None: those of Cheng and Cebon (2011)
+    plant_run: PlantRun | None = None  # of the nonlinear truck; see `simulated`
     stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of effective cornering stiffness of the nonlinear truck, N/rad, by parameter."""
 

@@ -11,8 +11,6 @@ from fifthwheel.time_bases.lags import LagCurve
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.vehicle import Vehicle
 
-MAX_OFFSET = 2.0
-"""s; larger offsets are not found."""
 MIN_EXPLAINED = 0.3
 """Channels of which the prediction explains less are not measured."""
 MIN_OFFSET = 0.2
@@ -154,38 +152,29 @@ def _channel_offsets(lags: _Lags, prediction: Prediction, record: Record) -> lis
         reference = None
     origin = np.zeros(len(lags.weight)) if reference is None else lags.lag[:, reference]
     origin_sigma = 0.0 if reference is None else float(lags.sigma[reference])
-    offsets = []
-    if reference is not None:
-        mean, spread = lags.mean(-origin)
-        curve = lags.curves[reference]
-        offsets.append(
-            TimeOffset(
-                name=steer,
-                signals=(steer,),
-                offset=mean,
-                sigma=float(np.sqrt(spread**2 + origin_sigma**2 + _MODEL_SIGMA**2)),
-                explained_at_0=curve.explained_at(0.0),
-                explained=curve.explained_at(-mean),
-                smallest=MIN_GENERIC_OFFSET if lags.generic else MIN_STEER_OFFSET,
-            )
+
+    def offset(name: str, c: int, lag: Array, sigma: float, at: float, sign: float, smallest: float) -> TimeOffset:
+        """By the lags (v,) of a signal; the curve of channel c moves from the lag `at` by sign times the offset."""
+        mean, spread = lags.mean(lag)
+        return TimeOffset(
+            name=name,
+            signals=(name,),
+            offset=mean,
+            sigma=float(np.sqrt(spread**2 + sigma**2 + origin_sigma**2 + _MODEL_SIGMA**2)),
+            explained_at_0=lags.curves[c].explained_at(at),
+            explained=lags.curves[c].explained_at(at + sign * mean),
+            smallest=MIN_GENERIC_OFFSET if lags.generic else smallest,
         )
-    for c, name in enumerate(lags.names):
-        if c == reference:
-            continue
-        mean, spread = lags.mean(lags.lag[:, c] - origin)
-        base, _ = lags.mean(origin)
-        offsets.append(
-            TimeOffset(
-                name=name,
-                signals=(name,),
-                offset=mean,
-                sigma=float(np.sqrt(spread**2 + lags.sigma[c] ** 2 + origin_sigma**2 + _MODEL_SIGMA**2)),
-                explained_at_0=lags.curves[c].explained_at(base),
-                explained=lags.curves[c].explained_at(base + mean),
-                smallest=MIN_GENERIC_OFFSET if lags.generic else MIN_OFFSET,
-            )
-        )
-    return offsets
+
+    base, _ = lags.mean(origin)
+    channels = [
+        offset(name, c, lags.lag[:, c] - origin, float(lags.sigma[c]), base, 1.0, MIN_OFFSET)
+        for c, name in enumerate(lags.names)
+        if c != reference
+    ]
+    if reference is None:
+        return channels
+    return [offset(steer, reference, -origin, 0.0, 0.0, -1.0, MIN_STEER_OFFSET), *channels]
 
 
 def _leading_is_wrong(lags: _Lags, leading: int, time_bases: Mapping[str, str], steer: str) -> bool:

@@ -18,8 +18,8 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
+from fifthwheel.record.record import segments_above
 from fifthwheel.record.resample import decimate
-from fifthwheel.record.segments import segments_above
 from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
 from fifthwheel.vehicle import Vehicle, catalogue
 
@@ -66,13 +66,9 @@ class Prediction:
 def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Prediction | None:
     """The prediction of every channel that the vehicle has, for each variant of the vehicle that is stable.
 
-    Args:
-        record: with speed and a steer angle.
-        vehicle: its cornering stiffness varies by 30 %. Default: a tractor and semitrailer of which stiffness and
-            length vary over the range of usual ones.
-
-    Returns:
-        None where the record has no speed or steer angle that can be used, no such channel, or almost only gaps.
+    The cornering stiffness of a given vehicle varies by 30 %; by default, stiffness and length of a tractor and
+    semitrailer vary over the range of usual ones. None where the record has no speed or steer angle that can be used,
+    no such channel, or almost only gaps.
     """
     variants = _generic_variants() if vehicle is None else _stiffness_variants(vehicle)
     measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)

@@ -22,7 +22,9 @@ CONSIDERED = (
     Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.CONSIDERED, **BOUNDS),
     Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.CONSIDERED, moves={"x": 2.0, "y": -1.0}, **BOUNDS),
 )
-PROBLEM = SimpleNamespace(estimated=ESTIMATED, considered=CONSIDERED, parameters=("stiffness", "height"))
+PROBLEM = SimpleNamespace(
+    unknowns=(*ESTIMATED, *CONSIDERED), estimated_unknowns=ESTIMATED, considered_unknowns=CONSIDERED
+)
 PZ, B = np.diag([0.03, 0.15, 0.2]), np.array([[0.1, 0.0], [0.0, 0.1], [0.0, 0.2]])
 SIGMA = np.sqrt([0.04, 0.16, 0.24])  # of Pz + B B'
 
@@ -71,7 +73,7 @@ def test_estimates_that_a_contradicted_assumption_moves() -> None:
         (doubt,) = doubts(t=(0.0, 8.0), Pz=Pz, B=derivative)
         assert doubt.causes[0].prior_sigmas == 4.0
         assert doubt.parameters == moved
-    for t, expected in ((9.0 * BELOW, ()), (9.0 * ABOVE, PROBLEM.parameters)):
+    for t, expected in ((9.0 * BELOW, ()), (9.0 * ABOVE, ("stiffness", "height"))):
         for sign in (-1, 1):
             (doubt,) = doubts(t=(0.0, sign * t), B=np.zeros((3, 2)))
             assert doubt.parameters == expected

@@ -97,7 +97,7 @@ def test_another_trailer_keeps_the_estimates_of_the_tractor(
 
 def filter_sigmas(learner: Learner) -> dict[str, float]:
     """Standard deviation of each z without the variance inflation, which follows from the last innovations."""
-    names = [u.name for u in learner._live.problem.unknowns]
+    names = [u.name for u in learner._live.setup.unknowns]
     return dict(zip(names, np.sqrt(np.diag(estimates(learner)[1])), strict=True))
 
 

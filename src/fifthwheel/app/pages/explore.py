@@ -13,6 +13,7 @@ from nicegui import events, ui
 from fifthwheel import pages, plot
 from fifthwheel.app import documents, inputs, jobs, layout, runs
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose import LogPrediction
 from fifthwheel.dynamics import linear_system
 from fifthwheel.errors import FifthwheelError
@@ -23,7 +24,6 @@ from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.plots import Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, VERMILLION
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.edited_file import edited
 

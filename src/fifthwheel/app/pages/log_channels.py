@@ -12,8 +12,8 @@ from fifthwheel._types import Array
 from fifthwheel.app import documents, inputs, layout
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
-from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
+from fifthwheel.logs.source import time_column
 from fifthwheel.logs.stored import StoredLog
 from fifthwheel.pages.html import COURSE_POINTS, course
 from fifthwheel.plots import Axis, Line, Panel, Plot, Span

@@ -246,14 +246,15 @@ class InformationPredictor:
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
         all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
         estimated = [name for name in self.estimated if name in names]
-        not_identified = uninformed_parameters(all_estimated, estimated, channels, self.settings.excited)
+        no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
+        not_identified = uninformed_parameters(all_estimated, estimated, no_channel, self.settings.excited)
         return PredictedPosterior(
             all_estimated=all_estimated,
             with_fixed=Posterior.from_information(
                 names, information, considered=[*considered, *not_identified], nuisances=nuisances
             ),
             not_identified=not_identified,
-            no_channel=frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels)),
+            no_channel=no_channel,
         )
 
 

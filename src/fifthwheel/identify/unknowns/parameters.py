@@ -69,16 +69,6 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     return values
 
 
-def model_parameters(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> dict[str, float]:
-    """Every parameter of an extended model with these outputs, before the identification, by name, SI.
-
-    Raises:
-        VehicleError: as `given_parameters`.
-    """
-    values = dynamics.all_parameters(vehicle, outputs, extended=True, tyres=settings.tyre_law)
-    return values | given_parameters(vehicle, settings)
-
-
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
     """Paths of the parameters that one stage estimates.
 

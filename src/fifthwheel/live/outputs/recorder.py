@@ -1,10 +1,12 @@
-"""The record of a live run: pieces that are complete files, joined at the end.
+"""Writing files beside the node, and the record of a live run: pieces that are complete files, joined at the end.
 
 The pieces are in the folder NAME.parts beside the file. Each appears complete or not at all, so a process that is
 killed leaves the pieces; the next run with the same file adds to them.
 """
 
 import json
+import queue
+import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -16,8 +18,9 @@ import numpy as np
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.outputs.background import BackgroundWriter
 
+WAITING = 8
+"""Jobs that may wait; more, and the disk does not keep up."""
 PIECE = 1000
 """Rows of a piece: 10 s."""
 KIND = "record"
@@ -26,16 +29,42 @@ KIND = "record"
 Rows = Sequence[Mapping[str, float]]
 
 
+class BackgroundWriter:
+    """Runs jobs one after the other in a thread, so that a slow disk does not delay the node; an error is kept."""
+
+    def __init__(self) -> None:
+        self.errors: dict[str, str] = {}
+        """Why the last job of a kind failed; empty while all is well."""
+        self._jobs: queue.Queue[tuple[str, Callable[[], object]] | None] = queue.Queue(WAITING)
+        self._thread = threading.Thread(target=self._run, name="fifthwheel writer", daemon=True)
+        self._thread.start()
+
+    def submit(self, kind: str, job: Callable[[], object], *, wait: bool = False) -> bool:
+        """Run a job soon; False if too many are pending, unless it may `wait` for them."""
+        try:
+            self._jobs.put((kind, job), block=wait)
+        except queue.Full:
+            self.errors[kind] = "the disk does not keep up; use a faster one"
+            return False
+        return True
+
+    def close(self) -> None:
+        """Wait until all jobs are done."""
+        self._jobs.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (item := self._jobs.get()) is not None:
+            kind, job = item
+            try:
+                job()
+                self.errors.pop(kind, None)
+            except Exception as error:  # whatever it is, the node must go on; the status says it
+                self.errors[kind] = str(error)
+
+
 class Recorder:
-    """Writes rows of numbers to a Parquet or MCAP file.
-
-    Args:
-        path: ends in .parquet or .mcap.
-        writer: writes the pieces.
-
-    Raises:
-        FifthwheelError: the ending is another one, or a package is missing.
-    """
+    """Writes rows of numbers to a file, .parquet or .mcap; any other ending is a FifthwheelError."""
 
     def __init__(self, path: Path, writer: BackgroundWriter) -> None:
         if path.suffix not in _FORMATS:
@@ -101,8 +130,7 @@ def _join_parquet(pieces: Iterable[Path], path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    schemas = [parquet.read_schema(piece) for piece in pieces]
-    schema = pa.unify_schemas(schemas)
+    schema = pa.unify_schemas([parquet.read_schema(piece) for piece in pieces])
     with parquet.ParquetWriter(path, schema) as writer:
         for piece in pieces:
             table = parquet.read_table(piece)

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.logs.can.database import Databases, Signal, group
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import split_header
 
 
 class Frame(NamedTuple):
@@ -58,15 +58,9 @@ class _Wanted(NamedTuple):
 class FrameDecoder:
     """Decodes the columns that a signal map names, with the databases of the user and J1939.
 
-    A column without a source address or a bus takes the first one that sends it; `other_sources` lists the others.
-
-    Args:
-        databases: in the order in which they are searched.
-        columns: "Message.Signal", "Message.Signal@source" or "Message.Signal@source:bus", as in a log, with or without
-            a [unit].
-
-    Raises:
-        SignalError: no database has a message or a signal of this name.
+    Columns are "Message.Signal", "Message.Signal@source" or "Message.Signal@source:bus", as in a log, with or without a
+    [unit]; a SignalError for one that no database has. A column without a source address or a bus takes the first one
+    that sends it; `other_sources` lists the others.
     """
 
     def __init__(self, databases: Databases, columns: Iterable[str]) -> None:

@@ -7,10 +7,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import printable
-from fifthwheel.logs.assemble import time_column
-from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress
+from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress, time_column
 from fifthwheel.record.timestamps import typical_step
-from fifthwheel.units import factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +55,9 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
     steps: dict[str, list[float]] = {}
     start, stop = np.inf, -np.inf
     rows = time_column(log.columns)
-    seconds = factor(log.columns[rows].unit or "s", "s") if rows else 1.0
     for chunk in log.pieces(list(log.columns)):
-        time = chunk.time if chunk.time is not None else chunk.values[rows] * seconds if rows else np.empty(0)
-        time = time[np.isfinite(time)]
+        time = log.times(chunk, rows)
+        time = np.empty(0) if time is None else time[np.isfinite(time)]
         if time.size:
             start, stop = min(start, float(time[0])), max(stop, float(time[-1]))
         if time.size > 1:

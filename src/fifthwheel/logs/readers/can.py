@@ -11,8 +11,8 @@ from typing import BinaryIO
 import can
 import numpy as np
 
-from fifthwheel.logs.can.frames import Frames, TraceKind, trace_kind
-from fifthwheel.logs.can.log import CanLog, open_can_log
+from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
+from fifthwheel.logs.readers import TraceKind, trace_kind
 from fifthwheel.logs.source import ReadProgress, no_progress, reason
 
 _BATCH = 50_000

@@ -4,7 +4,7 @@ import io
 import struct
 import warnings
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.mat_signals import Node, Numbers, Opaque, Search, Signal, listed
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason, unused_name
 from fifthwheel.record.timestamps import TimestampFilter, add_notes
 
 try:
@@ -56,20 +56,14 @@ class MatLog(LogSource):
     """The signals of a .mat file."""
 
     def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], None]) -> None:
-        super().__init__(name)
-        self._close = close
         counts = Counter(signal.name for signal in signals)
         self._signals: dict[str, Signal] = {}
         for signal in signals:
             label = signal.name if counts[signal.name] == 1 else f"{signal.name}@{signal.clock.name}"
-            while label in self._signals:
-                label += "'"
-            self._signals[label] = signal
-        self._columns = {n: Column(name=n, unit=s.unit, clock=s.clock.name) for n, s in self._signals.items()}
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+            self._signals[unused_name(label, self._signals)] = signal
+        columns = {n: Column(name=n, unit=s.unit, clock=s.clock.name) for n, s in self._signals.items()}
+        super().__init__(name, columns)
+        self._close = close
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = self.by_clock(columns)

@@ -14,7 +14,7 @@ import numpy as np
 from mcap.reader import NonSeekingReader
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason, unused_name
 from fifthwheel.record.timestamps import MAX_BACKWARD_STEP, TimestampFilter, add_notes
 
 _FIRST = 100
@@ -93,26 +93,19 @@ class McapLog(LogSource):
     """The topics of an MCAP file."""
 
     def __init__(self, path: Path, topics: Mapping[str, Topic]) -> None:
-        super().__init__(path.name)
-        self._path, self._topics = path, topics
-        self._columns: dict[str, Column] = {}
+        columns: dict[str, Column] = {}
         self._places: dict[str, tuple[str, str]] = {}
         for name, topic in topics.items():
             clock = name.lstrip("/") or name
             for key in topic.fields:
                 if topic.stamped and _STAMP.fullmatch(key):
                     continue
-                column = f"{clock}.{key}" if key else clock
-                while column in self._columns:
-                    column += "'"
-                self._columns[column] = Column(
-                    name=column, clock=clock, about=topic.about, time_base=clock if topic.stamped else ""
-                )
+                column = unused_name(f"{clock}.{key}" if key else clock, columns)
+                time_base = clock if topic.stamped else ""
+                columns[column] = Column(name=column, clock=clock, about=topic.about, time_base=time_base)
                 self._places[column] = (name, key)
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+        super().__init__(path.name, columns)
+        self._path, self._topics = path, topics
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         wanted: dict[str, dict[str, str]] = {}

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.database import load
-from fifthwheel.logs.can.frames import Frames
-from fifthwheel.logs.can.log import CanLog, open_can_log
+from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
 from fifthwheel.logs.readers.mdf_formulas import replace_evaluation
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason, unused_name
 from fifthwheel.record.timestamps import TimestampFilter, add_notes
 
 _FRAGMENT = 4 << 20
@@ -60,9 +59,9 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     decoded: dict[str, str] = {}
     clocks = {column.clock for column in columns.values()}
     for name, column in can.columns.items() if can else ():
-        unused = _unused(name, columns)
+        unused = unused_name(name, columns)
         decoded[unused] = name
-        columns[unused] = replace(column, name=unused, clock=_unused(column.clock, clocks))
+        columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
     log = MdfLog(path.name, mdf, columns, places, can, decoded)
     log.notes += notes
     return log
@@ -80,12 +79,8 @@ class MdfLog(LogSource):
         can: CanLog | None,
         decoded: Mapping[str, str],
     ) -> None:
-        super().__init__(name)
-        self._mdf, self._columns, self._places, self._can, self._decoded = mdf, columns, places, can, decoded
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+        super().__init__(name, columns)
+        self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}
@@ -97,7 +92,7 @@ class MdfLog(LogSource):
         decoded = {self._decoded[name]: name for name in columns if name in self._decoded}
         for piece in self._can.pieces(decoded) if self._can and decoded else ():
             values = {decoded[name]: column for name, column in piece.values.items()}
-            yield replace(piece, values=values, clock=self._columns[next(iter(values))].clock)
+            yield replace(piece, values=values, clock=self.columns[next(iter(values))].clock)
 
     def _group(self, clock: str, names: Sequence[str], stamps: TimestampFilter) -> Iterator[Chunk]:
         """The samples of one group; where it is damaged, those before and a note."""
@@ -108,10 +103,8 @@ class MdfLog(LogSource):
                 values = {n: _values(self._mdf, self._places[n], first, time.size, fragment) for n in names}
                 kept = stamps.keep(clock, time)
                 if kept.any():
-                    values, done = (
-                        {n: v[kept] for n, v in values.items()},
-                        min(1.0, (first + time.size) / max(total, 1)),
-                    )
+                    values = {n: v[kept] for n, v in values.items()}
+                    done = min(1.0, (first + time.size) / max(total, 1))
                     yield Chunk(values=values, time=time[kept], clock=clock, done=done)
                 count, last = first + time.size, float(time[-1]) if time.size else last
         except MemoryError:
@@ -193,7 +186,7 @@ def _columns(mdf: Any, notes: list[str]) -> tuple[dict[str, Column], dict[str, P
         if flags & _VARIABLE_LENGTH_GROUP:
             continue
         clock = labels[number] if labels.count(labels[number]) == 1 else f"{labels[number]} {number}"
-        clock = _unused(clock, clocks)
+        clock = unused_name(clock, clocks)
         clocks.add(clock)
         channels = [
             (index, channel)
@@ -216,7 +209,7 @@ def _columns(mdf: Any, notes: list[str]) -> tuple[dict[str, Column], dict[str, P
     places = {}
     for name, clock, place in found:
         channel = mdf.groups[place[0]].channels[place[1]]
-        unique = _unused(name if total[name] == 1 else f"{name}@{clock}", columns)
+        unique = unused_name(name if total[name] == 1 else f"{name}@{clock}", columns)
         unit = (channel.conversion and channel.conversion.unit) or channel.unit or None
         columns[unique] = Column(name=unique, unit=unit, clock=clock, about=_about(channel))
         places[unique] = place
@@ -249,12 +242,6 @@ def _about(channel: Any) -> str:
         return str(comment)
     found = _TEXT.search(comment)
     return html.unescape(found[1]).strip() if found else ""
-
-
-def _unused(name: str, used: Collection[str]) -> str:
-    while name in used:
-        name += "'"
-    return name
 
 
 def _can_log(
