@@ -49,7 +49,7 @@ class ObserverOptions(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentificationOptions(Settings):
+class IdentifyOptions(Settings):
     """Of an identification."""
 
     method: Annotated[

@@ -18,12 +18,14 @@ from fifthwheel.identify.result.display import fit_panel, prediction
 from fifthwheel.plots import Line, Plot
 from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
-from fifthwheel.settings import options_of
+from fifthwheel.settings import arguments, options_of
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
     IDENTIFICATION_FILES,
     IdentifyOptions,
+    chosen_one_stage,
     compare_runs,
+    identification_settings,
     run_identification,
     write_results,
 )
@@ -95,7 +97,7 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
     choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
     progress("predicting", 0, 0)
-    truck, settings = options(workspace, choices).one_stage(truck)
+    truck, settings = chosen_one_stage(truck, options(workspace, choices))
     return assess_information(records, truck, settings)
 
 
@@ -109,7 +111,7 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)
     chosen, validate = logs(workspace, choices)
-    truck, settings = options(workspace, choices).settings(truck)
+    truck, settings = identification_settings(truck, options(workspace, choices))
     paths = [workspace.log(log) for log in (*chosen, *validate)]
     signals = workspace.folder / SIGNALS
     signals_file = signals if signals.exists() else None
@@ -131,15 +133,15 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
 def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     """The command line that gives the same result in the folder of the workspace."""
     chosen, validate = logs(workspace, choices)
-    arguments = ["identify", *[f"logs/{log}" for log in chosen], "--vehicle", VEHICLE, "--out", f"runs/{name}"]
-    arguments += ["--signals", SIGNALS] if workspace.read(SIGNALS) is not None else []
-    arguments += [f"--validate=logs/{log}" for log in validate]
+    words = ["identify", *[f"logs/{log}" for log in chosen], "--vehicle", VEHICLE, "--out", f"runs/{name}"]
+    words += ["--signals", SIGNALS] if workspace.read(SIGNALS) is not None else []
+    words += [f"--validate=logs/{log}" for log in validate]
     for log in (*chosen, *validate):
-        arguments += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
+        words += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
     stated = options(workspace, choices)
     if stated.suspension_from:
         stated = replace(stated, suspension_from=stated.suspension_from.relative_to(workspace.folder))
-    return arguments + stated.arguments()
+    return words + arguments(stated)
 
 
 def comparison(folder: Path, names: Sequence[str]) -> Comparison:

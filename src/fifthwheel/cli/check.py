@@ -9,7 +9,7 @@ from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
 from fifthwheel.cli.app import OF_LOGS, command
 from fifthwheel.cli.terminal import load_records, print_files, warn_of_axle_loads
-from fifthwheel.options import IdentificationOptions
+from fifthwheel.options import IdentifyOptions
 
 
 @command(
@@ -27,7 +27,7 @@ def check(
     allow_outside: options.AllowOutsideOption = False,
     exclude: options.ExcludeOption = None,
     *,
-    chosen: Annotated[IdentificationOptions, OF_LOGS],
+    chosen: Annotated[IdentifyOptions, OF_LOGS],
     plot: Annotated[
         Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
     ] = None,
@@ -42,10 +42,10 @@ def check(
     ones.
     """
     from fifthwheel.identify.design.assess import assess_information
-    from fifthwheel.workflow import IdentifyOptions, read_vehicle
+    from fifthwheel.workflow import chosen_one_stage, read_vehicle
 
     truck = read_vehicle(vehicle)
-    truck, settings = IdentifyOptions.of(chosen).one_stage(truck)
+    truck, settings = chosen_one_stage(truck, chosen)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_axle_loads(truck, records)

@@ -9,7 +9,7 @@ from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
 from fifthwheel.cli.app import OF_A_DESIGN, command, quantity_option
 from fifthwheel.cli.terminal import print_files, progress_bar
-from fifthwheel.options import IdentificationOptions
+from fifthwheel.options import IdentifyOptions
 
 
 @command(
@@ -46,7 +46,7 @@ def design(
         ),
     ] = None,
     *,
-    chosen: Annotated[IdentificationOptions, OF_A_DESIGN],
+    chosen: Annotated[IdentifyOptions, OF_A_DESIGN],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
@@ -63,18 +63,18 @@ def design(
     """
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
-    from fifthwheel.workflow import IdentifyOptions, design_run, read_vehicle
+    from fifthwheel.workflow import chosen_one_stage, design_run, read_vehicle
     from fifthwheel.workflow.settings import fractions
 
     if out:
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    truck, settings = IdentifyOptions.of(chosen).one_stage(truck)
+    truck, settings = chosen_one_stage(truck, chosen)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(
                 truck,
-                fractions("--target", target),
+                fractions("--target", target or ()),
                 settings,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],
                 speed=quantity_option("--speed", speed, "m/s", "km/h") if speed else None,

@@ -8,7 +8,7 @@ import typer
 from fifthwheel._atomic import reserved
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import Only, command, fleet_app
-from fifthwheel.options import FleetSettings, IdentificationOptions
+from fifthwheel.options import FleetSettings, IdentifyOptions
 
 if TYPE_CHECKING:
     from fifthwheel.fleet import FleetRun
@@ -43,7 +43,7 @@ def run(
     ] = None,
     *,
     chosen: FleetSettings,
-    identification: Annotated[IdentificationOptions, Only(("fix", "consider", "sensor", "check"))],
+    identification: Annotated[IdentifyOptions, Only(("fix", "consider", "sensor", "check"))],
     as_json: options.JsonOption = False,
 ) -> None:
     """Identify every trip of a fleet that the data set does not have yet, and combine all trips of each truck.

@@ -10,7 +10,7 @@ import typer
 from fifthwheel._atomic import result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
-from fifthwheel.options import IdentificationOptions
+from fifthwheel.options import IdentifyOptions
 
 
 @command(
@@ -33,7 +33,7 @@ def identify(
     exclude: options.ExcludeOption = None,
     out: options.OutOption = Path("fifthwheel-out"),
     *,
-    chosen: IdentificationOptions,
+    chosen: IdentifyOptions,
     validate: Annotated[
         list[Path] | None,
         typer.Option(
@@ -60,7 +60,7 @@ def identify(
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
-        IdentifyOptions,
+        identification_settings,
         read_vehicle,
         run_identification,
         vehicle_text,
@@ -70,7 +70,7 @@ def identify(
     if figures:
         checked_format(figures)
     truck = read_vehicle(vehicle)
-    truck, settings = IdentifyOptions.of(chosen).settings(truck)
+    truck, settings = identification_settings(truck, chosen)
     inputs = [*logs, *(validate or [])]
     read = [*inputs, Path(vehicle), *(path for path in (signals, chosen.suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:

@@ -74,7 +74,7 @@ def states(
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None
-    positions = named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
+    positions = named_values("--at", at or (), "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
     settings = ObserverSettings(**vars(chosen), positions=positions)
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
     with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:

@@ -1,5 +1,6 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
+from fifthwheel.options import IdentifyOptions
 from fifthwheel.time_bases import check_record
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.assessment import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
@@ -23,7 +24,7 @@ from fifthwheel.workflow.results import (
     write_results,
 )
 from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
-from fifthwheel.workflow.settings import SENSOR_PRIORS, IdentifyOptions, one_stage_settings
+from fifthwheel.workflow.settings import SENSOR_PRIORS, chosen_one_stage, identification_settings, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
@@ -41,11 +42,13 @@ __all__ = [
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
+    "chosen_one_stage",
     "compare_runs",
     "design_run",
     "exported_learner",
     "exported_observer",
     "identification_file",
+    "identification_settings",
     "one_stage_settings",
     "propose_signals",
     "read_records",

@@ -13,7 +13,7 @@ from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import IdentifyOptions
+from fifthwheel.workflow import IdentifyOptions, identification_settings
 
 KEY = "identify"
 """Of the job."""
@@ -69,7 +69,7 @@ class _Settings:
             return
         changed = choices.model_copy(update={"identify": settings})
         runs.logs(self.workspace, changed)
-        runs.options(self.workspace, changed).settings(self.truck)  # refuses what is wrong
+        identification_settings(self.truck, runs.options(self.workspace, changed))  # refuses what is wrong
         self.workspace.write_choices(changed, f"set {key.replace('_', ' ')}")
         layout.undo_buttons.refresh()
 
