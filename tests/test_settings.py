@@ -11,10 +11,10 @@ from annotated_types import Ge, Interval
 
 from fifthwheel import cli
 from fifthwheel.errors import SignalError
-from fifthwheel.options import FleetSettings, IdentifyOptions, LiveOptions, ObserverOptions
+from fifthwheel.options import FleetSettings, IdentifyOptions, LiveOptions, ObserverOptions, TruckOptions
 from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Option, Settings, arguments, limits, options_of
 
-CLASSES = (ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions)
+CLASSES = (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions)
 
 
 @dataclass(frozen=True, kw_only=True)

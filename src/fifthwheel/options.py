@@ -151,6 +151,75 @@ class IdentifyOptions(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TruckOptions(Settings):
+    """Answers that describe a tractor-semitrailer; the label is the question."""
+
+    tractor: Annotated[
+        str | None, Option(help="Class of the tractor, such as tractor_4x2.", label="Class of the tractor")
+    ] = None
+    trailer: Annotated[
+        str | None, Option(help="Class of the semitrailer, such as semitrailer_3.", label="Class of the semitrailer")
+    ] = None
+    wheelbase: Annotated[
+        str | None,
+        Option(
+            help="Front axle to the first axle behind it, such as 3.7m.", label="Front axle to the first axle behind it"
+        ),
+    ] = None
+    tractor_spread: Annotated[
+        str | None,
+        Option(
+            help="Between the rear axles of a three-axle tractor. Default: 1.35 m.",
+            label="Between the rear axles of the tractor",
+        ),
+    ] = None
+    fifth_wheel: Annotated[
+        str | None,
+        Option(
+            help="Front axle to the kingpin. Default: from --laden and --solo.",
+            label="Front axle to the kingpin; a laden and a solo slip also give it",
+        ),
+    ] = None
+    trailer_wheelbase: Annotated[str | None, Option(help="Kingpin to the middle of the trailer's axles.")] = None
+    trailer_spread: Annotated[
+        str | None,
+        Option(
+            help="Between neighbouring axles of the trailer. Default: 1.31 m.",
+            label="Between neighbouring axles of the trailer",
+        ),
+    ] = None
+    laden: Annotated[
+        str | None,
+        Option(
+            help="Weighbridge slip of the laden truck: front, drive and trailer axles, kg.",
+            label="Slip of the laden truck: front, drive and trailer axles, kg, such as 6850 10500 22500",
+        ),
+    ] = None
+    solo: Annotated[str | None, Option(help="Slip of the tractor alone: front and drive axles, kg.")] = None
+    empty: Annotated[
+        str | None,
+        Option(
+            help="Slip of the truck without load, as --laden.",
+            label="Slip of the truck without load: front, drive and trailer axles, kg",
+        ),
+    ] = None
+    tractor_tare: Annotated[str | None, Option(help="Mass of the tractor in the brochure.")] = None
+    trailer_tare: Annotated[str | None, Option(help="Mass of the trailer without load.")] = None
+    load_mass: Annotated[
+        str | None,
+        Option(help="Mass of the load; 0 for none. Default: from the slips.", label="Mass of the load; 0 for none"),
+    ] = None
+    load_height: Annotated[str | None, Option(help="Height of the load, from the floor to its top.")] = None
+    load_width: Annotated[str | None, Option(help="Width of the load.")] = None
+    floor_height: Annotated[str | None, Option(help="Height of the floor above the ground.")] = None
+    load_shape: Annotated[
+        str | None,
+        Option(help="uniform or point. Default: uniform.", label="Kind of load: a uniform block, or a point"),
+    ] = None
+    trailer_tyres: Annotated[str | None, Option(help="single or twin.", label="Tyres of the trailer")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class FleetSettings(Settings):
     """How trips combine to histories, and when a history shows a change.
 
