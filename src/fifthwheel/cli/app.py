@@ -54,11 +54,6 @@ class Only:
     names: tuple[str, ...]
 
 
-OF_A_DESIGN = Only(("fix", "free", "prior", "consider", "any_load", "suspension_from"))
-OF_LOGS = Only((*OF_A_DESIGN.names, "sensor"))
-"""Options of an identification for predictions before it."""
-
-
 def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function as the command of its name; its help ends with the examples.
 
