@@ -69,11 +69,7 @@ def vehicle(workspace: Workspace) -> Vehicle:
 
 
 def logs(workspace: Workspace, choices: Choices) -> tuple[list[str], list[str]]:
-    """Names of the logs to identify on, and of those that are only predicted.
-
-    Raises:
-        FifthwheelError: there is no log to identify on.
-    """
+    """Names of the logs to identify on, and of those that are only predicted; FifthwheelError without the first."""
     used, validate = inputs.used_logs(workspace), choices.identify.get("validate", ())
     chosen = [name for name in used if name not in validate]
     if not chosen:
@@ -104,9 +100,7 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
 def identify(folder: Path, name: str, progress: Progress) -> str:
     """Identify the vehicle, and write the results to the folder of this name; as `fifthwheel identify`.
 
-    Raises:
-        FifthwheelError: the vehicle, a log or the settings cannot be used.
-        OSError: the results cannot be written.
+    A FifthwheelError if the vehicle, a log or the settings cannot be used, an OSError if the results cannot be written.
     """
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)

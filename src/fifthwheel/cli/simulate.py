@@ -1,10 +1,9 @@
 """fifthwheel simulate and reproduce"""
 
 from dataclasses import asdict
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -13,13 +12,6 @@ from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption
 from fifthwheel.cli.terminal import print_json, progress_bar
-
-
-class Model(StrEnum):
-    """The model that is simulated."""
-
-    linear = "linear"
-    nonlinear = "nonlinear"
 
 
 @command(
@@ -34,8 +26,9 @@ def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
     vehicle: VehicleOption = "cheng_cebon_2011",
     model: Annotated[
-        Model, typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver.")
-    ] = Model.linear,
+        Literal["linear", "nonlinear"],
+        typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver."),
+    ] = "linear",
     manoeuvre: Annotated[
         str,
         typer.Option(
@@ -93,7 +86,7 @@ def simulate(
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
     with reserved(log, film, force=force):
-        if model is Model.linear:
+        if model == "linear":
             from fifthwheel.simulate import simulate as run_linear
 
             nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}

@@ -134,12 +134,8 @@ def named_values(
 ) -> dict[str, float]:
     """ "NAME=VALUE" as name: value.
 
-    Args:
-        expected: form of a text, for the message of the error.
-        convert: the value from name and text; a ValueError without a message stands for another form.
-
-    Raises:
-        FifthwheelError: `convert` refuses a text.
+    `expected` is the form of a text, for the message of the error; a ValueError of `convert` without a message stands
+    for another form.
     """
     values = {}
     for text in texts:
