@@ -167,8 +167,8 @@ class Workspace:
     def write(self, documents: Mapping[str, str | None], label: str) -> None:
         """Write documents, the text by name or None to remove it, so that the change can be undone.
 
-        The label says what the change does, such as "exclude 3 to 5 s". A StaleError if another tab or program has changed
-        the documents since this tab has read them.
+        The label says what the change does, such as "exclude 3 to 5 s". A StaleError if another tab or program has
+        changed the documents since this tab has read them.
         """
         with self._changing() as state:
             files = {name: [self.read(name), text] for name, text in documents.items()}
