@@ -10,7 +10,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from fifthwheel._atomic.locks import try_lock
 from fifthwheel.app.workspace import HIDDEN, Workspace
@@ -19,9 +20,8 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.files import record_of
 from fifthwheel.logs.mapping.name_rules import classify_columns
-from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey, survey_log
+from fifthwheel.logs.mapping.survey import LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
-from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -108,12 +108,7 @@ def opened(workspace: Workspace, name: str, span: tuple[float, float] | None = N
 
 def survey(workspace: Workspace, name: str) -> LogSurvey:
     path = stored_folder(workspace, name) / _SURVEY
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    contents = {
-        column: ColumnContent(**{**part, "column": Column(**part["column"])})
-        for column, part in content["contents"].items()
-    }
-    return LogSurvey(**{**content, "contents": contents, "notes": tuple(content["notes"])})
+    return TypeAdapter(LogSurvey).validate_json(path.read_bytes())
 
 
 def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[float, float] | None = None) -> Record:
