@@ -71,3 +71,14 @@ def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
             raise FifthwheelError(f"--exclude {text}: expected FIRST..LAST in s, such as 12.5..14, or LOG=FIRST..LAST")
         result.setdefault(log, []).append(ends)
     return result
+
+
+def named_texts(option: str, texts: list[str] | None, form: str, example: str) -> dict[str, str]:
+    """ "NAME=VALUE" as name: value; a FifthwheelError without a value."""
+    from fifthwheel.errors import FifthwheelError
+
+    values = dict(text.partition("=")[::2] for text in texts or ())
+    for name, value in values.items():
+        if not value:
+            raise FifthwheelError(f"{option} {name}: expected {form}, such as {example}")
+    return values

@@ -94,6 +94,8 @@ def assess(
     from fifthwheel.pages.page import checked_format
     from fifthwheel.report import gather_provenance
     from fifthwheel.report.assessment import assessment_document
+    from fifthwheel.vehicle import unit_of
+    from fifthwheel.vehicle.toml_format import read_quantity
     from fifthwheel.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 
     if figures:
@@ -103,13 +105,16 @@ def assess(
     source = identification_file(truck) or Path(truck)
     with one_run(source):
         subject = read_truck(truck)
-    values, sigmas = _parameters(changes or [])
+    changed = {
+        path: read_quantity(text, unit_of(path), f"--set {path}")
+        for path, text in options.named_texts("--set", changes, "PATH=VALUE", "semitrailer.payload.height=1.8m").items()
+    }
     assessment = run_assessment(
         subject,
         speed=quantity_option("--speed", speed, "m/s", "km/h"),
-        body=_body(body or []),
-        changes=values,
-        sigmas=sigmas,
+        body=dict(options.named_texts("--body", body, "NAME=VALUE", "half_track=0.93m")),
+        changes={path: value for path, (value, _) in changed.items()},
+        sigmas={path: sigma for path, (_, sigma) in changed.items() if sigma},
         nonlinear=not linear,
     )
     files: dict[str, Path] = {}
@@ -119,30 +124,3 @@ def assess(
             written = write_assessment(assessment, folder, provenance=provenance, figures=figures)
             files = terminal.in_folder(out, written)
     terminal.print_result(assessment.as_dict(), partial(assessment_document, assessment), files, as_json=as_json)
-
-
-def _parameters(texts: list[str]) -> tuple[dict[str, float], dict[str, float]]:
-    """Values and stated standard deviations of "PATH=VALUE", SI, by path."""
-    from fifthwheel.errors import VehicleError
-    from fifthwheel.vehicle import unit_of
-    from fifthwheel.vehicle.toml_format import read_quantity
-
-    values, sigmas = dict[str, float](), dict[str, float]()
-    for text in texts:
-        path, _, value = text.partition("=")
-        if not value:
-            raise VehicleError(f"--set {text}: expected PATH=VALUE, such as semitrailer.payload.height=1.8m")
-        values[path], sigma = read_quantity(value, unit_of(path), f"--set {path}")
-        if sigma:
-            sigmas[path] = sigma
-    return values, sigmas
-
-
-def _body(texts: list[str]) -> dict[str, float | str]:
-    """Texts of "NAME=VALUE" by name."""
-    from fifthwheel.errors import VehicleError
-
-    values = dict(text.partition("=")[::2] for text in texts)
-    if incomplete := [name for name, value in values.items() if not value]:
-        raise VehicleError(f"--body {incomplete[0]}: expected NAME=VALUE, such as half_track=0.93m")
-    return dict(values)

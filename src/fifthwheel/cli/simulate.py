@@ -10,7 +10,7 @@ import typer
 from fifthwheel._atomic import reserved, result_folder
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption
+from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption, named_texts
 from fifthwheel.cli.terminal import print_json, progress_bar
 
 
@@ -110,7 +110,8 @@ def simulate(
                 raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
             fitted = read_sensors(sensors) if sensors else None
             course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)
-            plant = Plant(truck, with_changes(Properties(), _changes(properties or [])))
+            changed = named_texts("--with", properties, "PROPERTY=VALUE", "'bank=2 deg'")
+            plant = Plant(truck, with_changes(Properties(), changed))
             with progress_bar(quiet=as_json) as progress:
                 run = plant.drive(course, rate=rate, name=log.stem, progress=progress)
             record = run.record(fitted, seed=seed, everything=all_truth)
@@ -123,16 +124,6 @@ def simulate(
     else:
         duration = record.span[1] - record.span[0]
         typer.echo(f"{', '.join(files)}: {len(record)} samples, {duration:.0f} s at {record.rate:.0f} Hz")
-
-
-def _changes(texts: list[str]) -> dict[str, str]:
-    """ "property=value" as property: value."""
-    from fifthwheel.errors import VehicleError
-
-    changes = dict(text.partition("=")[::2] for text in texts)
-    if incomplete := [key for key, value in changes.items() if not value]:
-        raise VehicleError(f"--with {incomplete[0]}: expected PROPERTY=VALUE, such as 'bank=2 deg'")
-    return changes
 
 
 @command(
