@@ -7,12 +7,11 @@ from typing import Annotated, Any, Literal
 
 import pytest
 import typer
-from annotated_types import Ge, Interval
 
 from fifthwheel import cli
 from fifthwheel.errors import SignalError
 from fifthwheel.options import FleetSettings, IdentifyOptions, LiveOptions, ObserverOptions, TruckOptions
-from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Option, Settings, arguments, limits, options_of
+from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, Option, Settings, arguments, limits, options_of
 
 CLASSES = (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions)
 
@@ -21,8 +20,8 @@ CLASSES = (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOp
 class Example(Settings):
     """One setting of each kind."""
 
-    ratio: Annotated[float, Interval(ge=0, le=1), Cure("give a fraction")] = 0.5
-    count: Annotated[int, Ge(2)] = 3
+    ratio: Annotated[float, Limits(ge=0, le=1), Cure("give a fraction")] = 0.5
+    count: Annotated[int, Limits(ge=2)] = 3
     colour: Literal["red", "blue"] = "red"
     names: Annotated[tuple[str, ...], Option(help="Names", flags=("--name", "-n"))] = ()
     weights: Mapping[str, FiniteNonNegative] = field(default_factory=dict)

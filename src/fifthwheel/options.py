@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Interval
-
-from fifthwheel.settings import Cure, Fraction, Option, Positive, Settings
+from fifthwheel.settings import Count, Cure, Fraction, Limits, Option, Positive, Settings
 
 TyreLaw = Literal["linear", "saturating"]
-Friction = Annotated[float, Interval(ge=0.05, le=1.5), Cure("a dry road has 0.75")]
+Friction = Annotated[float, Limits(ge=0.05, le=1.5), Cure("a dry road has 0.75")]
 """Peak friction of a road."""
 Names = tuple[str, ...]
-Count = Annotated[int, Ge(1)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +36,7 @@ class ObserverOptions(Settings):
     ] = None
     half_track: Annotated[
         float,
-        Interval(ge=0.3, le=2),
+        Limits(ge=0.3, le=2),
         Cure("give half the track width in m"),
         Option(
             help="Centre line to the middle of the tyres of one side, m, for the load transfer ratios; twin tyres "
@@ -231,7 +228,7 @@ class FleetSettings(Settings):
 
     tyre_walk: Annotated[
         float,
-        Interval(ge=0, lt=1),
+        Limits(ge=0, lt=1),
         Option(help="Drift of a cornering stiffness in a day, as a fraction of its value."),
     ] = 0.005
     """Standard deviation; in n days it drifts by sqrt(n) times as much. The default is 10 % in a year, as by wear."""
@@ -286,7 +283,7 @@ class LiveOptions(Settings):
         str | None,
         Option(help="Send states as CAN frames from this id on, such as 0x500 or, with 29 bits, 0x18FF0080."),
     ] = None
-    send_rate: Annotated[float, Interval(ge=1, le=100), Option(help="Rate of the frames with states, Hz.")] = 100.0
+    send_rate: Annotated[float, Limits(ge=1, le=100), Option(help="Rate of the frames with states, Hz.")] = 100.0
     dbc: Annotated[Path, Option(help="DBC of the frames, written with --send.")] = Path("fifthwheel-live.dbc")
     record: Annotated[
         Path | None,

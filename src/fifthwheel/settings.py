@@ -1,23 +1,15 @@
 """Settings: frozen data, validated when made; which of them are options of the command line and of the workbench."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from reprlib import repr as shorten
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
-
-from annotated_types import Ge, Gt, Interval, Le, Lt
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from fifthwheel.errors import SignalError
 
 T = TypeVar("T")
-Positive = Annotated[float, Gt(0)]
-NonNegative = Annotated[float, Ge(0)]
-Fraction = Annotated[float, Interval(gt=0, lt=1)]
-FinitePositive = Annotated[float, Interval(gt=0, lt=math.inf)]
-FiniteNonNegative = Annotated[float, Interval(ge=0, lt=math.inf)]
-Finite = Annotated[float, Interval(gt=-math.inf, lt=math.inf)]
 
 
 @dataclass(frozen=True)
@@ -25,6 +17,27 @@ class Cure:
     """What to do where a setting is refused; metadata of its annotation."""
 
     text: str
+
+
+class Limits(NamedTuple):
+    """Numbers above gt, below lt, and of ge to le; metadata of the annotation of a number."""
+
+    gt: float | None = None
+    ge: float | None = None
+    lt: float | None = None
+    le: float | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return handler(source) | {name: limit for name, limit in self._asdict().items() if limit is not None}
+
+
+Positive = Annotated[float, Limits(gt=0)]
+NonNegative = Annotated[float, Limits(ge=0)]
+Fraction = Annotated[float, Limits(gt=0, lt=1)]
+FinitePositive = Annotated[float, Limits(gt=0, lt=math.inf)]
+FiniteNonNegative = Annotated[float, Limits(ge=0, lt=math.inf)]
+Finite = Annotated[float, Limits(gt=-math.inf, lt=math.inf)]
+Count = Annotated[int, Limits(ge=1)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +96,8 @@ def options_of(kind: Any) -> dict[str, Option]:
 
 def limits(kind: Any, name: str) -> tuple[float | None, float | None]:
     """Smallest and largest number that a setting may be; None where it has no limit, or excludes it."""
-    bounds = _bounds(_hints(kind)[name])
-    return bounds.get("ge"), bounds.get("le")
+    found = _metadata(_hints(kind)[name], Limits) or Limits()
+    return found.ge, found.le
 
 
 def arguments(settings: Settings) -> list[str]:
@@ -127,13 +140,6 @@ def _all_metadata(hint: Any) -> Iterator[Any]:
         yield from _all_metadata(part)
 
 
-def _bounds(hint: Any) -> dict[str, float]:
-    """The limits of an annotation by their names in `annotated_types`."""
-    parts = [part for item in _all_metadata(hint) for part in (item if isinstance(item, Interval) else (item,))]
-    names = {type(part).__name__.lower(): part for part in parts if isinstance(part, Ge | Gt | Le | Lt)}
-    return {name: getattr(part, name) for name, part in names.items()}
-
-
 def _sentence(error: Mapping[str, Any], hint: Any) -> str:
     """An error of pydantic as a sentence with the cure."""
     where = ", ".join(str(step) for step in error["loc"] if step != "[key]")
@@ -141,16 +147,16 @@ def _sentence(error: Mapping[str, Any], hint: Any) -> str:
         return f"{error['loc'][0]}, {error['ctx']['error']}" if len(error["loc"]) > 1 else str(error["ctx"]["error"])
     expected = error["msg"].removeprefix("Input should be ")
     if error["type"].startswith(("greater", "less", "float", "int_", "finite")):
-        expected = _range(_bounds(hint), whole=error["type"].startswith("int_"))
+        expected = _range(_metadata(hint, Limits) or Limits(), whole=error["type"].startswith("int_"))
     if error["type"] == "too_short":
         expected = "at least one value"
     cure = _metadata(hint, Cure)
     return f"{where}: expected {expected}, got {shorten(error['input'])}; {cure.text if cure else 'correct it'}"
 
 
-def _range(bounds: Mapping[str, float], *, whole: bool) -> str:
+def _range(limits: Limits, *, whole: bool) -> str:
     """The numbers within limits, in words."""
-    ge, le, gt, lt = (bounds.get(name) for name in ("ge", "le", "gt", "lt"))
+    gt, ge, lt, le = limits
     if ge is not None and (le is not None or lt not in (None, math.inf)):
         return f"between {ge:g} and {le if le is not None else lt:g}"
     words = [f"of {ge:g} or more"] if ge is not None else []

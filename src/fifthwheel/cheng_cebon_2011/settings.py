@@ -3,10 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
-from annotated_types import Interval
-
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.options import Count
+from fifthwheel.settings import Count, Limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +43,7 @@ class TwoStage(CommonSettings):
     restart: bool = True
     """Start every pass with the prior covariance, so that no sample counts twice; the article continues with the
     covariance of the last pass."""
-    forgetting: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    forgetting: Annotated[float, Limits(gt=0, le=1)] = 1.0
     """The article's lambda: factor by which the random walk shrinks at every sample."""
 
 

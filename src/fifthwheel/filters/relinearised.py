@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge
 
 from fifthwheel._types import Array
 from fifthwheel.filters import joint
@@ -26,17 +25,16 @@ from fifthwheel.filters.joint_equations import JointLayout
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
 from fifthwheel.filters.scaling import Scaling
-from fifthwheel.options import Count
-from fifthwheel.settings import Settings
+from fifthwheel.settings import Count, Limits, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
 class RelinearisationSettings(Settings):
     """How often the second filter repeats a segment."""
 
-    max_passes: Annotated[int, Ge(0)] = 4
+    max_passes: Annotated[int, Limits(ge=0)] = 4
     """Largest number of passes; with 0 the filter is an extended Kalman filter."""
-    lag: Annotated[int, Ge(0)] = 200
+    lag: Annotated[int, Limits(ge=0)] = 200
     """Distance of the second filter behind the first one in the first pass, in samples."""
     samples: Count = 1000
     """Largest number of samples of a segment; then a new segment begins."""

@@ -10,8 +10,8 @@ from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION, TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
-from fifthwheel.options import Count, Friction
-from fifthwheel.settings import Cure, FinitePositive, Positive, Settings
+from fifthwheel.options import Friction
+from fifthwheel.settings import Count, Cure, FinitePositive, Positive, Settings
 from fifthwheel.vehicle.uncertainty import Change
 
 Progress = Callable[[str, int, int], None]

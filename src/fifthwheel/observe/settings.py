@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Interval
 from pydantic import AfterValidator
 
 from fifthwheel.channels import LATERAL_ACCELERATION, SensorErrorName, checked_name, is_of
@@ -14,7 +13,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.filters.variances import Variances
 from fifthwheel.options import ObserverOptions
-from fifthwheel.settings import Cure, Finite, FiniteNonNegative, NonNegative, Positive
+from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, NonNegative, Positive
 
 
 def _checked_error(name: str) -> str:
@@ -68,11 +67,11 @@ class ObserverSettings(ObserverOptions):
     """Noise variance of measured signals, SI squared; by default the article's R."""
     process_noise: NonNegative = 1.0
     """Factor of the process noise `filters.variances.OBSERVER_PROCESS_VARIANCE`, equation (14) of the article."""
-    bank: Annotated[float, Interval(ge=0, lt=1), _RADIANS] = INITIAL_SIGMA["bank"]
+    bank: Annotated[float, Limits(ge=0, lt=1), _RADIANS] = INITIAL_SIGMA["bank"]
     """Standard deviation of the bank of the road, rad; 0 if it is exact. Every sigma contains it."""
-    bank_mean: Annotated[float, Interval(ge=-1, lt=1), _RADIANS] = 0.0
+    bank_mean: Annotated[float, Limits(ge=-1, lt=1), _RADIANS] = 0.0
     """Mean of the bank of the road, rad, positive with the left edge higher."""
-    steer_offset: Annotated[float, Interval(ge=0, lt=1), _RADIANS] = 0.01
+    steer_offset: Annotated[float, Limits(ge=0, lt=1), _RADIANS] = 0.01
     """Prior standard deviation of the offset of every steer angle about that of `sensor_errors`, rad. The observer
     estimates the offset; 0 if it is exact."""
     acceleration_offset: NonNegative = 0.3

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
-from annotated_types import MinLen
+from pydantic import Field
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
@@ -16,19 +16,18 @@ from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import lateral_acceleration
-from fifthwheel.options import Count
-from fifthwheel.settings import NonNegative, Positive, Settings
+from fifthwheel.settings import Count, NonNegative, Positive, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
 class DesignSettings(Settings):
     """The candidate runs, and how one of them is chosen."""
 
-    speeds: Annotated[tuple[Positive, ...], MinLen(1)] = (50 / 3.6, 65 / 3.6, 80 / 3.6, 88 / 3.6)
+    speeds: Annotated[tuple[Positive, ...], Field(min_length=1)] = (50 / 3.6, 65 / 3.6, 80 / 3.6, 88 / 3.6)
     """m/s."""
-    frequencies: Annotated[tuple[Positive, ...], MinLen(1)] = (0.3, 0.4, 0.5, 0.6)
+    frequencies: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.3, 0.4, 0.5, 0.6)
     """Frequencies of lane changes, Hz."""
-    accelerations: Annotated[tuple[Positive, ...], MinLen(1)] = (0.5, 1.0, 1.5, 2.0)
+    accelerations: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.5, 1.0, 1.5, 2.0)
     """Largest lateral accelerations of any unit's CoG, m/s^2; those above `max_acceleration` are left out."""
     max_acceleration: Positive = 1.5
     """Limit of the lateral acceleration, m/s^2, also a candidate; it keeps tyres linear and wheels on the road."""
@@ -36,7 +35,7 @@ class DesignSettings(Settings):
     """Limit of the road wheels' steer rate, rad/s: about one turn of the steering wheel in a second."""
     min_offset: float = 0.5
     """Smallest lateral offset of a lane change, m; a driver cannot repeat a smaller one."""
-    repetitions: Annotated[tuple[Count, ...], MinLen(1)] = (1, 2, 3, 4, 6, 8, 10, 12)
+    repetitions: Annotated[tuple[Count, ...], Field(min_length=1)] = (1, 2, 3, 4, 6, 8, 10, 12)
     """Numbers of repetitions of a manoeuvre, to the left and to the right in turn."""
     rate: Positive = 100.0
     """Sampling rate, Hz."""
