@@ -19,6 +19,8 @@ ROOMS = (
     "_types",
     "_addresses",
     "errors",
+    "settings",
+    "options",
     "_extras",
     "units",
     "formatting",

@@ -15,7 +15,7 @@ per sample are bounded. The two filters are lanes of one compiled step.
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -25,17 +25,18 @@ from fifthwheel.filters.joint import JointLayout
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
 from fifthwheel.filters.scaling import Scaling
+from fifthwheel.settings import Count, Limits, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class RelinearisationSettings:
+class RelinearisationSettings(Settings):
     """How often the second filter repeats a segment."""
 
-    max_passes: int = 4
+    max_passes: Annotated[int, Limits(ge=0)] = 4
     """Largest number of passes; with 0 the filter is an extended Kalman filter."""
-    lag: int = 200
+    lag: Annotated[int, Limits(ge=0)] = 200
     """Distance of the second filter behind the first one in the first pass, in samples."""
-    samples: int = 1000
+    samples: Count = 1000
     """Largest number of samples of a segment; then a new segment begins."""
     first_pass_limit: float = 0.5
     """The first pass is the last one if its result is within so many standard deviations of the first filter's."""

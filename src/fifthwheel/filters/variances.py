@@ -1,18 +1,40 @@
 """Default variances of process and measurement noise, by quantity, for any chain of units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator
 
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, SignalName, channel_of
-from fifthwheel.errors import SignalError
+from fifthwheel.channels import CHANNELS, SignalName, channel_of, checked_name
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.settings import Cure, FinitePositive
 from fifthwheel.vehicle import Vehicle
 
 PROCESS_VARIANCE = {quantity: channel.state.process for quantity, channel in CHANNELS.items() if channel.state}
 """Process noise of each state per second, SI squared, for the estimation of parameters."""
 OBSERVER_PROCESS_VARIANCE = {q: channel.state.observer_process for q, channel in CHANNELS.items() if channel.state}
 """Process noise of each state per second, SI squared, for the observation of states."""
+
+
+Variances = Annotated[
+    Mapping[Annotated[str, AfterValidator(checked_name)], FinitePositive], Cure("give the noise variance in SI")
+]
+"""Noise variances by signal, SI squared; the type of a setting."""
+
+
+def require_units(vehicle: Vehicle, noise: Iterable[str]) -> None:
+    """Refuse noise of signals whose unit the vehicle does not have.
+
+    Raises:
+        SignalError: there is such a signal.
+    """
+    units = [unit.name for unit in vehicle.units]
+    for name in noise:
+        unit = SignalName.of(name).unit
+        if unit and unit not in units:
+            raise SignalError(f"noise, {name}: {vehicle.name} has no unit {unit!r}; {suggestion(unit, units)}")
 
 
 def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:

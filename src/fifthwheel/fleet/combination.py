@@ -16,11 +16,11 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.fleet.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import FleetSettings
 
 DAY = 86_400.0
 """Seconds."""

@@ -14,11 +14,11 @@ from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
 from fifthwheel.fleet.dataset import TripDataset, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
 from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.settings import Progress
+from fifthwheel.options import FleetSettings
 
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""

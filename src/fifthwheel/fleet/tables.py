@@ -9,8 +9,8 @@ import pyarrow as pa
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
 from fifthwheel.fleet.dataset import TripDataset
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.trips import DATE, numbers, texts
+from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of
 
 _LATEST = [

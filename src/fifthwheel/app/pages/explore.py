@@ -283,15 +283,9 @@ def fit_table(given: list[Fit], changed: list[Fit]) -> pages.Table:
 
 
 def model_plot(kind: str, given: Vehicle, changed: Vehicle, speed: float, record: Record | None = None) -> Plot:
-    """A plot of the linear model with both sets of numbers.
+    """A plot of the linear model at a speed, m/s, with both sets of numbers.
 
-    Args:
-        kind: one of `KINDS`.
-        speed: m/s.
-        record: for the points of the handling diagram.
-
-    Raises:
-        FifthwheelError: the vehicle has no such response.
+    The record gives points of the handling diagram. A FifthwheelError if the vehicle has no such response.
     """
     return Plot(panels=list(map(_together, *[_panels(kind, v, speed, record) for v in (given, changed)])))
 

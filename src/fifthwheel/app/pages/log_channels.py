@@ -34,13 +34,7 @@ _Course = tuple[Array, Array]
 
 
 def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
-    """Show a log.
-
-    Args:
-        workspace: that has it.
-        name: of the log, which is stored.
-        drawn: channels to draw; those that it does not have are ignored.
-    """
+    """Show a stored log, and draw some of its channels; those that it does not have are ignored."""
     log, survey = inputs.opened(workspace, name), inputs.survey(workspace, name)
     layout.heading(name)
     for note in survey.notes:
