@@ -131,3 +131,9 @@ def test_no_data_set(tmp_path) -> None:
 def test_settings_are_checked(wrong) -> None:
     with pytest.raises(FifthwheelError, match=f"{next(iter(wrong))}: expected"):
         FleetSettings(**wrong)
+
+
+def test_a_fleet_without_trips(tmp_path):
+    assert run([], tmp_path, jobs=1).changes == 0
+    assert TripDataset(str(tmp_path)).index().num_rows == 0
+    assert report(tmp_path, tmp_path / "fleet.html") == []

@@ -6,11 +6,11 @@ import math
 import pytest
 
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.live.build import completed_map, make_node
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import STANDSTILL, Learning
-from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.live.session import Session
+from fifthwheel.live.setup import completed_map, make_node
 from fifthwheel.live.status import LiveFault
 from fifthwheel.logs.can.decoder import Frame
 from fifthwheel.simulate import simulate

@@ -10,10 +10,11 @@ import cantools
 import pytest
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.setup import Inputs, Outputs, opened
-from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.sources.listen import frame_queue, listen
+from fifthwheel.live.setup import opened
+from fifthwheel.live.sources.bus import LiveBus, frame_queue
+from fifthwheel.live.sources.feed import listen
 from fifthwheel.live.status import LiveFault, NodeStatus
+from fifthwheel.options import LiveOptions, ObserverOptions
 from tests.live.truck_bus import driven, frames, observer_node, write_files
 
 RECORD = driven()
@@ -149,11 +150,13 @@ def test_a_node_that_does_not_keep_up_says_so(tmp_path):
 
 def test_the_states_are_sent_on_the_bus(tmp_path):
     write_files(tmp_path)
-    inputs = Inputs(vehicle="cheng_cebon_2011", signals=tmp_path / "signals.toml", buses=("virtual:send",))
-    destinations = Outputs(send=0x500, dbc=tmp_path / "states.dbc")
+    chosen = LiveOptions(bus=("virtual:send",), send="0x500", dbc=tmp_path / "states.dbc")
     stop = threading.Event()
+    run = opened(
+        "cheng_cebon_2011", tmp_path / "signals.toml", chosen, ObserverOptions(), stop=stop, say=lambda text: None
+    )
     with can.Bus(interface="virtual", channel="send") as other:
-        with opened(inputs, destinations, stop, lambda text: None) as (session, outputs):
+        with run as (session, outputs):
             thread = threading.Thread(target=lambda: (play(other, RECORD, 0.5), stop.set()))
             thread.start()
             last = None

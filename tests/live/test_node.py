@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fifthwheel.live.build import completed_map, make_observer
+from fifthwheel.live.setup import completed_map, make_observer
 from fifthwheel.live.status import LiveFault, NodeStatus
 from fifthwheel.logs.can.decoder import Frame
 from tests.live.truck_bus import TRUCK, driven, frames, observer_node, write_files

@@ -1,8 +1,8 @@
 """Quantities that logs and references have, and that estimators do not use as measurements."""
 
-from fifthwheel.channels.channel import Channel, NamePattern, SensorModel, SignalLimits, StateNoise
-from fifthwheel.channels.lateral_acceleration import ACCELERATION_WORDS
-from fifthwheel.channels.yaw_rate import AXIS_WORDS
+from fifthwheel.channels.channel import Channel, Instant, NamePattern, SensorModel, SignalLimits, StateNoise, Symbol
+from fifthwheel.channels.lateral import ACCELERATION_WORDS
+from fifthwheel.channels.rotation import AXIS_WORDS
 
 AXLE_LOAD = Channel(
     quantity="axle_load",
@@ -85,6 +85,33 @@ COUPLING_FORCE = Channel(
     quantity="coupling_force",
     unit="N",
     model=SensorModel(value=lambda now, i, _: now.coupling_force(i), behind_coupling=True),
+)
+HORIZON = 0.2
+"""Of a predicted load transfer ratio, s."""
+
+
+def _predicted(now: Instant, i: int, name: str) -> Symbol:
+    """The ratio after `HORIZON` at its present rate: the predictive load transfer ratio.
+
+    C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention systems, IEEE Transactions on
+    Vehicular Technology 62, 2013.
+    """
+    ratio = now.load_transfer(name)
+    return ratio + HORIZON * now.rate_of(ratio)
+
+
+LOAD_TRANSFER = Channel(
+    quantity="load_transfer",
+    unit="1",
+    of="part",
+    model=SensorModel(value=lambda now, _, name: now.load_transfer(name), needs_roll=True),
+)
+"""Of an axle group: the load of its right wheels less that of its left ones, divided by their sum."""
+PREDICTED_LOAD_TRANSFER = Channel(
+    quantity="predicted_load_transfer",
+    unit="1",
+    of="part",
+    model=SensorModel(value=_predicted, needs_roll=True),
 )
 COMPUTED = (
     Channel(quantity="time", unit="s", of="vehicle"),

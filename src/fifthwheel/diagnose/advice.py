@@ -10,12 +10,12 @@ from fifthwheel.diagnose.fit_quality import predicted_logs
 from fifthwheel.diagnose.information_summary import describe_remedy, dominant_terms
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.suspension import independent_of_load
 from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle.parameters import FRICTION
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
 EXCITATION = {

@@ -11,8 +11,8 @@ from fifthwheel import pages
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.dataset import TripDataset
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.formatting import percent, shown, with_sigma
+from fifthwheel.options import FleetSettings
 from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION

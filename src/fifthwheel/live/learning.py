@@ -39,10 +39,8 @@ _KNOWN = (Verdict.CONVERGED, Verdict.DOUBTFUL)
 class Learning:
     """An estimator for a node: states and parameters of the coupled trailer.
 
-    Args:
-        learner: with its estimates so far.
-        vehicle: of every trailer that is coupled.
-        restored: the estimates are from an earlier run; load or trailer may have changed since.
+    `vehicle` is that of every trailer that is coupled. With `restored`, the estimates are from an earlier run; load or
+    trailer may have changed since.
     """
 
     def __init__(self, learner: Learner, vehicle: Vehicle, *, restored: bool = False) -> None:

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from fifthwheel.live.health import Health
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
-from fifthwheel.live.status import HARMLESS, LiveFault, NodeStatus
+from fifthwheel.live.status import HARMLESS, Health, LiveFault, NodeStatus
 from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
@@ -35,32 +34,22 @@ class LiveEstimator(Protocol):
 class Output:
     """The states of one cycle."""
 
-    time: float
-    """Since the start of the node, s; always increasing."""
-    bus_time: float
-    """The same instant by the clock of the bus, s."""
+    time: float  # since the start of the node, s; always increasing
+    bus_time: float  # the same instant by the clock of the bus, s
     status: NodeStatus
     faults: LiveFault
-    problems: Mapping[str, LiveFault]
-    """Fault of a column."""
+    problems: Mapping[str, LiveFault]  # fault of a column
     states: Mapping[str, float]
     """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
     observer also "nis", with a learner "learning"."""
-    samples: tuple[Mapping[str, float], ...]
-    """Samples of this cycle, as the estimator received them."""
+    samples: tuple[Mapping[str, float], ...]  # samples of this cycle, as the estimator received them
 
 
 class Node:
     """States from the frames of one or several buses.
 
-    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives.
-
-    Args:
-        estimator: of the vehicle.
-        decoder: of the columns of the map.
-        live_map: from columns to signals.
-        rate: of the outputs, Hz.
-        extra: columns that the decoder has beside those of the map; their values are in `extra`.
+    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives. `rate` is that of
+    the outputs, Hz; the columns `extra` are those that the decoder has beside those of the map.
     """
 
     def __init__(

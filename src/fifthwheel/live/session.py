@@ -10,9 +10,8 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.checkpoint import Checkpoint
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import Node, Output
-from fifthwheel.live.outputs.background import BackgroundWriter
 from fifthwheel.live.outputs.frames_out import FrameEncoder
-from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.sources.bus import LiveBus
 from fifthwheel.live.status import LiveFault
 
@@ -40,12 +39,9 @@ class Session:
     checkpoint: Checkpoint | None = None
     recorder: Recorder | None = None
     encoder: FrameEncoder | None = None
-    bus: LiveBus | None = None
-    """On which frames are sent."""
-    send_period: float = 0.01
-    """Time between two outputs that are sent, s."""
-    trailer_column: str = ""
-    """Column with the number of the trailer; empty for none."""
+    bus: LiveBus | None = None  # on which frames are sent
+    send_period: float = 0.01  # time between two outputs that are sent, s
+    trailer_column: str = ""  # column with the number of the trailer; empty for none
     views: Sequence[View] = ()
     now: Callable[[], float] = time.monotonic
 

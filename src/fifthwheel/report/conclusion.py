@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 @dataclass(frozen=True, kw_only=True)

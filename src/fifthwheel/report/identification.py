@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.assess import Assessment
-from fifthwheel.channels import SensorErrorName
+from fifthwheel.channels import SensorErrorName, si_unit
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
@@ -23,7 +23,6 @@ from fifthwheel.pages import page, terminal
 from fifthwheel.pages.html import cell, prose, text
 from fifthwheel.plots import Plot
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report import assessment, consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_identification
 from fifthwheel.report.provenance import Provenance, logs_and_origin

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Verdict
 from fifthwheel.identify.design.assess import InformationAssessment, ParameterAssessment
 from fifthwheel.identify.design.remedies import Remedy
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.words import spoken_verdict
 
 PREDICTION_NOTE = (

@@ -8,7 +8,7 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel import pages
-from fifthwheel.channels import is_sensor_error
+from fifthwheel.channels import is_sensor_error, si_unit
 from fifthwheel.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
@@ -19,7 +19,6 @@ from fifthwheel.pages.html import text
 from fifthwheel.plots import Plot
 from fifthwheel.plots.palette import rgba
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report import consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_states
 from fifthwheel.report.provenance import Provenance, logs_and_origin

@@ -3,7 +3,8 @@
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
+from fifthwheel.cheng_cebon_2011.stage import filter_sigmas
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage
@@ -308,10 +309,10 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
         prior=0.2, height_prior=0.5, initial_sigma=0.02, initial_height_sigma=0.1, random_walk=0.004, height_walk=0.025
     )
     stiffness, height = parameter_unknowns(truck, names, settings)
-    assert (stiffness.start, stiffness.walk) == pytest.approx((0.1, 0.02))
-    assert (height.start, height.walk) == pytest.approx((0.2, 0.05))
+    assert filter_sigmas(stiffness, settings) == pytest.approx((0.1, 0.02))
+    assert filter_sigmas(height, settings) == pytest.approx((0.2, 0.05))
     usual = parameter_unknowns(truck, names, TwoStage())
-    assert {(u.start, u.walk) for u in usual} == {(1.0, 0.0)}
+    assert {filter_sigmas(u, TwoStage()) for u in usual} == {(1.0, 0.0)}
     linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
     fixed = parameter_unknowns(truck, names, TwoStage(fixed=names[:1]))

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
@@ -35,6 +34,7 @@ from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 
 TITLE = "fit with estimated noise"
 """Of the progress."""
@@ -225,11 +225,8 @@ class _Estimator:
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
-        Args:
-            title: of the progress.
-            tolerance: of `minimise`; one above that of the last fit limits the number of steps.
-            reweighted: as in `minimise`.
-            fixed: which unknowns keep their prior mean (k,).
+        A tolerance above that of the last fit limits the number of steps. `fixed` (k,) are unknowns that keep their
+        prior mean; `title` is that of the progress.
         """
         lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
         iterations = self.setup.settings.iterations

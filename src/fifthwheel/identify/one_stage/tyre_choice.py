@@ -11,9 +11,9 @@ at the minimum z of the cost J, with the standard deviations s of the innovation
 
 import numpy as np
 
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.vehicle.parameters import FRICTION
 
 LEAST_ACCELERATION = 1.5
 """m/s^2; above this lateral acceleration tyres soften by 1 % or more."""
@@ -35,12 +35,7 @@ def softening_seen(solution: Solution) -> str | None:
 
 
 def choose(linear: Solution, saturating: Solution, reason: str) -> tuple[Solution, str]:
-    """The solution with the law that the logs support, and a note that says why.
-
-    Args:
-        linear, saturating: solutions with either law.
-        reason: why tyres may saturate.
-    """
+    """The solution with the law that the logs support, and a note that says why; `reason` is why tyres may saturate."""
     gain = log_evidence(saturating) - log_evidence(linear)
     informed = FRICTION not in saturating.uninformed
     if informed and gain > CLEAR_EVIDENCE:

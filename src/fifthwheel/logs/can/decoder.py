@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.logs.can.database import CanSignal, Databases, group
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import split_header
 
 
 class Frame(NamedTuple):
@@ -58,15 +58,9 @@ class _Wanted(NamedTuple):
 class FrameDecoder:
     """Decodes the columns that a signal map names, with the databases of the user and J1939.
 
-    A column without a source address or a bus takes the first one that sends it; `other_sources` lists the others.
-
-    Args:
-        databases: in the order in which they are searched.
-        columns: "Message.Signal", "Message.Signal@source" or "Message.Signal@source:bus", as in a log, with or without
-            a [unit].
-
-    Raises:
-        SignalError: no database has a message or a signal of this name.
+    Columns are "Message.Signal", "Message.Signal@source" or "Message.Signal@source:bus", as in a log, with or without a
+    [unit]; a SignalError for one that no database has. A column without a source address or a bus takes the first one
+    that sends it; `other_sources` lists the others.
     """
 
     def __init__(self, databases: Databases, columns: Iterable[str]) -> None:
@@ -147,7 +141,8 @@ class FrameDecoder:
             if _sender(chosen) == _sender(key):
                 route.append((wanted.column, signal))
             else:
-                self.other_sources.setdefault(wanted.column, []).append(_address(frame))
+                address = f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
+                self.other_sources.setdefault(wanted.column, []).append(address)
         return route
 
 
@@ -160,10 +155,6 @@ def _sender(key: tuple[int, bool, int]) -> tuple[int, bool, int]:
     """What frames of one message from one sender have in common; the priority of a 29-bit id may change."""
     number, extended, bus = key
     return (group(number) << 8 | number & 0xFF if extended else number, extended, bus)
-
-
-def _address(frame: Frame) -> str:
-    return f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
 
 
 def _wanted(text: str) -> _Wanted:

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.cells import BLANK, DATE_STYLES, DateStyle, date_style
-from fifthwheel.record.signal_names import split_header
 from fifthwheel.units import is_unit
 
 SEPARATORS = (";", "\t", ",", "|", " ")
@@ -37,14 +37,9 @@ class TextLayout:
 
 
 def find_layout(head: str, source: str) -> TextLayout:
-    r"""The layout of a file that begins with `head`, which ends at the end of a line unless it is the whole file.
+    r"""The layout of a file that begins with `head`: whole lines that end in "\n", unless it is the whole file.
 
-    Args:
-        head: text with "\n" as line ends.
-        source: file name, for messages.
-
-    Raises:
-        SignalError: it is no table, has no rows or no header.
+    A SignalError if it is no table, has no rows or no header.
     """
     lines = head.split("\n")
     table = [k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")][:_LINES]
