@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.update import ChannelUpdate
+from fifthwheel.filters.kalman import ChannelUpdate
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.observe import monitor as monitor_module
 from fifthwheel.observe.observer_step import reported_signals

@@ -1,7 +1,7 @@
 """Channels: the quantities that signals have. Each is one object with all that the package knows of it.
 
-Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write a module in this
-room and add its `Channel` to `_ALL`, and to `MEASURED` if estimators compare it with the model.
+Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write its `Channel` in
+a module of this room and add it to `_ALL`, and to `MEASURED` if estimators compare it with the model.
 """
 
 import re
@@ -10,22 +10,20 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.articulation import ARTICULATION
-from fifthwheel.channels.channel import Channel, ErrorKind, Limit
+from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
 from fifthwheel.channels.inputs import SPEED, STEER
-from fifthwheel.channels.lateral_acceleration import LATERAL_ACCELERATION
-from fifthwheel.channels.lateral_motion import LATERAL_VELOCITY, SIDESLIP
-from fifthwheel.channels.load_transfer import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER
-from fifthwheel.channels.names import SignalName
+from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
     ARTICULATION_RATE,
     AXLE_LOAD,
     BANK,
     COMPUTED,
     COUPLING_FORCE,
+    LOAD_TRANSFER,
     LONGITUDINAL_ACCELERATION,
     PITCH,
     PITCH_RATE,
+    PREDICTED_LOAD_TRANSFER,
     SLIP_ANGLE,
     STEER_RATE,
     VERTICAL_ACCELERATION,
@@ -33,8 +31,7 @@ from fifthwheel.channels.others import (
     YAW,
     YAW_ACCELERATION,
 )
-from fifthwheel.channels.roll_rate import ROLL, ROLL_RATE
-from fifthwheel.channels.yaw_rate import YAW_RATE
+from fifthwheel.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
 from fifthwheel.errors import SignalError
 from fifthwheel.units import is_unit
 
@@ -198,7 +195,6 @@ __all__ = [
     "AXLE_LOAD",
     "BANK",
     "CHANNELS",
-    "COUPLING_FORCE",
     "IDENTIFIED",
     "INPUTS",
     "LATERAL_ACCELERATION",
@@ -218,9 +214,8 @@ __all__ = [
     "YAW",
     "YAW_RATE",
     "Channel",
-    "ErrorKind",
-    "Limit",
     "SensorErrorName",
+    "SignalLimits",
     "SignalName",
     "channel_of",
     "checked_name",

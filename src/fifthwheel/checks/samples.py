@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SPEED, Limit, SignalName, channel_of, is_input, si_unit
+from fifthwheel.channels import SPEED, SignalName, channel_of, is_input, si_unit
+from fifthwheel.channels.channel import SignalLimits
 from fifthwheel.checks.findings import Fault, Finding, error, warning
 from fifthwheel.record.record import Record
 
@@ -20,7 +21,7 @@ _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
 
 
-def limit_of(name: str) -> Limit | None:
+def limit_of(name: str) -> SignalLimits | None:
     """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
     channel = channel_of(name)
     return channel.limit if channel else None

@@ -22,10 +22,8 @@ REMARKS = (
     " the values that follow from them, and assumptions for all others. Its tyres are not linear and have relaxation"
     " lengths; its axles roll on their tyres.",
     "The method `article` uses the settings and the models of the article: no relaxation length, and no roll in "
-    "stage 1."
-    " The article gives neither P_p(0) nor the sampling rate; this study uses Q_p and 100 Hz. The table of variants "
-    "shows"
-    " their effect (not with `--quick`).",
+    "stage 1. The article gives neither P_p(0) nor the sampling rate; this study uses Q_p and 100 Hz. The table of "
+    "variants shows their effect (not with `--quick`).",
     "Two assumptions about the vehicle have the largest effect on the payload height of the article's preset: the"
     " height of the roll centres and the roll stiffness of the suspensions. The published error of 0.6 % is so"
     " small because TruckSim and the estimator used the same values. On a real truck, the error is larger.",

@@ -12,12 +12,12 @@ from fifthwheel.diagnose.fit_quality import predicted_logs
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.variance_budget import dominant_terms
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS
 from fifthwheel.identify.suspension import independent_of_load
 from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 if TYPE_CHECKING:

@@ -23,7 +23,6 @@ from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.run_summary import RunSummary
 from fifthwheel.diagnose.state_summary import innovation_size
 from fifthwheel.dynamics import TIME_SCALE
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
@@ -31,6 +30,7 @@ from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
 from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
@@ -318,8 +318,7 @@ def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float, sta
         if fraction > limit:
             message = (
                 f"{signal} in {log}: the {stage} rejected {percent(fraction)} of the samples as outliers, because "
-                "their "
-                "innovation is larger than the gate."
+                "their innovation is larger than the gate."
             )
             cure = "Check the channel for spikes; if it has none, the vehicle file or the identified vehicle is wrong."
             yield Caution(CautionKind.REJECTED_SAMPLES, message, cure, fraction, signals=(signal,), log=log)

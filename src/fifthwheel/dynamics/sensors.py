@@ -23,10 +23,11 @@ from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle
 from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.parameters import HALF_TRACK, TYRE_PARAMETERS
+from fifthwheel.vehicle.unit import Accelerometer
 
 
 class SensorInputs(NamedTuple):
-    """The quantities from which sensor outputs are computed; a `channels.channel.Instant`."""
+    """The quantities from which sensor outputs are computed: the `Instant` of `channels`."""
 
     p: Mapping[str, ca.SX]  # parameters of the vehicle and of the sensors, by name
     vehicle: Vehicle
@@ -61,7 +62,6 @@ class SensorInputs(NamedTuple):
 
 
 CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
-"""No steer angles that change with time."""
 
 
 def sensor_inputs(
@@ -76,17 +76,9 @@ def sensor_inputs(
     bank: bool = False,
     turning: tuple[ca.SX, ca.SX] = CONSTANT_STEERING,
 ) -> SensorInputs:
-    """The quantities at one instant from state, speed and steer angles.
+    """The quantities at one instant from state (n,), speed and true steer angles (k,); arguments as in `chain`.
 
-    Args:
-        p: parameters of the vehicle and of the sensors, by name.
-        vehicle: units, axles and couplings; its numbers are not used.
-        equations: of motion.
-        x: state (n,).
-        speed: m/s.
-        steer: true angle of each steered axle (k,), rad.
-        roll, bank: as in `chain.state_names`.
-        turning: symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
+    `turning` are symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
     """
     A, B = equations.state_space(speed)
     rate, names = A @ x + B @ steer, vehicle.steer_signals()
@@ -110,11 +102,7 @@ def sensor_inputs(
 
 
 def sensor_model(name: str) -> SensorModel:
-    """What a sensor with this name measures.
-
-    Raises:
-        SignalError: the model has no such quantity.
-    """
+    """What a sensor with this name measures; a SignalError where the model has no such quantity."""
     channel = channel_of(name)
     if channel is None or channel.model is None:
         quantity = SignalName.of(name).quantity
@@ -131,11 +119,8 @@ def is_of_axle_group(name: str) -> bool:
 
 
 def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
-    """Index of the unit and axle group of a signal, such as load_transfer.tractor.drive.
-
-    Raises:
-        SignalError: the vehicle has no such axle group.
-    """
+    """Index of the unit and axle group of a signal, such as load_transfer.tractor.drive; a SignalError where there is
+    no such group."""
     groups = {unit.group_path(group): (i, group) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups}
     place = SignalName.of(name).place
     if place not in groups:
@@ -144,11 +129,7 @@ def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
 
 
 def unit_index(vehicle: Vehicle, name: str) -> int:
-    """Index of the unit of a signal, front to rear.
-
-    Raises:
-        SignalError: the vehicle has no such unit or axle group, or the model has no such quantity.
-    """
+    """Index of the unit of a modelled signal, front to rear; a SignalError where there is no such unit or group."""
     sensor_model(name)
     signal, units = SignalName.of(name), [u.name for u in vehicle.units]
     if is_of_axle_group(name):
@@ -172,9 +153,6 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
 
     An accelerometer is where the vehicle file says, if it does. A gyro also has a misalignment, rad: that fraction of
     the other rate of its unit is part of its output.
-
-    Raises:
-        SignalError: as in `unit_index`.
     """
     if name == BANK:
         return {}
@@ -185,10 +163,10 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     if model.cross_axis:
         parameters[f"{name}.misalignment"] = 0.0
     if model.has_place:
-        position, height = unit.cog, unit.roll_axis_height
+        place = Accelerometer(position=unit.cog, height=unit.roll_axis_height)
         if is_of(name, LATERAL_ACCELERATION):
-            position, height = unit.accelerometer_place.position, unit.accelerometer_place.height
-        parameters |= {f"{name}.position": position, f"{name}.height": height}
+            place = unit.place_of_accelerometer(SignalName.of(name).part)
+        parameters |= {f"{name}.position": place.position, f"{name}.height": place.height}
     return parameters
 
 

@@ -38,12 +38,9 @@ def require_units(vehicle: Vehicle, noise: Iterable[str]) -> None:
 
 
 def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:
-    """Variance of a sensor's noise, SI squared: as given, else that of the article's gyros, else a default.
+    """Variance of a sensor's noise, SI squared: as given, by signal, else that of the article's gyros, else a default.
 
-    Args:
-        vehicle: gives the first unit, whose gyros have other variances.
-        name: signal.
-        given: variances by signal.
+    The gyros of the first unit of a vehicle have other variances.
     """
     if name in given:
         return given[name]
@@ -54,11 +51,5 @@ def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> 
 
 
 def process_covariance(states: Sequence[str], table: Mapping[str, float], factor: float = 1.0) -> Array:
-    """Q per second (n, n), diagonal.
-
-    Args:
-        states: names of the n states.
-        table: variance per second by quantity.
-        factor: of all variances.
-    """
+    """Q per second (n, n), diagonal: a factor times the variances per second of a table, by quantity."""
     return np.diag([factor * table[SignalName.of(name).quantity] for name in states])

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Annotated, ClassVar, Literal
 
-from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION, TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
-from fifthwheel.options import Friction
+from fifthwheel.options import Friction, TyreChoice, TyreLaw
 from fifthwheel.settings import Count, Cure, FinitePositive, Positive, Settings
+from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
 from fifthwheel.vehicle.uncertainty import Change
 
 Progress = Callable[[str, int, int], None]
@@ -155,11 +155,11 @@ class OneStage(CommonSettings):
     roll_inertia_prior: Positive = 0.6
     """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
     the same height may be a point, or stand along the sides."""
-    tyres: Literal["linear", "saturating", "auto"] = "linear"
+    tyres: TyreChoice = "linear"
     """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
-    and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
+    and which is estimated too (`dynamics.tyres`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
     in a `Learner` saturating."""
-    friction: Friction = DEFAULTS[FRICTION]
+    friction: Friction = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: Positive = 0.4
     """Prior standard deviation of the friction, as a fraction of its median."""

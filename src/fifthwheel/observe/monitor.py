@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.update import ChannelUpdate
+from fifthwheel.filters.kalman import ChannelUpdate
 
 START: Array = np.array([1.0, 0.0, -1.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
@@ -34,18 +34,11 @@ DIVERGED = 1e3
 def monitor(
     carry: ca.SX, channels: list[ChannelUpdate], weight: ca.SX, dt: ca.SX, limit: ca.SX, settings: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """One step of the monitor.
+    """One step of the monitor: its carry, see `START`, and [NIS, 1 if the filter must restart, else 0].
 
-    Args:
-        carry: see `START`.
-        channels: updates of the m channels.
-        weight: of the channels (m,), 1 if measured, else 0.
-        dt: time since the last row, s.
-        limit: squared gate.
-        settings: [time constant of the average, s; duration of a disagreement, 0 or more, before a restart, s].
-
-    Returns:
-        The carry, and [NIS, 1 if the filter must restart, else 0].
+    The weights (m,) of the channels are 1 if measured, else 0; dt is the time since the last row, s; the limit is the
+    squared gate. settings = [time constant of the average, s; duration of a disagreement, 0 or more, before a restart,
+    s].
     """
     nis, elapsed, duration = carry[0], carry[1] + dt, carry[2]
     window, restart_after = settings[0], settings[1]

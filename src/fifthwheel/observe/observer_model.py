@@ -21,9 +21,9 @@ from fifthwheel.channels import (
     names_of,
 )
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit, step_limit
+from fifthwheel.dynamics.tyres import braked_masses
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import (
@@ -42,6 +42,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
 from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION, HALF_TRACK
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""

@@ -153,7 +153,7 @@ class Multibody:
     axles: tuple[BeamAxle, ...]
     model: Any
     """mujoco.MjModel."""
-    layout: tyre_forces.Layout
+    layout: tyre_forces.StepLayout
     forces: Scan
     """The compiled step of the tyre forces."""
     constants: Array
@@ -185,7 +185,7 @@ def mujoco() -> Any:
     return mujoco
 
 
-def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
+def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayout:
     body_type = mujoco().mjtObj.mjOBJ_BODY
 
     def row(name: str) -> int:
@@ -193,7 +193,7 @@ def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
 
     axles = [axle for body in bodies for axle in body.axles]
     rows = [row(axle.name) for axle in axles]
-    return tyre_forces.Layout(
+    return tyre_forces.StepLayout(
         bodies=tuple(row(body.name) for body in bodies),
         axles=tuple(rows),
         carriers=tuple(int(model.body_parentid[k]) for k in rows),

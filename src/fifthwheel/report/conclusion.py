@@ -14,13 +14,13 @@ from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.run_summary import summarise_runs
 from fifthwheel.diagnose.state_summary import StateSummary, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
+from fifthwheel.vehicle.parameters import FRICTION
 
 if TYPE_CHECKING:
     from fifthwheel.identify.design.assess import InformationAssessment
@@ -130,8 +130,7 @@ def _validated(predicted: PredictedLog) -> str:
         explained = percent(predicted.explained, round_down=True)
         result = (
             f"the model explains at least {explained} of the variance of each channel whose residual is larger than "
-            "the "
-            "sensor noise"
+            "the sensor noise"
         )
     elif predicted.excited:
         result = "no residual is larger than the sensor noise"

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.doubts import (
     NONLINEAR_ACCELERATION,
     UNUSUAL_SOFTENING,
@@ -12,6 +11,7 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 def find_doubts(solution: Solution) -> list[Doubt]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits, free_run_fits
 from fifthwheel.identify.one_stage.gauss_newton import minimise

@@ -11,9 +11,9 @@ at the minimum z of the cost J, with the standard deviations s of the innovation
 
 import numpy as np
 
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.vehicle.parameters import FRICTION
 
 LEAST_ACCELERATION = 1.5
 """m/s^2; above this lateral acceleration tyres soften by 1 % or more."""

@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.filters.relinearised import Estimate
+from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
@@ -382,11 +382,11 @@ def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
 
 def _estimate(
     setup: Setup, z: Array, Pz: Array, gradient: Array | None = None, information: Array | None = None
-) -> Estimate:
+) -> JointEstimate:
     """The estimate of a filter from z (n_p,), its covariance (n_p, n_p) and score tests, which start again if None."""
     n, none = len(setup.estimated_unknowns), np.zeros(len(setup.considered_unknowns))
     B = Pz[:n, n:]
-    return Estimate(
+    return JointEstimate(
         z=z[:n],
         Pz=Pz[:n, :n] - B @ B.T,
         B=B,

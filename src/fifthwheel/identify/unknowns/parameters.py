@@ -14,7 +14,7 @@ from fifthwheel.channels import (
     is_of,
     names_of,
 )
-from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
+from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage
 from fifthwheel.identify.unknowns.unknown import (
@@ -27,6 +27,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 TIME_SCALE_SIGMA = 0.002
@@ -203,9 +204,10 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     if error is None or sigma is None:
         return None
     if error.kind in PLACE_KINDS:
-        unit = vehicle.unit(SignalName.of(error.signal).unit)
-        stated = vehicle.stated.get(f"{unit.name}.accelerometer.{error.kind}", sigma)
-        return getattr(unit.accelerometer_place, error.kind), stated
+        signal = SignalName.of(error.signal)
+        unit = vehicle.unit(signal.unit)
+        stated = vehicle.stated.get(f"{unit.accelerometer_path(signal.part)}.{error.kind}", sigma)
+        return getattr(unit.place_of_accelerometer(signal.part), error.kind), stated
     return float(error.kind == "gain"), sigma
 
 

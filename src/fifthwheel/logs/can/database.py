@@ -25,7 +25,7 @@ _ENCODINGS = {"dbc": "cp1252", "sym": "cp1252"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Signal:
+class CanSignal:
     """One signal of a message."""
 
     name: str
@@ -75,7 +75,7 @@ class Message:
     """One message of a database."""
 
     name: str
-    signals: tuple[Signal, ...]
+    signals: tuple[CanSignal, ...]
     source: str
     """Name of the file that defines it."""
 
@@ -164,7 +164,7 @@ def _table(text: str, kind: str, source: str, *, builtin: bool = False) -> list[
 def _message(message: Any, source: str, *, builtin: bool) -> Message:
     by_name = {signal.name: signal for signal in message.signals}
     signals = tuple(
-        Signal(
+        CanSignal(
             name=signal.name,
             bits=_bits(signal),
             scale=float(signal.scale),
