@@ -56,14 +56,10 @@ class MeasureResult:
     nonlinear: float | None = None
     """Of the nonlinear truck; None if it was not simulated."""
 
-    @property
-    def shown_unit(self) -> str:
-        """Unit for display."""
-        return "" if self.unit == "1" else self.unit
-
     def text(self) -> str:
         """Value, sigma and unit."""
-        return f"{with_sigma(self.value, self.sigma, '1')} {self.shown_unit}".rstrip()
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{with_sigma(self.value, self.sigma, '1')}{unit}"
 
     def best_threshold(self) -> Threshold | None:
         """The strictest threshold that is met with 50 % or more, else the mildest."""

@@ -25,7 +25,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import HALF_TRACK, Truck, Values
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.observe import Uncertainty
+from fifthwheel.observe.uncertainty import SIGNED, Uncertainty
 
 NONLINEAR = 0.3
 """Shift of the mean, in standard deviations, from which a family is sampled."""
@@ -33,8 +33,6 @@ DRAWS = 200
 """Random trucks; half of them are the mirror images of the others."""
 QUANTILE = 1.6448536269514722
 """Of the normal distribution, for an interval of 90 %."""
-SIGNED = ("cog", "position", "leading_position", "trailing_position", "roll_yaw_product")
-"""Quantities that may be negative."""
 
 Order = Literal["linear", "sampled"]
 Family = Callable[[Truck], Values]

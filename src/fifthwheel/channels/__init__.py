@@ -66,6 +66,12 @@ def channel_of(name: str) -> Channel | None:
     return CHANNELS.get(SignalName.of(name).quantity)
 
 
+def limit_of(name: str) -> SignalLimits | None:
+    """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
+    channel = channel_of(name)
+    return channel.limit if channel else None
+
+
 def is_of(name: str, *channels: Channel) -> bool:
     """Whether a signal is of one of the channels.
 
@@ -223,6 +229,7 @@ __all__ = [
     "is_input",
     "is_of",
     "is_sensor_error",
+    "limit_of",
     "measured_signals",
     "names_of",
     "sensor_error_settings",

@@ -20,8 +20,7 @@ from fifthwheel.channels import (
 from fifthwheel.checks.findings import Severity
 from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.fit_quality import fit_quality
-from fifthwheel.diagnose.run_summary import RunSummary
-from fifthwheel.diagnose.state_summary import innovation_size
+from fifthwheel.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict

@@ -101,23 +101,6 @@ def sensor_inputs(
     )
 
 
-def sensor_model(name: str) -> SensorModel:
-    """What a sensor with this name measures; a SignalError where the model has no such quantity."""
-    channel = channel_of(name)
-    if channel is None or channel.model is None:
-        quantity = SignalName.of(name).quantity
-        raise SignalError(
-            f"{name}: no such quantity in the model; {suggestion(quantity, [channel.quantity for channel in MODELLED])}"
-        )
-    return channel.model
-
-
-def is_of_axle_group(name: str) -> bool:
-    """Whether a modelled quantity is that of an axle group: a load transfer ratio."""
-    channel = channel_of(name)
-    return channel is not None and channel.model is not None and channel.of == "part"
-
-
 def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
     """Index of the unit and axle group of a signal, such as load_transfer.tractor.drive; a SignalError where there is
     no such group."""
@@ -128,20 +111,30 @@ def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
     return groups[place]
 
 
-def unit_index(vehicle: Vehicle, name: str) -> int:
-    """Index of the unit of a modelled signal, front to rear; a SignalError where there is no such unit or group."""
-    sensor_model(name)
-    signal, units = SignalName.of(name), [u.name for u in vehicle.units]
-    if is_of_axle_group(name):
-        return axle_group(vehicle, name)[0]
+class Sensor(NamedTuple):
+    """What a signal measures, and where."""
+
+    model: SensorModel
+    unit: int  # its index, front to rear
+    of_group: bool  # whether it is that of an axle group: a load transfer ratio, which no sensor measures
+
+
+def sensor_of(vehicle: Vehicle, name: str) -> Sensor:
+    """The sensor of a signal; a SignalError where the model has no such quantity, or the vehicle no such place."""
+    channel, signal, units = channel_of(name), SignalName.of(name), [u.name for u in vehicle.units]
+    if channel is None or channel.model is None:
+        known = [channel.quantity for channel in MODELLED]
+        raise SignalError(f"{name}: no such quantity in the model; {suggestion(signal.quantity, known)}")
+    if channel.of == "part":
+        return Sensor(channel.model, axle_group(vehicle, name)[0], of_group=True)
     if signal.unit not in units:
         raise SignalError(f"{name}: {vehicle.name} has no unit {signal.unit!r}; {suggestion(signal.unit, units)}")
-    return units.index(signal.unit)
+    return Sensor(channel.model, units.index(signal.unit), of_group=False)
 
 
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
     """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
-    model, unit = sensor_model(name), unit_index(vehicle, name)
+    model, unit, _ = sensor_of(vehicle, name)
     if unit == 0 and model.behind_coupling:
         raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     if not roll and model.needs_roll:
@@ -156,8 +149,9 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """
     if name == BANK:
         return {}
-    model, unit = sensor_model(name), vehicle.units[unit_index(vehicle, name)]
-    if is_of_axle_group(name):
+    model, i, of_group = sensor_of(vehicle, name)
+    unit = vehicle.units[i]
+    if of_group:
         return {HALF_TRACK: TYRE_PARAMETERS[HALF_TRACK].default}
     parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
     if model.cross_axis:
@@ -170,19 +164,13 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     return parameters
 
 
-def extension_parameters(name: str) -> dict[str, float]:
-    """Further parameters of a sensor in an extended model: the delay of a gyro, accelerometer or articulation sensor,
-    s."""
-    return {f"{name}.delay": 0.0} if name != BANK and sensor_model(name).rate else {}
-
-
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
     if name == BANK:
         return inputs.motion.bank
-    model, i, p = sensor_model(name), unit_index(inputs.vehicle, name), inputs.p
+    (model, i, of_group), p = sensor_of(inputs.vehicle, name), inputs.p
     value: ca.SX = model.value(inputs, i, name)
-    if is_of_axle_group(name):
+    if of_group:
         return value
     if model.rate and f"{name}.delay" in p:
         value -= p[f"{name}.delay"] * model.rate(inputs, i, value)

@@ -1,6 +1,6 @@
 """A run over a fleet: every trip that is not done, then the combination of all trips."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,7 +9,7 @@ from typing import Any
 
 from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
-from fifthwheel.cluster import Lost, connected, run_on
+from fifthwheel.cluster import Lost, connected, run_here, run_on
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
 from fifthwheel.fleet.dataset import TripDataset, batches
@@ -106,7 +106,7 @@ def run(
             Path(dataset.path).mkdir(parents=True, exist_ok=True)
             stack.enter_context(held(Path(dataset.path) / "fleet.lock", subject=Path(dataset.path)))
         if scheduler is None and jobs == 1:
-            execute: Any = _in_this_process
+            execute: Any = run_here
         else:
             execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
         dataset.join()
@@ -141,8 +141,3 @@ def _combine(dataset: TripDataset, fleet: FleetSettings, execute: Any, result: F
         dataset.write(name, every.tables[name], schema)
     result.changes = len(every.tables["changes"])
     result.errors += every.failed.items()
-
-
-def _in_this_process(function: Any, shared: Any, tasks: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-    for task in tasks:
-        yield task, function(shared, task)

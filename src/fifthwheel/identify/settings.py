@@ -111,6 +111,7 @@ DEFAULT_CONSIDERED: Mapping[str, float] = {
     "sprung.roll_inertia": 0.2,
     "yaw_inertia": 0.1,
     "relaxation_length": 0.2,
+    "pneumatic_trail": 0.2,
     "tyre.shape": 0.12,
     "tyre.stiffness_load_sensitivity": 0.4,
     "tyre.friction_load_sensitivity": 0.5,

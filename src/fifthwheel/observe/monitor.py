@@ -10,7 +10,7 @@ The measurements disagree with the state if the gate rejects at least half of th
 of two that contradict each other, one is right.
 """
 
-from typing import overload
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -55,14 +55,9 @@ def monitor(
     return ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration), ca.vertcat(nis, restart)
 
 
-@overload
-def excess(nis: Array) -> Array: ...
-@overload
-def excess(nis: ca.SX) -> ca.SX: ...
-def excess(nis: Array | ca.SX) -> Array | ca.SX:
-    """Factor of the variances of the states: how far the NIS exceeds what may be chance; at least 1."""
-    ratio = nis / CHANCE
-    return ca.fmax(ratio, 1.0) if isinstance(ratio, ca.SX) else np.maximum(ratio, 1.0)
+def excess(nis: Any) -> Any:
+    """Factor of the variances of the states, at least 1: how far the NIS exceeds what may be chance."""
+    return ca.fmax(nis / CHANCE, 1.0) if isinstance(nis, ca.SX) else np.maximum(nis / CHANCE, 1.0)
 
 
 def diverged(values: ca.SX, variances: ca.SX, dt: ca.SX) -> ca.SX:

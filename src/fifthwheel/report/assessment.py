@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,9 +22,6 @@ from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import CYCLE, GREY
 from fifthwheel.report.provenance import Provenance
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 Runs = Mapping[str, LaneChangeRun]
 """The lane change by model, "linear" and "nonlinear"."""
@@ -80,7 +76,7 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
     yield from map(pages.Hint, assessment.notes)
 
 
-def show_assessment(assessment: Assessment, console: "Console | None" = None) -> None:
+def show_assessment(assessment: Assessment, console: "terminal.Console | None" = None) -> None:
     """Print an assessment: measures with sigma, thresholds and notes."""
     terminal.show(assessment_document(assessment), console)
 

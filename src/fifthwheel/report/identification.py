@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +12,11 @@ from fifthwheel.channels import SensorErrorName, si_unit
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
-from fifthwheel.diagnose.run_summary import summarise_runs
+from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, seconds, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Fit, Identification, Verdict
+from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.result import display
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
@@ -29,11 +29,6 @@ from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.states import StateConditions, states_section
 from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_role
 from fifthwheel.vehicle import Vehicle, unit_of
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from fifthwheel.identify.design.assess import InformationAssessment
 
 ESTIMATES = (
     *("Parameter|name", "Verdict|full", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Prior>|full"),
@@ -49,7 +44,7 @@ def write_report(
     *,
     title: str,
     conclusion: Conclusion | None = None,
-    outlook: "InformationAssessment | None" = None,
+    outlook: InformationAssessment | None = None,
     performance: Assessment | None = None,
     conditions: StateConditions | None = None,
     provenance: Provenance | None = None,
@@ -103,7 +98,7 @@ def write_report(
 
 
 def show_identification(
-    identification: Identification, console: "Console | None" = None, conclusion: Conclusion | None = None
+    identification: Identification, console: "terminal.Console | None" = None, conclusion: Conclusion | None = None
 ) -> None:
     """Print an identification; the conclusion as of `identification_document`."""
     terminal.show(identification_document(identification, conclusion), console)
@@ -112,8 +107,7 @@ def show_identification(
 def identification_document(identification: Identification, conclusion: Conclusion | None = None) -> pages.Document:
     """Parameters with sigma and verdict, derived quantities, the fit, cautions and next steps.
 
-    Args:
-        conclusion: of the identification with its logs and states; without it, one from the identification alone.
+    Without a conclusion, that of the identification without its logs and states.
     """
     conclusion = conclusion or conclude_identification(identification)
     blocks: list[pages.Block] = [
@@ -221,7 +215,7 @@ def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
     )
 
 
-def _information(identification: Identification, outlook: "InformationAssessment | None") -> Iterator[pages.Block]:
+def _information(identification: Identification, outlook: InformationAssessment | None) -> Iterator[pages.Block]:
     rows = information_summary(identification, outlook)
     if not rows:
         return

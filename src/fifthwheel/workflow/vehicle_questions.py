@@ -12,7 +12,7 @@ from fifthwheel.options import TruckOptions
 from fifthwheel.settings import options_of
 from fifthwheel.units import quantity, uncertain_quantity
 from fifthwheel.vehicle.classes import CLASSES
-from fifthwheel.vehicle.classes.figures import TYRES
+from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.weighing import ACCURACY, Slip, fraction
 from fifthwheel.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 

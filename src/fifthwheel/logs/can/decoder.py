@@ -141,7 +141,8 @@ class FrameDecoder:
             if _sender(chosen) == _sender(key):
                 route.append((wanted.column, signal))
             else:
-                self.other_sources.setdefault(wanted.column, []).append(_address(frame))
+                address = f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
+                self.other_sources.setdefault(wanted.column, []).append(address)
         return route
 
 
@@ -154,10 +155,6 @@ def _sender(key: tuple[int, bool, int]) -> tuple[int, bool, int]:
     """What frames of one message from one sender have in common; the priority of a 29-bit id may change."""
     number, extended, bus = key
     return (group(number) << 8 | number & 0xFF if extended else number, extended, bus)
-
-
-def _address(frame: Frame) -> str:
-    return f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
 
 
 def _wanted(text: str) -> _Wanted:

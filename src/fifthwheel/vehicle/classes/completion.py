@@ -10,8 +10,14 @@ from typing import Any
 
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.vehicle.axle_loads import Joint, SupportedBody, static_axle_loads
-from fifthwheel.vehicle.classes.figures import DAMPING_TIME, LOAD_EXPONENT, RELAXATION_LENGTH, Figure
-from fifthwheel.vehicle.classes.table import CLASSES, VehicleClass
+from fifthwheel.vehicle.classes.table import (
+    CLASSES,
+    DAMPING_TIME,
+    LOAD_EXPONENT,
+    RELAXATION_LENGTH,
+    Figure,
+    VehicleClass,
+)
 
 Table = dict[str, Any]
 
