@@ -30,7 +30,7 @@ from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, U
 from fifthwheel.vehicle.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
 from fifthwheel.vehicle.classes.figures import DAMPING_TIME, RELAXATION_LENGTH, AxleFigures, Figure
 from fifthwheel.vehicle.classes.table import CLASSES, FIFTH_WHEEL, VehicleClass
-from fifthwheel.vehicle.weighing.slip import Slip
+from fifthwheel.vehicle.weighing import Slip
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle
 
 INTERVAL = 1.645

@@ -46,15 +46,10 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
-    """Reserve the names of files that are written in the block, so that no other file is lost.
+    """Reserve the names of files that are written in the block, so that no other file is lost; None is no file.
 
-    Args:
-        paths: files; None for a file that is not requested.
-        force: replace files that exist.
-
-    Raises:
-        FifthwheelError: a file exists, or another process has reserved it.
-        OSError: its folder cannot be written to; `filename` is the file.
+    A FifthwheelError if a file exists (without `force`), or another process has reserved it. An OSError, whose
+    `filename` is the file, if its folder cannot be written to.
     """
     with ExitStack() as stack:
         for path in filter(None, paths):

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.channel import Channel, Limit, SignalName
+from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
@@ -64,6 +64,12 @@ _ERROR_KINDS = ("offset", *_ERROR_UNITS)
 def channel_of(name: str) -> Channel | None:
     """The channel of a signal or of a state with this name; None for another name."""
     return CHANNELS.get(SignalName.of(name).quantity)
+
+
+def limit_of(name: str) -> SignalLimits | None:
+    """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
+    channel = channel_of(name)
+    return channel.limit if channel else None
 
 
 def is_of(name: str, *channels: Channel) -> bool:
@@ -214,8 +220,8 @@ __all__ = [
     "YAW",
     "YAW_RATE",
     "Channel",
-    "Limit",
     "SensorErrorName",
+    "SignalLimits",
     "SignalName",
     "channel_of",
     "checked_name",
@@ -223,6 +229,7 @@ __all__ = [
     "is_input",
     "is_of",
     "is_sensor_error",
+    "limit_of",
     "measured_signals",
     "names_of",
     "sensor_error_settings",

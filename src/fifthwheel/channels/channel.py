@@ -63,7 +63,7 @@ class SensorModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limit:
+class SignalLimits:
     """What a heavy vehicle can do, SI."""
 
     magnitude: float
@@ -210,7 +210,7 @@ class Channel:
     """Of names of columns in English and German."""
     proposed: Literal["signal", "reference"] | None = None
     """Whether a proposed signal map has it, and where."""
-    limit: Limit | None = None
+    limit: SignalLimits | None = None
     turn: TurnRelation | None = None
     noise: tuple[float, float] | None = None
     """Variance of a sensor's noise on the first unit, and on the units behind it, SI squared."""

@@ -5,9 +5,9 @@ from fifthwheel.channels.channel import (
     ErrorKind,
     GainFault,
     Instant,
-    Limit,
     NamePattern,
     SensorModel,
+    SignalLimits,
     StateNoise,
     Symbol,
     TurnRelation,
@@ -38,7 +38,7 @@ LATERAL_ACCELERATION = Channel(
         ),
     ),
     proposed="signal",
-    limit=Limit(magnitude=12.0, jump=3.0, turn=1.0),
+    limit=SignalLimits(magnitude=12.0, jump=3.0, turn=1.0),
     turn=TurnRelation(
         expected=lambda turn: turn.speed * turn.yaw_rate,
         least_sigma=0.3,
@@ -75,7 +75,7 @@ LATERAL_VELOCITY = Channel(
         ),
     ),
     proposed="reference",
-    limit=Limit(magnitude=10.0, jump=1.0),
+    limit=SignalLimits(magnitude=10.0, jump=1.0),
     state=StateNoise(process=3e-3**2, observer_process=2e-2**2, initial_sigma=0.05),
     model=SensorModel(value=_lateral_velocity, has_place=True),
 )
@@ -89,7 +89,7 @@ SIDESLIP = Channel(
         ),
     ),
     proposed="reference",
-    limit=Limit(magnitude=1.0, jump=0.1),
+    limit=SignalLimits(magnitude=1.0, jump=0.1),
     noise=(0.005**2, 0.005**2),
     model=SensorModel(
         value=lambda now, i, name: _lateral_velocity(now, i, name) / now.motion.u[i],

@@ -1,6 +1,6 @@
 """Quantities that logs and references have, and that estimators do not use as measurements."""
 
-from fifthwheel.channels.channel import Channel, Instant, Limit, NamePattern, SensorModel, StateNoise, Symbol
+from fifthwheel.channels.channel import Channel, Instant, NamePattern, SensorModel, SignalLimits, StateNoise, Symbol
 from fifthwheel.channels.lateral import ACCELERATION_WORDS
 from fifthwheel.channels.rotation import AXIS_WORDS
 
@@ -10,7 +10,7 @@ AXLE_LOAD = Channel(
     of="part",
     patterns=(NamePattern(pattern="axle_(weight|load)|achslast"),),
     proposed="signal",
-    limit=Limit(magnitude=5e5, jump=1e5, may_be_constant=True),
+    limit=SignalLimits(magnitude=5e5, jump=1e5, may_be_constant=True),
 )
 WHEEL_SPEED = Channel(
     quantity="wheel_speed",
@@ -22,7 +22,7 @@ WHEEL_SPEED = Channel(
         ),
     ),
     proposed="signal",
-    limit=Limit(magnitude=45.0, jump=2.0, may_be_constant=True),
+    limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
 )
 STEER_RATE = Channel(
     quantity="steer_rate",
@@ -56,7 +56,7 @@ LONGITUDINAL_ACCELERATION = Channel(
         ),
         NamePattern(pattern="_x_?acc|laengs_?beschl", excluded="_ang"),
     ),
-    limit=Limit(magnitude=12.0, jump=3.0),
+    limit=SignalLimits(magnitude=12.0, jump=3.0),
 )
 VERTICAL_ACCELERATION = Channel(
     quantity="vertical_acceleration",

@@ -9,9 +9,9 @@ from fifthwheel.channels.channel import (
     ErrorKind,
     Exchange,
     GainFault,
-    Limit,
     NamePattern,
     SensorModel,
+    SignalLimits,
     StateNoise,
     Turn,
     TurnRelation,
@@ -35,7 +35,7 @@ YAW_RATE = Channel(
         NamePattern(pattern="_(yaw|gier)_", excluded="_[alr]\\d_", generic=True),
     ),
     proposed="signal",
-    limit=Limit(magnitude=1.5, jump=0.15, turn=0.03),
+    limit=SignalLimits(magnitude=1.5, jump=0.15, turn=0.03),
     turn=TurnRelation(
         expected=lambda turn: turn.towed_yaw_rate if turn.is_towed else turn.yaw_rate,
         least_sigma=0.01,
@@ -61,7 +61,7 @@ ARTICULATION = Channel(
     unit="rad",
     patterns=(NamePattern(pattern="articulat|hitch|knick|coupling_angle|_gamma_|_art_h_"),),
     proposed="signal",
-    limit=Limit(magnitude=1.7, jump=0.06, turn=0.02),
+    limit=SignalLimits(magnitude=1.7, jump=0.06, turn=0.02),
     turn=TurnRelation(
         expected=lambda turn: -turn.towed_yaw_rate * turn.towed_length / turn.speed,
         least_sigma=0.01,
@@ -104,7 +104,7 @@ ROLL_RATE = Channel(
         NamePattern(pattern="_(roll|wank)_", excluded="_[alr]\\d_", generic=True),
     ),
     proposed="signal",
-    limit=Limit(magnitude=2.0, jump=0.4),
+    limit=SignalLimits(magnitude=2.0, jump=0.4),
     turn=TurnRelation(
         expected=_in_turn, least_sigma=0.003, gain_faults=(GainFault("degrees", 20, np.inf),), has_other_causes=True
     ),
@@ -127,7 +127,7 @@ ROLL = Channel(
     unit="rad",
     patterns=(NamePattern(pattern="_roll(_?angle)?_|wank_?winkel|_phi_", excluded="_[alr]\\d_"),),
     proposed="signal",
-    limit=Limit(magnitude=0.5, jump=0.05, turn=0.02),
+    limit=SignalLimits(magnitude=0.5, jump=0.05, turn=0.02),
     noise=(0.005**2, 0.005**2),
     state=StateNoise(process=3e-5**2, observer_process=1e-3**2, initial_sigma=0.005),
     model=SensorModel(value=lambda now, i, _: now.motion.roll[i], needs_roll=True),

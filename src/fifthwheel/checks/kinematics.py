@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, names_of, si_unit
+from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, limit_of, names_of, si_unit
 from fifthwheel.channels.channel import Turn, TurnRelation
 from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
-from fifthwheel.checks.samples import MAX_SPEED, limit_of, present_samples, spike_mask
+from fifthwheel.checks.samples import MAX_SPEED, present_samples, spike_mask
 from fifthwheel.record.record import Record
 
 _STEP = 0.05

@@ -6,10 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import MEASURED, STEER, WHEEL_SPEED, SignalName, channel_of, is_of, names_of, si_unit
+from fifthwheel.channels import MEASURED, STEER, WHEEL_SPEED, SignalName, channel_of, is_of, limit_of, names_of, si_unit
 from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.checks.kinematics import kinematic_findings
-from fifthwheel.checks.samples import dropouts, limit_of, present_samples, spikes, stuck
+from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck
 from fifthwheel.errors import suggestion
 from fifthwheel.record.record import Record
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SPEED, Limit, SignalName, channel_of, is_input, si_unit
+from fifthwheel.channels import SPEED, SignalName, is_input, limit_of, si_unit
 from fifthwheel.checks.findings import Fault, Finding, error, warning
 from fifthwheel.record.record import Record
 
@@ -18,12 +18,6 @@ _ANY_LIMIT = 1e9
 _MAP_OR_CUT = "map another column, or cut the record with start and stop in [time] of signals.toml"
 _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
-
-
-def limit_of(name: str) -> Limit | None:
-    """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
-    channel = channel_of(name)
-    return channel.limit if channel else None
 
 
 def present_samples(record: Record, name: str) -> tuple[Array, Array]:

@@ -98,7 +98,8 @@ def compare(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome]) 
     rows = []
     for experiment in experiments.values():
         by_arm = _by_arm(experiment, outcomes)
-        truth = _true_values(experiment)
+        vehicle = experiment.run.vehicle
+        truth = vehicle.parameters() | vehicle.derived()
         section = "4" if experiment.case == "test vehicle" else "3"
         published: dict[str, Published] = {p.quantity: p for p in RESULTS if p.case == experiment.case}
         sections = {quantity: number.place for quantity, number in published.items()}
@@ -120,7 +121,8 @@ def compare_variants(variants: Mapping[str, Experiment], outcomes: Sequence[Outc
     """Error of the mean for each variant and arm."""
     errors = []
     for name, experiment in variants.items():
-        truth = _true_values(experiment)
+        vehicle = experiment.run.vehicle
+        truth = vehicle.parameters() | vehicle.derived()
         for arm, selected in _by_arm(experiment, outcomes).items():
             values = {
                 quantity: 100 * (float(np.mean([o.values[quantity] for o in selected])) / truth[quantity] - 1)
@@ -137,17 +139,10 @@ def percent_error(value: float, reference: tuple[float, float]) -> float:
     return 100 * (value / nearest - 1)
 
 
-def _true_values(experiment: Experiment) -> dict[str, float]:
-    vehicle = experiment.run.vehicle
-    return vehicle.parameters() | vehicle.derived()
-
-
 def _by_arm(experiment: Experiment, outcomes: Sequence[Outcome]) -> dict[str, list[Outcome]]:
     """Outcomes of an experiment by arm, without arms that have none."""
-    by_arm: dict[str, list[Outcome]] = {arm.name: [] for arm in experiment.arms}
-    for outcome in outcomes:
-        if outcome.experiment == experiment.name:
-            by_arm[outcome.arm].append(outcome)
+    own = [outcome for outcome in outcomes if outcome.experiment == experiment.name]
+    by_arm = {arm.name: [outcome for outcome in own if outcome.arm == arm.name] for arm in experiment.arms}
     return {arm: selected for arm, selected in by_arm.items() if selected}
 
 

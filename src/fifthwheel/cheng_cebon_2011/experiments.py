@@ -108,13 +108,11 @@ class Experiment:
 
 def point_payload(truck: Vehicle) -> Vehicle:
     """The truck with its payload as a point at half its height on the centre line."""
-    units = [
-        unit.model_copy(update={"payload": unit.payload.model_copy(update={"shape": "point"})})
-        if unit.payload
-        else unit
-        for unit in truck.units
-    ]
-    return Vehicle(**truck.model_copy(update={"units": tuple(units)}).model_dump())
+    described = truck.model_dump()
+    for unit in described["units"]:
+        if unit["payload"]:
+            unit["payload"]["shape"] = "point"
+    return Vehicle(**described)
 
 
 def with_factor(truck: Vehicle, paths: Mapping[str, float]) -> Vehicle:
@@ -169,11 +167,8 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
     arms = [
         Arm(name="article", settings=preset, assumed=assumed, fixed=front),
         Arm(name="default", settings=TwoStage(), assumed=assumed),
+        Arm(name="default, front fixed", settings=TwoStage(fixed=(FRONT,)), assumed=assumed, fixed=front),
     ]
-    if not errors:
-        arms.append(
-            Arm(name="default, front fixed", settings=TwoStage(fixed=(FRONT,)), assumed=assumed, fixed=front),
-        )
     name = "test vehicle with errors" if errors else "test vehicle"
     run = Plant(truck).drive(lane_changes_on_test_track(count=repetitions), name=name)
     largest = float(np.degrees(np.abs(run.truth["steer.tractor.front"]).max()))
@@ -182,7 +177,7 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
         case="test vehicle",
         run=run,
         sensors=sensors,
-        arms=tuple(arms),
+        arms=tuple(arms[:2] if errors else arms),
         stiffness=effective_stiffness(truck, run.properties, TEST_SPEED, (0.1, largest)),
     )
 

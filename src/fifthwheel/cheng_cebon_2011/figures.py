@@ -42,7 +42,7 @@ MEASURED: dict[str, Any] = {
     "linestyle": "none",
     "marker": ".",
     "markersize": 2.5,
-    "markeredgewidth": 0.0,
+    "markeredgewidth": 0,
 }
 ARMS: dict[str, dict[str, Any]] = {
     "article": {"color": "#D55E00", "linestyle": (0, (4, 1.6)), "linewidth": 1.4},
@@ -112,10 +112,9 @@ def draw(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome], fol
 
 
 def _save(figure: "Figure", path: Path) -> Iterator[Path]:
-    for suffix in ("png", "svg"):
+    for suffix, metadata in (("png", None), ("svg", {"Date": None})):
         file = path.with_suffix(f".{suffix}")
         with atomic_write(file) as temporary:
-            metadata = {"Date": None} if suffix == "svg" else None
             figure.savefig(temporary, format=suffix, dpi=DOTS_PER_INCH, metadata=metadata)
         yield file
 
@@ -222,14 +221,11 @@ def _states(experiment: Experiment, outcomes: Sequence[Outcome], title: str) -> 
     """States of the trailer in one lane change; measured values only where the article has them, in section 4."""
     has_measurements = experiment.case == "test vehicle"
     unit = experiment.run.vehicle.units[-1].name
-    if has_measurements:
-        sideslip = LANDING_LEG, "(c) sideslip at landing leg, deg"
-    else:
-        sideslip = f"sideslip.{unit}", "(c) sideslip, deg"
+    sideslip = LANDING_LEG if has_measurements else f"sideslip.{unit}"
     panels = (
         (f"roll.{unit}", "(a) roll angle, deg"),
         (f"roll_rate.{unit}", "(b) roll rate, deg/s"),
-        sideslip,
+        (sideslip, f"(c) sideslip{' at landing leg' if has_measurements else ''}, deg"),
         (f"yaw_rate.{unit}", "(d) yaw rate, deg/s"),
     )
     time, truth = experiment.run.time, experiment.run.truth

@@ -62,14 +62,12 @@ def outcome(experiment: Experiment, arm_index: int, seed: int, *, keep: bool) ->
 def observed_states(result: Identification, record: Record) -> dict[str, Array]:
     """States of the last unit by the identified vehicle, (N,) each."""
     unit = result.vehicle.units[-1]
-    settings = result.observer_settings(record.name)
-    at_landing_leg = replace(settings, positions={f"sideslip.{unit.name}": OPTICAL_POSITION})
+    settings, sideslip = result.observer_settings(record.name), f"sideslip.{unit.name}"
+    at_landing_leg = replace(settings, positions={sideslip: OPTICAL_POSITION})
     values = Observer(result.vehicle, record.signals, settings).batch(record).values
-    names = [f"{quantity}.{unit.name}" for quantity in ("sideslip", "roll", "roll_rate", "yaw_rate")]
+    names = [sideslip, *(f"{quantity}.{unit.name}" for quantity in ("roll", "roll_rate", "yaw_rate"))]
     states = {name: values[name] for name in names if name in values}
-    on_roll_axis = (
-        Observer(result.vehicle, record.signals, at_landing_leg).batch(record).values[f"sideslip.{unit.name}"]
-    )
+    on_roll_axis = Observer(result.vehicle, record.signals, at_landing_leg).batch(record).values[sideslip]
     # the sensor measures relative to the road, roll_axis_height below the roll axis
     roll_effect = unit.roll_axis_height * values[f"roll_rate.{unit.name}"] / record.signals["speed"]
     return states | {LANDING_LEG: on_roll_axis + roll_effect}

@@ -28,7 +28,7 @@ class Form(StrEnum):
     prediction_error = "prediction-error"
 
 
-class Tyres(StrEnum):
+class TyreChoice(StrEnum):
     """Law of the side forces in the one-stage method."""
 
     linear = "linear"
@@ -74,11 +74,11 @@ def identify(
         typer.Option(help="Compare the logs with a free-running model, or with one-step predictions."),
     ] = Form.output_error,
     tyres: Annotated[
-        Tyres,
+        TyreChoice,
         typer.Option(
             help="linear; saturating: at the friction of the road, which is estimated too; auto: what the logs support."
         ),
-    ] = Tyres.linear,
+    ] = TyreChoice.linear,
     friction: Annotated[
         float | None,
         typer.Option(
@@ -93,8 +93,7 @@ def identify(
         typer.Option(
             "--validate",
             help="A log for validation: it is predicted with the identified vehicle and not used for the estimation; "
-            "may "
-            "be repeated.",
+            "may be repeated.",
         ),
     ] = None,
     passes: Annotated[

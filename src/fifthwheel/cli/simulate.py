@@ -12,7 +12,7 @@ from fifthwheel.cli.options import ForceFileOption, JsonOption, VehicleOption
 from fifthwheel.cli.terminal import print_json, progress_bar
 
 
-class Model(StrEnum):
+class TruckModel(StrEnum):
     """The model that is simulated."""
 
     linear = "linear"
@@ -31,8 +31,9 @@ def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
     vehicle: VehicleOption = "cheng_cebon_2011",
     model: Annotated[
-        Model, typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver.")
-    ] = Model.linear,
+        TruckModel,
+        typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver."),
+    ] = TruckModel.linear,
     manoeuvre: Annotated[
         str,
         typer.Option(
@@ -90,7 +91,7 @@ def simulate(
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
     with reserved(log, film, force=force):
-        if model is Model.linear:
+        if model is TruckModel.linear:
             from fifthwheel.simulate import simulate as run_linear
 
             nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}

@@ -43,8 +43,7 @@ def states(
         typer.Option(
             "--at",
             help="SIGNAL=X: compute the sideslip at the position x (m) on the vehicle unit. Default: at the CoG. May "
-            "be "
-            "repeated.",
+            "be repeated.",
         ),
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Use later samples too.")] = False,

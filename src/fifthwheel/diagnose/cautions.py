@@ -318,8 +318,7 @@ def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float, sta
         if fraction > limit:
             message = (
                 f"{signal} in {log}: the {stage} rejected {percent(fraction)} of the samples as outliers, because "
-                "their "
-                "innovation is larger than the gate."
+                "their innovation is larger than the gate."
             )
             cure = "Check the channel for spikes; if it has none, the vehicle file or the identified vehicle is wrong."
             yield Caution(CautionKind.REJECTED_SAMPLES, message, cure, fraction, signals=(signal,), log=log)

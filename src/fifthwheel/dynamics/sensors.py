@@ -23,6 +23,7 @@ from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle
 from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.parameters import HALF_TRACK, TYRE_PARAMETERS
+from fifthwheel.vehicle.unit import Accelerometer
 
 
 class SensorInputs(NamedTuple):
@@ -156,10 +157,10 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     if model.cross_axis:
         parameters[f"{name}.misalignment"] = 0.0
     if model.has_place:
-        position, height = unit.cog, unit.roll_axis_height
+        place = Accelerometer(position=unit.cog, height=unit.roll_axis_height)
         if is_of(name, LATERAL_ACCELERATION):
-            position, height = unit.accelerometer_place.position, unit.accelerometer_place.height
-        parameters |= {f"{name}.position": position, f"{name}.height": height}
+            place = unit.place_of_accelerometer(SignalName.of(name).part)
+        parameters |= {f"{name}.position": place.position, f"{name}.height": place.height}
     return parameters
 
 

@@ -65,8 +65,8 @@ def side_force_height(p: Expressions, unit: Unit, group: AxleGroup, load: ca.SX)
 
     All axles of a unit have the same mass; the load is the static one, N.
     """
-    axles = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
-    fraction = axles * GRAVITY / load
+    axles: ca.SX = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
+    fraction: ca.SX = axles * GRAVITY / load
     return p[f"{unit.name}.roll_axis_height"] * (1 - fraction) + AXLE_COG_HEIGHT * fraction
 
 

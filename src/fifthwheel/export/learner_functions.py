@@ -11,6 +11,8 @@ from fifthwheel.filters.joint import Carried, JointChannel, bounds, correct, lin
 from fifthwheel.filters.model import sizes, split
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.start import SteadyEquations, steady_equations
+from fifthwheel.native.c_code import by_rows
+from fifthwheel.native.c_code import step as symbolic
 
 LARGEST_GATE = 1e15
 """Limit of a squared gate, so that it fits into single precision."""
@@ -33,8 +35,8 @@ def linearisation(live: LiveFilter) -> Slopes:
     later, F, slopes, predicted, H, direct = linearise(live.model, scaling.logarithmic, x, z, step[0], step[1:], *given)
     pattern = (slopes[0].sparsity() + slopes[1].sparsity()).T.T
     first, last = (ca.project(slope, pattern).nz[:] for slope in slopes)
-    results = [later, _by_rows(F), first, last, predicted, _by_rows(H), _by_rows(direct)]
-    function = ca.Function("linearise", [x, z, step], list(map(ca.densify, results)), {"cse": True})
+    results = [later, by_rows(F), first, last, predicted, by_rows(H), by_rows(direct)]
+    function = symbolic("linearise", [x, z, step], results)
     rows, columns = pattern.get_triplet()
     return Slopes(function, np.array(rows) + n_x * np.array(columns))
 
@@ -51,8 +53,7 @@ def channel_update(live: LiveFilter) -> ca.Function:
     lower, upper = _numbers(*bounds(live.setup.scaling, n_z))
     carried = Carried.of(carry, layout)
     new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, (lower, upper))
-    results = [new.vector(), ca.vertcat(accepted, innovation)]
-    return ca.Function("channel", [carry, channel], list(map(ca.densify, results)), {"cse": True})
+    return symbolic("channel", [carry, channel], [new.vector(), ca.vertcat(accepted, innovation)])
 
 
 def report(live: LiveFilter) -> ca.Function:
@@ -62,20 +63,20 @@ def report(live: LiveFilter) -> ca.Function:
     x, z, d = ca.SX.sym("x", n_x), ca.SX.sym("z", len(live.setup.estimated_unknowns)), ca.SX.sym("d", n_d)
     numbers = _numbers(view.c, scaling.centre, scaling.scale)
     values, slopes = reported_values(view.report, scaling.logarithmic, x, z, d, *numbers)
-    return ca.Function("report", [x, z, d], [ca.densify(values), _by_rows(slopes)], {"cse": True})
+    return symbolic("report", [x, z, d], [values, by_rows(slopes)])
 
 
 def start_matrices(live: LiveFilter) -> ca.Function:
     """(inputs, values of the unknowns) -> (A by rows, first column of B, effects of inputs and bank on x')."""
     inputs, p, _, steady = _steady(live)
-    results = _by_rows(steady.A), steady.B[:, 0], steady.B @ steady.steer, steady.bank
-    return ca.Function("start_matrices", [inputs, p], list(map(ca.densify, results)), {"cse": True})
+    results = [by_rows(steady.A), steady.B[:, 0], steady.B @ steady.steer, steady.bank]
+    return symbolic("start_matrices", [inputs, p], results)
 
 
 def start_slopes(live: LiveFilter) -> ca.Function:
     """(inputs, values of the unknowns, x) -> (F by rows, derivatives of F x + G d with respect to them by rows)."""
     inputs, p, x, steady = _steady(live)
-    return ca.Function("start_slopes", [inputs, p, x], [_by_rows(steady.F), _by_rows(steady.slopes)], {"cse": True})
+    return symbolic("start_slopes", [inputs, p, x], [by_rows(steady.F), by_rows(steady.slopes)])
 
 
 def _steady(live: LiveFilter) -> tuple[ca.SX, ca.SX, ca.SX, SteadyEquations]:
@@ -88,7 +89,3 @@ def _steady(live: LiveFilter) -> tuple[ca.SX, ca.SX, ca.SX, SteadyEquations]:
 
 def _numbers(*values: Array) -> list[ca.SX]:
     return [ca.SX(ca.DM(value)) for value in values]
-
-
-def _by_rows(matrix: ca.SX) -> ca.SX:
-    return ca.vec(ca.densify(matrix).T)

@@ -107,7 +107,7 @@ def innovations_tangent(model: Model) -> ca.Function:
     )
 
 
-class Chunk(NamedTuple):
+class TangentChunk(NamedTuple):
     """Outputs and derivatives for consecutive rows of a record."""
 
     rows: slice  # of the record
@@ -124,7 +124,7 @@ def run_in_chunks(
     start_directions: Array,
     constant: Array,
     directions: Array,
-) -> Iterator[Chunk]:
+) -> Iterator[TangentChunk]:
     """Outputs of a step and their derivatives along k directions over N rows, in chunks of rows.
 
     The carry before the first row and its derivatives are `start` (n_carry,) and `start_directions` (k, n_carry_dot);
@@ -136,7 +136,7 @@ def run_in_chunks(
     for begin in range(0, len(rows), CHUNK):
         chunk = slice(begin, min(begin + CHUNK, len(rows)))
         result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=os.cpu_count() or 1)
-        yield Chunk(chunk, result.output, result.output_dot, active)
+        yield TangentChunk(chunk, result.output, result.output_dot, active)
         remaining = np.abs(result.carry_dot).max(axis=1, initial=0.0)
         kept = ~only_start[active] | (remaining > DECAYED * initial[active])
         carry, carry_dot, active = result.carry, result.carry_dot[kept], active[kept]

@@ -112,17 +112,9 @@ def prepare_dataset(
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
-    A measured channel without any sample, which the check refuses, counts as absent.
-
-    Args:
-        records: logs to identify the vehicle on.
-        vehicle: as known before.
-        settings: of the identification.
-        validate: logs that are only predicted.
-        findings: whether the signals are checked for plausibility, with notes on what was found.
-
-    Raises:
-        SignalError: a log cannot be used; the message names the signal and the remedy.
+    A measured channel without any sample, which the check refuses, counts as absent. Logs to `validate` are only
+    predicted. `findings`: whether the signals are checked for plausibility, with notes on the findings. A SignalError
+    names the signal that makes a log unusable, and the remedy.
     """
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
@@ -138,8 +130,7 @@ def prepare_dataset(
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
         notes.append(
             f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "
-            "assumed to "
-            "be 0."
+            "assumed to be 0."
         )
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")

@@ -73,8 +73,7 @@ class Setup:
     def with_time_bases(self, time_bases: Mapping[str, str]) -> "Setup":
         """The setup with the delay of each further time base, and with the suspects of score tests.
 
-        Args:
-            time_bases: of signals, by their names; signals that are not listed are on the main one.
+        Signals that `time_bases` does not list are on the main one.
         """
         main = time_bases.get(self.vehicle.steer_signals()[0], "")
         more = time_base_delays(time_bases, main, self.outputs, self.settings)

@@ -14,7 +14,7 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import Learning
-from fifthwheel.live.node import Estimator, Node, Output
+from fifthwheel.live.node import LiveEstimator, Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
 from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.session import Session
@@ -157,7 +157,9 @@ def _report(session: Session, say: Callable[[str], object]) -> None:
         say(f"Written: {session.recorder.path}")
 
 
-def make_node(signal_map: SignalMap, estimator: Estimator, *, extra: tuple[str, ...] = (), rate: float = RATE) -> Node:
+def make_node(
+    signal_map: SignalMap, estimator: LiveEstimator, *, extra: tuple[str, ...] = (), rate: float = RATE
+) -> Node:
     """The node of a vehicle, with a map as `completed_map` gives it.
 
     The values of the `extra` columns of the databases are kept in `Node.extra`; `rate` is that of the outputs, Hz. A

@@ -42,6 +42,10 @@ class Samples:
     """Whether its instants differ from those of the rows: it has a time base or a delay of its own."""
 
 
+_Key = tuple[str, str]
+"""Of a channel: "signals" or "reference", and the name of the signal."""
+
+
 def assemble(
     log: LogSource,
     signal_map: SignalMap,
@@ -65,7 +69,7 @@ def assemble(
     time_bases = {
         timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
     }
-    needed = {column for time_base in time_bases.values() for column in time_base.needed_columns}
+    needed = {column for timestamps, names in columns.items() for column in (timestamps.column, *names) if column}
     for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.pieces(needed):
         for timestamps, time_base in time_bases.items():
             if timestamps.clock == chunk.clock:
@@ -77,21 +81,20 @@ def assemble(
     notes = [*log.notes, *(note for time_base in time_bases.values() for note in time_base.finish())]
 
     rows = next((time_base for timestamps, time_base in time_bases.items() if timestamps.of_rows), None)
-    samples: dict[str, dict[str, Samples]] = {part: {} for part in parts}
-    for (part, signal), channel in channels.items():
-        of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[part, signal]]
-        samples[part][signal], note = _samples(signal, channel, log, of_channel, rows)
+    samples = {}
+    for key, channel in channels.items():
+        of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[key]]
+        samples[key], note = _samples(key[1], channel, log, of_channel, rows)
         notes += [note] if note else []
-    row_samples = Samples(time=rows.time, values=rows.time, own_time=False) if rows else None
-    time, signals, reference = align(row_samples, rate=signal_map.rate, **samples)
+    time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
     if time[0] > _MIN_EPOCH:
         start = float(np.floor(time[0]))
         notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
         time = time - start
     record = Record(
         time=time,
-        signals=signals,
-        reference=reference,
+        signals={signal: values for (part, signal), values in aligned.items() if part == "signals"},
+        reference={signal: values for (part, signal), values in aligned.items() if part == "reference"},
         name=name,
         notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
@@ -120,7 +123,7 @@ def _outside(
         raise SignalError(f"{log.name}: all samples are in the windows that are excluded; exclude less")
 
 
-def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], SignalSource]) -> dict[str, str]:
+def _time_bases(log: LogSource, channels: Mapping[_Key, SignalSource]) -> dict[str, str]:
     """Signal to the name of its time base, without those of the main one.
 
     It is the clock of the map, else the column with the channel's own timestamps, else the clock in the file. The main
@@ -166,11 +169,6 @@ class _TimeBase:
         self._seconds = factor(unit or "s", "s")
         self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
         self._last_time = np.nan
-
-    @property
-    def needed_columns(self) -> set[str]:
-        """Columns to read, that of the timestamps included."""
-        return {*self._columns, self._timestamps.column} - {""}
 
     def push(self, chunk: Chunk) -> None:
         """Add the next samples."""
@@ -275,39 +273,30 @@ def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]
         yield values, log.columns[column].unit
 
 
-def align(
-    rows: Samples | None, *, signals: Mapping[str, Samples], reference: Mapping[str, Samples], rate: float = np.inf
-) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Time (N,) s, signals and reference signals on one time base; no measurement is interpolated or extrapolated.
+def _align(rows: Array | None, channels: dict[_Key, Samples], rate: float) -> tuple[Array, dict[_Key, Array]]:
+    """Time (N,) s and channels on one time base; no measurement is interpolated or extrapolated.
 
-    The time base is the union of the instants of the rows and of all measurements with instants of their own. A
+    The time base is the union of the instants of the rows, s, and of all measurements with instants of their own. A
     measurement keeps its samples at their instants and is NaN elsewhere. An input (speed, steer) with instants of its
     own is interpolated linearly; outside its samples and in its gaps it is NaN. If asynchronous time bases would give
     more than 2.5 times `rate` (Hz), the time base is the multiples of 1 / rate, and measurements are moved to the
     nearest of them by `snap_to_grid`.
     """
-    channels = [*signals.items(), *reference.items()]
-    if rows is not None and not any(samples.own_time for _, samples in channels):
-        return rows.time, {n: s.values for n, s in signals.items()}, {n: s.values for n, s in reference.items()}
+    if rows is not None and not any(samples.own_time for samples in channels.values()):
+        return rows, {key: samples.values for key, samples in channels.items()}
     time = _union(rows, channels)
     if time.size > 2 and (time.size - 1) / (time[-1] - time[0]) > DECIMATION_RATIO * rate:
-        if rows is not None:
-            rows = Samples(time=np.unique(np.rint(rows.time * rate)) / rate, values=rows.values, own_time=False)
-        signals = {name: _snapped(name, samples, rate) for name, samples in signals.items()}
-        reference = {name: _snapped(name, samples, rate) for name, samples in reference.items()}
-        time = _union(rows, [*signals.items(), *reference.items()])
-    return (
-        time,
-        {name: _placed(time, name, samples) for name, samples in signals.items()},
-        {name: _placed(time, name, samples) for name, samples in reference.items()},
-    )
+        rows = None if rows is None else np.unique(np.rint(rows * rate)) / rate
+        channels = {key: _snapped(key[1], samples, rate) for key, samples in channels.items()}
+        time = _union(rows, channels)
+    return time, {key: _placed(time, key[1], samples) for key, samples in channels.items()}
 
 
-def _union(rows: Samples | None, channels: Sequence[tuple[str, Samples]]) -> Array:
+def _union(rows: Array | None, channels: Mapping[_Key, Samples]) -> Array:
     """Instants (N,) s of the rows and of the measurements with own instants, or of all channels if there are none."""
-    times = [] if rows is None else [rows.time]
-    times += [s.time[np.isfinite(s.values)] for name, s in channels if s.own_time and not is_input(name)]
-    instants = np.unique(np.concatenate(times or [s.time for _, s in channels]))
+    times = [] if rows is None else [rows]
+    times += [s.time[np.isfinite(s.values)] for (_, name), s in channels.items() if s.own_time and not is_input(name)]
+    instants = np.unique(np.concatenate(times or [s.time for s in channels.values()]))
     time = instants[np.concatenate([[True], np.diff(instants) > SAME_INSTANT])] if instants.size else instants
     if time.size < 2:
         raise SignalError(

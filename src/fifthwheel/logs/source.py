@@ -2,8 +2,9 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
@@ -11,6 +12,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import split_source
+from fifthwheel.record.timestamps import TimestampFilter
 from fifthwheel.units import factor
 
 TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit")
@@ -29,6 +31,20 @@ def no_progress(done: float) -> None:
 def reason(error: Exception) -> str:
     """What an exception of a library says, in one line; its type where it says nothing."""
     return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+@contextmanager
+def damage(note: Callable[[str], object]) -> Iterator[None]:
+    """Give `note` the reason where the block fails: in a library, damaged bytes can cause any exception.
+
+    A MemoryError passes, because the reading process has a limit.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        note(reason(error))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +151,21 @@ class LogSource(ABC):
         if chunk.time is not None or rows is None:
             return chunk.time
         return chunk.values[rows] * factor(self.columns[rows].unit or "s", "s")
+
+    def note(self, *notes: str) -> None:
+        """Add notes that are not there yet; a log that is read twice repeats them."""
+        self.notes.extend(note for note in notes if note not in self.notes)
+
+    def increasing(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        """The samples whose timestamps increase on their time base, and at the end a note on those left out."""
+        stamps = TimestampFilter()
+        for chunk in chunks:
+            assert chunk.time is not None
+            kept = stamps.keep(chunk.clock, chunk.time)
+            if kept.any():
+                values = {name: values[kept] for name, values in chunk.values.items()}
+                yield replace(chunk, values=values, time=chunk.time[kept])
+        self.note(*stamps.notes)
 
     def close(self) -> None:  # noqa: B027  what holds no file has nothing to close
         """Close the file."""

@@ -32,6 +32,16 @@ def literal(value: float) -> str:
     return f"FW_REAL({value!r})"
 
 
+def by_rows(matrix: ca.SX) -> ca.SX:
+    """The elements of a matrix in the order of C, as a dense vector."""
+    return ca.vec(ca.densify(matrix).T)
+
+
+def step(name: str, arguments: Sequence[ca.SX], results: Sequence[ca.SX]) -> ca.Function:
+    """A symbolic function for `function`: its results are dense and share what they have in common."""
+    return ca.Function(name, list(arguments), list(map(ca.densify, results)), {"cse": True})
+
+
 def function(
     step: ca.Function, name: str, arguments: Sequence[str], results: Sequence[str], *, static: bool = True
 ) -> str:

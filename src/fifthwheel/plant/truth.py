@@ -7,7 +7,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, Layout
+from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, StepLayout
 from fifthwheel.vehicle import Vehicle
 
 ROLLOVER_ANGLE = 0.6
@@ -53,7 +53,7 @@ class Frame:
 
 
 def true_signals(
-    time: Array, sensed: Array, wheels: Array, vehicle: Vehicle, properties: Properties, layout: Layout
+    time: Array, sensed: Array, wheels: Array, vehicle: Vehicle, properties: Properties, layout: StepLayout
 ) -> dict[str, Array]:
     """Every signal of a run, (N,) each, by name.
 

@@ -22,15 +22,11 @@ _OVERLAP = 6
 
 
 def _shape(x: Array) -> Array:
+    """Windowed sinc at x new steps from its centre."""
     return np.asarray(2 * _CUT_OFF * np.sinc(2 * _CUT_OFF * x) * np.cos(np.pi * x / (2 * _HALF_WIDTH)) ** 2)
 
 
 _AREA = float(np.sum(_shape(np.arange(-_HALF_WIDTH, _HALF_WIDTH, 1e-3))) * 1e-3)
-
-
-def _kernel(x: Array) -> Array:
-    """Windowed sinc at x new steps from its centre; its integral is 1."""
-    return _shape(x) / _AREA
 
 
 def typical_steps(time: Array, values: Array) -> Array:
@@ -78,7 +74,7 @@ def _convolved(time: Array, values: Array, grid: Array, rate: float, step: float
     first = np.flatnonzero(np.diff(below, prepend=-np.inf))
     total = np.zeros((grid.size, rows.shape[1]))
     for shift in range(1 - _HALF_WIDTH, _HALF_WIDTH + 1):
-        sums = np.add.reduceat(_kernel(time * rate - below - shift)[:, None] * rows, first, axis=0)
+        sums = np.add.reduceat((_shape(time * rate - below - shift) / _AREA)[:, None] * rows, first, axis=0)
         place = np.minimum(np.searchsorted(grid, below[first] + shift), grid.size - 1)
         on_grid = grid[place] == below[first] + shift
         total[place[on_grid]] += sums[on_grid]

@@ -105,8 +105,3 @@ class TimestampFilter:
             for clock, count in self._dropped.items()
             if count
         ]
-
-
-def add_notes(notes: list[str], *more: str) -> None:
-    """Append the notes that the list does not hold yet; a log that is read twice repeats its notes."""
-    notes.extend(note for note in more if note not in notes)

@@ -130,8 +130,7 @@ def _validated(predicted: PredictedLog) -> str:
         explained = percent(predicted.explained, round_down=True)
         result = (
             f"the model explains at least {explained} of the variance of each channel whose residual is larger than "
-            "the "
-            "sensor noise"
+            "the sensor noise"
         )
     elif predicted.excited:
         result = "no residual is larger than the sensor noise"

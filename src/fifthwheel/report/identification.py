@@ -301,10 +301,9 @@ def _fits(identification: Identification) -> Iterator[pages.Block]:
     yield pages.Hint(
         "The prediction is the output of the free-running model of the identified truck: it uses speed and steer angle "
         "only, and no measurement corrects it. Explained is the fraction of the channel's variance that the "
-        "prediction explains. Sensor noise "
-        "cannot be explained. A slow wave in the residual indicates a model error. Of each log only the sensor "
-        "offsets are fitted, and of each segment the bank of the road and the state at its start, about the steady "
-        "state of its first steer angle: to all samples, within their priors."
+        "prediction explains. Sensor noise cannot be explained. A slow wave in the residual indicates a model "
+        "error. Of each log only the sensor offsets are fitted, and of each segment the bank of the road and the "
+        "state at its start, about the steady state of its first steer angle: to all samples, within their priors."
     )
     for log, fits in _fits_by_log(identification).items():
         yield pages.Heading(log, badge="" if fits[0].identified_on else "validation log")

@@ -117,13 +117,11 @@ def offsets_of(record: Record, prediction: Prediction) -> tuple[TimeOffset, ...]
 def _measure_lags(prediction: Prediction) -> _Lags | None:
     """Lags of all channels that some variant explains; variants without a lag of one of them are left out."""
     curves = prediction.curves
-    best = [[None if curve is None else curve.best() for curve in row] for row in curves]
-    explained = np.array(
-        [
-            [0.0 if c is None or b is None else c.explained_at(b[0]) for c, b in zip(*rows, strict=True)]
-            for rows in zip(curves, best, strict=True)
-        ]
-    )
+    best = np.array([[(curve.best() if curve else None) or (np.nan, np.nan) for curve in row] for row in curves])
+    explained = np.zeros(best.shape[:2])
+    for v, c in np.argwhere(np.isfinite(best[:, :, 0])):
+        if (curve := curves[v][c]) is not None:
+            explained[v, c] = curve.explained_at(best[v, c, 0])
     used = np.flatnonzero(explained[0] >= MIN_EXPLAINED)
     complete = np.flatnonzero((explained[:, used] > 0).all(axis=1))
     if not used.size:
@@ -131,12 +129,11 @@ def _measure_lags(prediction: Prediction) -> _Lags | None:
     misfit = np.log(np.maximum(1 - explained[np.ix_(complete, used)], 1e-4)).mean(axis=1)
     weight = np.exp(2 * (misfit.min() - misfit))
     first = int(complete[misfit.argmin()])
-    found = [[best[v][c] or (0.0, 0.0) for c in used] for v in complete]
     return _Lags(
         names=tuple(prediction.names[c] for c in used),
         curves=[curve for c in used if (curve := curves[first][c]) is not None],
-        lag=np.array([[lag for lag, _ in row] for row in found]),
-        sigma=np.array([(best[first][c] or (0.0, 0.0))[1] for c in used]),
+        lag=best[np.ix_(complete, used)][:, :, 0],
+        sigma=best[first, used, 1],
         weight=weight / weight.sum(),
         generic=prediction.generic,
     )

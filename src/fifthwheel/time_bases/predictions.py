@@ -70,7 +70,9 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     semitrailer vary over the range of usual ones. None where the record has no speed or steer angle that can be used,
     no such channel, or almost only gaps.
     """
-    variants = _generic_variants() if vehicle is None else _stiffness_variants(vehicle)
+    variants = _generic_variants()
+    if vehicle is not None:
+        variants = [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
     measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)
     names = tuple(name for name in record.signals if name in measured_names)
     try:
@@ -119,11 +121,6 @@ def _response(vehicle: Vehicle, names: Sequence[str], time: Array, inputs: dict[
     outputs = free_response(model, dynamics.all_parameters(vehicle, names), time, inputs, x0)[1]
     outputs[: round(_START * RATE)] = np.nan
     return outputs
-
-
-def _stiffness_variants(vehicle: Vehicle) -> list[Vehicle]:
-    """The vehicle with several factors of its cornering stiffness, its own first."""
-    return [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
 
 
 def _generic_variants() -> list[Vehicle]:

@@ -114,7 +114,8 @@ def _own(p: Mapping[str, float], unit: Unit) -> float:
 
 def _gravity(p: Mapping[str, float], unit: Unit) -> float:
     body = laden(p, unit)
-    return -body.mass * STANDARD_GRAVITY * (body.cog_height - unit.roll_axis_height)
+    moment: float = body.mass * STANDARD_GRAVITY * (body.cog_height - unit.roll_axis_height)
+    return -moment
 
 
 def _in_series(a: float, b: float) -> float:

@@ -10,7 +10,7 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.commented import commented_toml
 from fifthwheel.vehicle.classes.figures import TYRES
-from fifthwheel.vehicle.weighing.slip import CONTRADICTION, Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.weighing import CONTRADICTION, Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"

@@ -11,7 +11,7 @@ from fifthwheel.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.units import quantity, uncertain_quantity
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.figures import TYRES
-from fifthwheel.vehicle.weighing.slip import ACCURACY, Slip, fraction
+from fifthwheel.vehicle.weighing import ACCURACY, Slip, fraction
 from fifthwheel.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)

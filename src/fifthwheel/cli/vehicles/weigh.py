@@ -33,8 +33,7 @@ def weigh(
         typer.Option(
             min=0.0,
             help="Permitted difference between the measured front axle load and the one predicted from the other "
-            "axles, "
-            "as a fraction of the tractor's axle loads.",
+            "axles, as a fraction of the tractor's axle loads.",
         ),
     ] = 0.02,
     force: ForceFileOption = False,
@@ -52,7 +51,7 @@ def weigh(
     """
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.report.vehicle import weighed_document
-    from fifthwheel.vehicle.weighing.slip import Slip
+    from fifthwheel.vehicle.weighing import Slip
     from fifthwheel.workflow import read_vehicle, vehicle_text, weigh_by_slip, weigh_vehicle
 
     truck, text = read_vehicle(vehicle), vehicle_text(vehicle)

@@ -169,14 +169,10 @@ class InformationPredictor:
         return next(u.prior_sigma for u in self.unknowns if u.name == split_log(name)[0])
 
     def run_information(self, log: LogData, logged: Collection[str] | None = None) -> RunInformation:
-        """Information of one run.
+        """Information of one run; a VehicleError if the truck is unstable in it.
 
-        Args:
-            log: segments of the run, and the noise variance of its channels; the default variance for others.
-            logged: channels that count as logged at every sample; by default those that the segments have.
-
-        Raises:
-            VehicleError: the truck is unstable in this run.
+        A channel without noise variance in the log has the default. `logged` are channels that count as logged at every
+        sample; by default those that the segments have.
         """
         presence = [self._presence(segment, logged) for segment in log.segments]
         log = LogData(

@@ -104,15 +104,10 @@ def search_candidates(
     settings: DesignSettings,
     progress: Progress = lambda *_: None,
 ) -> Iterator[CandidateRun]:
-    """Every candidate run within the limits.
+    """Every candidate run within the limits, for a truck that is stable at all speeds, m/s.
 
-    Args:
-        predictor: of a truck that is stable at all speeds.
-        speeds: candidate speeds, m/s.
-        targets: wanted sigma by parameter, relative to its value.
-        noise: variance of the sensor of each logged channel, SI squared; that of the road is added.
-        settings: the candidates.
-        progress: called with a title, the number of manoeuvres done and their total.
+    `targets` are wanted sigmas relative to the values; `noise` is the variance of the sensor of each logged channel, SI
+    squared, to which that of the road is added.
     """
     manoeuvres = [(u, m) for u in speeds for m in candidate_manoeuvres(u, settings.frequencies)]
     responses: dict[float, ImpulseResponse] = {}

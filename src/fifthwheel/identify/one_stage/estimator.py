@@ -225,11 +225,8 @@ class _Estimator:
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
-        Args:
-            title: of the progress.
-            tolerance: of `minimise`; one above that of the last fit limits the number of steps.
-            reweighted: as in `minimise`.
-            fixed: which unknowns keep their prior mean (k,).
+        A tolerance above that of the last fit limits the number of steps. `fixed` (k,) are unknowns that keep their
+        prior mean; `title` is that of the progress.
         """
         lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
         iterations = self.setup.settings.iterations

@@ -45,12 +45,7 @@ def _saturating_fits(
 ) -> list[Fit]:
     """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
 
-    Args:
-        problem: of the identification.
-        vehicle: as identified.
-        values: of all unknowns that logs share, SI.
-        log: with the noise of its channels.
-        identified_on: whether the vehicle was identified on this log.
+    `values` are those of all unknowns that logs share, SI.
     """
     unknowns = [
         u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED) for u in problem.unknowns

@@ -62,7 +62,7 @@ FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
 
 
-class Layout(NamedTuple):
+class ProblemLayout(NamedTuple):
     """Where each unknown is in z."""
 
     names: tuple[str, ...]
@@ -128,7 +128,7 @@ class Problem:
         return self.setup.scaling
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> ProblemLayout:
         """Where each unknown is in z."""
         names = [u.name for u in self.unknowns if not u.per_log]
         shared = {name: i for i, name in enumerate(names)}
@@ -148,7 +148,7 @@ class Problem:
                 segments.append(np.arange(len(names), len(names) + len(states)))
                 names += [f"{state}@{i}.{j}" for state in states]
             initial_states.append(tuple(segments))
-        return Layout(tuple(names), tuple(unknowns), tuple(initial_states))
+        return ProblemLayout(tuple(names), tuple(unknowns), tuple(initial_states))
 
     @property
     def names(self) -> tuple[str, ...]:

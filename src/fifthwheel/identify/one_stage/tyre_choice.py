@@ -35,12 +35,7 @@ def softening_seen(solution: Solution) -> str | None:
 
 
 def choose(linear: Solution, saturating: Solution, reason: str) -> tuple[Solution, str]:
-    """The solution with the law that the logs support, and a note that says why.
-
-    Args:
-        linear, saturating: solutions with either law.
-        reason: why tyres may saturate.
-    """
+    """The solution with the law that the logs support, and a note that says why; `reason` is why tyres may saturate."""
     gain = log_evidence(saturating) - log_evidence(linear)
     informed = FRICTION not in saturating.uninformed
     if informed and gain > CLEAR_EVIDENCE:

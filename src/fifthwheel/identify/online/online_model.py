@@ -92,10 +92,7 @@ def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> On
 def online_model(chain: ChainModel, unknowns: Sequence[Unknown], *, discrepancies: bool) -> OnlineModel:
     """The model with unknowns as parameters; the same object for the same structure.
 
-    Args:
-        chain: with those parameters free that the unknowns change.
-        unknowns: those that change no parameter of the chain have no effect.
-        discrepancies: whether every channel has one.
+    Free parameters of the chain are those that the unknowns change; unknowns that change none have no effect.
     """
     structure = tuple((bool(u.moves), tuple(name for name in u.slopes if name in chain.free)) for u in unknowns)
     return _online_model(chain, structure, discrepancies)

@@ -7,9 +7,10 @@ killed leaves the pieces; the next run with the same file adds to them.
 import json
 import queue
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -133,53 +134,44 @@ def _join_parquet(pieces: Iterable[Path], path: Path) -> None:
     schema = pa.unify_schemas([parquet.read_schema(piece) for piece in pieces])
     with parquet.ParquetWriter(path, schema) as writer:
         for piece in pieces:
-            table = parquet.read_table(piece)
-            for field in schema:
-                if field.name not in table.column_names:
-                    table = table.append_column(field, pa.nulls(len(table), field.type))
-            writer.write_table(table.select(schema.names))
+            writer.write_table(parquet.read_table(piece, schema=schema))  # columns that it does not have are empty
 
 
 def _write_mcap(rows: Rows, path: Path) -> None:
-    with path.open("wb") as file:
-        writer, channel = _mcap_writer(file, rows[0])
-        for row in rows:
-            _add_message(writer, channel, row)
-        writer.finish()
+    def message(row: Mapping[str, float]) -> tuple[int, bytes]:
+        text = json.dumps({name: value if np.isfinite(value) else None for name, value in row.items()})
+        return max(0, round(row["bus_time"] * 1e9)), text.encode()
+
+    _write_messages(map(message, rows), path)
 
 
 def _join_mcap(pieces: Iterable[Path], path: Path) -> None:
     from mcap.reader import make_reader
 
-    with path.open("wb") as file:
-        writer, channel = None, 0
+    def messages() -> Iterator[tuple[int, bytes]]:
         for piece in pieces:
             with piece.open("rb") as source:
-                for _, _, message in make_reader(source).iter_messages():
-                    row = json.loads(message.data)
-                    if writer is None:
-                        writer, channel = _mcap_writer(file, row)
-                    writer.add_message(channel, message.log_time, message.data, message.publish_time)
-        if writer is not None:
-            writer.finish()
+                yield from ((message.log_time, message.data) for *_, message in make_reader(source).iter_messages())
+
+    _write_messages(messages(), path)
 
 
-def _mcap_writer(file: Any, row: Mapping[str, float]) -> tuple[Any, int]:
+def _write_messages(messages: Iterator[tuple[int, bytes]], path: Path) -> None:
+    """Write JSON messages with their times in ns; the names of the first one are those of all."""
     from mcap.writer import Writer
 
-    writer = Writer(file)
-    writer.start(profile="", library="fifthwheel")
-    properties = {name: {"type": ["number", "null"]} for name in row}
-    schema = writer.register_schema(
-        "fifthwheel.States", "jsonschema", json.dumps({"type": "object", "properties": properties}).encode()
-    )
-    return writer, writer.register_channel("/fifthwheel/states", "json", schema)
-
-
-def _add_message(writer: Any, channel: int, row: Mapping[str, float]) -> None:
-    stamp = max(0, round(row["bus_time"] * 1e9))
-    text = json.dumps({name: value if np.isfinite(value) else None for name, value in row.items()})
-    writer.add_message(channel, stamp, text.encode(), stamp)
+    with path.open("wb") as file:
+        if (first := next(messages, None)) is None:
+            return
+        writer: Any = Writer(file)
+        writer.start(profile="", library="fifthwheel")
+        properties = {name: {"type": ["number", "null"]} for name in json.loads(first[1])}
+        described = json.dumps({"type": "object", "properties": properties}).encode()
+        schema = writer.register_schema("fifthwheel.States", "jsonschema", described)
+        channel = writer.register_channel("/fifthwheel/states", "json", schema)
+        for stamp, data in chain([first], messages):
+            writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
 
 
 _FORMATS: Mapping[str, tuple[Callable[[Rows, Path], None], Callable[[Iterable[Path], Path], None]]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.can.database import Databases, Gates, Message, Signal, load
+from fifthwheel.logs.can.database import CanSignal, Databases, Gates, Message, load
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 from fifthwheel.record.timestamps import TimestampFilter
 
@@ -115,7 +115,7 @@ class CanLog(LogSource):
     """
 
     def __init__(
-        self, name: str, batches: Batches, streams: _Streams, columns: Mapping[str, tuple[Column, _Stream, Signal]]
+        self, name: str, batches: Batches, streams: _Streams, columns: Mapping[str, tuple[Column, _Stream, CanSignal]]
     ) -> None:
         super().__init__(name, {name: column for name, (column, _, _) in columns.items()})
         self._batches, self._streams, self._decoded = batches, streams, columns
@@ -125,7 +125,7 @@ class CanLog(LogSource):
 
         One piece for each batch of frames and clock; frames that are not later than the one before are left out.
         """
-        wanted: dict[_Stream, dict[str, list[tuple[str, Signal]]]] = {}
+        wanted: dict[_Stream, dict[str, list[tuple[str, CanSignal]]]] = {}
         for clock, names in self.by_clock(columns).items():
             for name in names:
                 _, stream, signal = self._decoded[name]
@@ -187,7 +187,7 @@ def _unknown_ids(name: str, streams: _Streams, total: int, notes: Sequence[str])
     return [f"{len(unknown)} of {len(ids)} ids are in no database; give a DBC to read them"] if unknown else []
 
 
-def _columns(streams: Sequence[_Stream]) -> dict[str, tuple[Column, _Stream, Signal]]:
+def _columns(streams: Sequence[_Stream]) -> dict[str, tuple[Column, _Stream, CanSignal]]:
     """The signals of the messages in the log by the names of their columns."""
     buses: dict[tuple[int, int | None], set[int]] = {}
     for stream in streams:

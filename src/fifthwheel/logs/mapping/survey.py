@@ -77,7 +77,7 @@ class _Moments:
 
     def __init__(self) -> None:
         self.samples = self.present = 0
-        self.low, self.high = np.inf, -np.inf
+        self.low = self.high = np.nan
         self.mean = self.squares = 0.0
 
     def add(self, values: Array) -> None:
@@ -85,7 +85,7 @@ class _Moments:
         present = values[np.isfinite(values)]
         if not present.size:
             return
-        self.low, self.high = min(self.low, float(present.min())), max(self.high, float(present.max()))
+        self.low, self.high = float(np.fmin(self.low, present.min())), float(np.fmax(self.high, present.max()))
         with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
             mean, count = float(present.mean()), present.size
             self.squares += float(((present - mean) ** 2).sum())
@@ -101,8 +101,8 @@ class _Moments:
             samples=self.samples,
             missing=self.samples - self.present,
             rate=rate,
-            low=self.low if present else np.nan,
-            high=self.high if present else np.nan,
+            low=self.low,
+            high=self.high,
             mean=self.mean if present else np.nan,
             sigma=float(np.sqrt(self.squares / self.present)) if present else np.nan,
             fault=fault,

@@ -20,7 +20,7 @@ _DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class TextLayout:
     """How to read the table in a text file."""
 
     names: tuple[str, ...]
@@ -36,7 +36,7 @@ class Layout:
     notes: tuple[str, ...]
 
 
-def find_layout(head: str, source: str) -> Layout:
+def find_layout(head: str, source: str) -> TextLayout:
     r"""The layout of a file that begins with `head`: whole lines that end in "\n", unless it is the whole file.
 
     A SignalError if it is no table, has no rows or no header.
@@ -59,7 +59,7 @@ def find_layout(head: str, source: str) -> Layout:
             )
     split = [split_header(name) for name in names]
     rest = len(above) - used
-    return Layout(
+    return TextLayout(
         names=_distinct([name or f"column {k}" for k, (name, _) in enumerate(split, 1)]),
         units=tuple(unit or below for (_, unit), below in zip(split, units, strict=True)),
         separator=separator,

@@ -20,9 +20,9 @@ class TooMuchError(Exception):
 def send(pipe: int, head: Mapping[str, Any], columns: Iterable[Array] = ()) -> None:
     """Write a message to a pipe; the columns (n,) have the same length."""
     text = json.dumps(head).encode()
-    body = b"".join(np.ascontiguousarray(column, np.float64).tobytes() for column in columns)
-    for part in (_HEAD.pack(len(text), len(body)) + text, body):
-        rest = memoryview(part)
+    samples = [np.ascontiguousarray(column, np.float64).view(np.uint8).data for column in columns]
+    start = memoryview(_HEAD.pack(len(text), sum(map(len, samples))) + text)
+    for rest in (start, *samples):
         while rest:
             rest = rest[os.write(pipe, rest) :]
 

@@ -21,7 +21,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         file = pq.ParquetFile(path, page_checksum_verification=True)
         fields = list(file.schema_arrow)
         names = [split_header(field.name)[0] for field in fields]
-        units = [_unit(field) for field in fields]
+        units = [split_header(field.name)[1] or _metadata(field, "unit") or None for field in fields]
     except MemoryError:  # a kind of ArrowException too
         raise
     except _DAMAGE as error:
@@ -72,11 +72,6 @@ class ParquetLog(LogSource):
 
     def close(self) -> None:
         self._file.close()
-
-
-def _unit(field: pa.Field) -> str | None:
-    """Unit in the brackets of a name, else in the metadata."""
-    return split_header(field.name)[1] or _metadata(field, "unit") or None
 
 
 def _metadata(field: pa.Field, key: str) -> str:

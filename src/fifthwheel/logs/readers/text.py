@@ -11,7 +11,7 @@ import pyarrow.csv as pacsv
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.cells import Cells
-from fifthwheel.logs.readers.layout import Layout, find_layout
+from fifthwheel.logs.readers.layout import TextLayout, find_layout
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
@@ -43,7 +43,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
 class TextLog(LogSource):
     """A CSV file; a last line without line end is left out."""
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    def __init__(self, path: Path, layout: TextLayout) -> None:
         columns = {}
         for name, unit, date in zip(map(_utf8, layout.names), layout.units, layout.dates, strict=True):
             named = None if unit is None or unit.strip() in _NO_UNIT else _utf8(unit)

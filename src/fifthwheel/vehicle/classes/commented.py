@@ -18,12 +18,8 @@ COLUMN = 60
 
 
 def commented_toml(vehicle: Vehicle, sources: Mapping[str, str]) -> str:
-    """The text, from which `Vehicle.loads` reads the vehicle with rounded numbers.
-
-    Args:
-        vehicle: its assumed numbers are comments.
-        sources: of the other numbers by their paths; a number without a source is left out if it is the default.
-    """
+    """The text, from which `Vehicle.loads` reads the vehicle with rounded numbers; `sources` are those of the numbers
+    that are not assumed, by path. A number without a source is left out if it is the default."""
     lines = [
         "# Each number has its source behind it; the number after +- is one standard deviation. A key behind a # has",
         "# an assumed number, from the class of its unit and what the other lines state. To replace it, remove the #,",
