@@ -33,11 +33,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.live.truck_bus import TRUCK, driven, frames, write_files
 
-from fifthwheel.live.build import completed_map, make_node, make_observer
 from fifthwheel.live.checkpoint import make_learning
 from fifthwheel.live.node import Node
-from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.sources.listen import frame_queue, listen
+from fifthwheel.live.setup import completed_map, make_node, make_observer
+from fifthwheel.live.sources.bus import LiveBus, frame_queue
+from fifthwheel.live.sources.feed import listen
 from fifthwheel.logs.can.decoder import Frame
 
 SECONDS = 40.0

@@ -68,60 +68,30 @@ __version__ = "0.2.0"
 imported_at = time.time()
 """Time at which the first module of the package was imported."""
 
-_MODULES = {
-    "Assessment": "assess",
-    "Body": "assess",
-    "Estimates": "studies",
-    "Estimator": "studies",
-    "FifthwheelError": "errors",
-    "Identification": "identify",
-    "Learner": "identify.online",
-    "LearnerSettings": "identify.online",
-    "LinearSystem": "dynamics",
-    "LiveMap": "logs",
-    "Observer": "observe",
-    "ObserverSettings": "observe",
-    "OneStage": "identify",
-    "Plot": "plots",
-    "Record": "record",
-    "SignalError": "errors",
-    "SignalMap": "logs",
-    "SimulatedRun": "studies",
-    "StateEstimator": "studies",
-    "States": "observe",
-    "StatesOf": "studies",
-    "Status": "observe",
-    "TwoStage": "cheng_cebon_2011",
-    "Uncertainty": "observe",
-    "Vehicle": "vehicle",
-    "VehicleError": "errors",
-    "Verdict": "identify",
-    "article": "cheng_cebon_2011",
-    "assess": "",
-    "assess_information": "identify.design",
-    "check_record": "time_bases",
-    "design_experiment": "identify.design",
-    "exact_guess": "studies",
-    "export_c": "export",
-    "export_fmu": "export",
-    "fleet": "",
-    "identify": "",
-    "linear_system": "dynamics",
-    "plot": "",
-    "read_log": "logs",
-    "simulate": "",
-    "study": "studies",
-    "summarize": "dynamics.summary",
-    "vehicle": "",
-    "write_record": "logs",
-    "write_report": "report",
+_NAMES = {
+    "": ("assess", "fleet", "identify", "plot", "simulate", "vehicle"),
+    "assess": ("Assessment", "Body"),
+    "cheng_cebon_2011": ("TwoStage", "article"),
+    "dynamics": ("LinearSystem", "linear_system"),
+    "dynamics.summary": ("summarize",),
+    "errors": ("FifthwheelError", "SignalError", "VehicleError"),
+    "export": ("export_c", "export_fmu"),
+    "identify": ("Identification", "OneStage", "Verdict"),
+    "identify.design": ("assess_information", "design_experiment"),
+    "identify.online": ("Learner", "LearnerSettings"),
+    "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
+    "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),
+    "plots": ("Plot",),
+    "record": ("Record",),
+    "report": ("write_report",),
+    "studies": ("Estimates", "Estimator", "SimulatedRun", "StateEstimator", "StatesOf", "exact_guess", "study"),
+    "time_bases": ("check_record",),
+    "vehicle": ("Vehicle",),
 }
-"""Public name -> its module; "" for a module, which may be called like a function (`_callable`)."""
+"""Public names by their module; "" for those that are modules, which may be called like functions (`_callable`)."""
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
 
-__all__ = [
-    "__version__",
-    *_MODULES,
-]
+__all__ = ["__version__", *sorted(_MODULES)]
 
 
 def __getattr__(name: str) -> Any:

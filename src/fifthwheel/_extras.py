@@ -7,15 +7,7 @@ from fifthwheel.errors import FifthwheelError
 
 
 def require(package: str, extra: str) -> Any:
-    """The imported package.
-
-    Args:
-        package: name of the package, such as "pandas".
-        extra: of fifthwheel that installs it.
-
-    Raises:
-        FifthwheelError: the package is not installed.
-    """
+    """The imported package, or a FifthwheelError that names the extra of fifthwheel that installs it."""
     try:
         return import_module(package)
     except ImportError:

@@ -1,6 +1,13 @@
-"""Many independent tasks on a Dask cluster: a local one, or any by its address."""
+"""Many independent tasks: in this process, on all cores, or on a Dask cluster, a local one or any by its address."""
 
-from collections.abc import Callable, Iterator, Sequence
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -23,6 +30,10 @@ AHEAD = 4
 """Tasks that the scheduler holds for each worker thread; the others wait here, so that its memory is bounded."""
 REFRESH = 64
 """Results after which the number of workers is looked at again: workers may join and leave."""
+MAX_PROCESSES = 16
+"""Of `run_all`, by default."""
+_shared: list[Any] = []
+"""What all tasks of a worker process share."""
 
 
 @dataclass(frozen=True)
@@ -80,15 +91,11 @@ def run_on(
 ) -> Iterator[tuple[T, R | Lost]]:
     """Each task with its result, in the order in which they end.
 
-    A task whose worker ended is tried again on another one; after the number of attempts of the cluster's
-    configuration (distributed.scheduler.allowed-failures) the result is `Lost`. When the iteration ends early, tasks
-    that have not started are cancelled.
-
-    Args:
-        client: of `connected`.
-        function: at the top level of a module that the workers can import; takes `shared` and a task.
-        shared: sent once to the scheduler, and from there to each worker.
-        tasks: consumed as the cluster can take them.
+    The function is at the top level of a module that the workers can import, and takes `shared`, which is sent once to
+    the scheduler and from there to each worker, and a task. Tasks are consumed as the cluster can take them. A task
+    whose worker ended is tried again on another one; after the number of attempts of the cluster's configuration
+    (distributed.scheduler.allowed-failures) the result is `Lost`. When the iteration ends early, tasks that have not
+    started are cancelled.
     """
     distributed = require("distributed", "fleet")
     remaining = iter(tasks)
@@ -127,3 +134,88 @@ def run_on(
 
 def _itself(value: T) -> T:
     return value
+
+
+def run_here(function: Callable[[S, T], R], shared: S, tasks: Iterable[T]) -> Iterator[tuple[T, R]]:
+    """Each task with its result, in this process and in their order."""
+    for task in tasks:
+        yield task, function(shared, task)
+
+
+def run_all(
+    function: Callable[[S, T], R],
+    shared: S,
+    tasks: Sequence[T],
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+) -> Iterator[tuple[T, R]]:
+    """Each task with its result, in the order in which they end.
+
+    The function is at the top level of a module, so that another process can import it, and takes `shared`, which is
+    sent once to each process, and a task. `jobs` are processes, by default one per core up to `MAX_PROCESSES`; 1 is
+    this process. `scheduler` is the address of a Dask scheduler that computes instead. When the iteration ends early,
+    such as by Ctrl-C, tasks that have not started are cancelled.
+
+    Raises:
+        FifthwheelError: `shared` or the function cannot be pickled, a process was ended from outside, or the scheduler
+            does not answer.
+    """
+    if scheduler is not None:
+        _require_picklable(function, shared)
+        with connected(scheduler) as client:
+            for task, result in run_on(client, function, shared, tasks):
+                if isinstance(result, Lost):
+                    raise FifthwheelError(f"{task}: {result.reason}; give the workers more memory")
+                yield task, result
+        return
+    jobs = min(os.cpu_count() or 1, MAX_PROCESSES) if jobs is None else jobs
+    if jobs <= 1 or len(tasks) <= 1:
+        yield from run_here(function, shared, tasks)
+        return
+    _require_picklable(function, shared)
+    pool = ProcessPoolExecutor(
+        min(jobs, len(tasks)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(shared,),
+    )
+    try:
+        futures = {pool.submit(_run, function, task): task for task in tasks}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BrokenProcessPool as error:
+        raise FifthwheelError(
+            "a worker process ended before its task; a script needs `if __name__ == '__main__':` around the call, and"
+            " enough memory for each process; jobs=1 computes without other processes"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _require_picklable(*objects: object) -> None:
+    try:
+        pickle.dumps(objects)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise FifthwheelError(
+            f"jobs: cannot send an object to another process ({error}); define functions and classes at the top level"
+            " of a module, or compute with jobs=1"
+        ) from error
+
+
+def _start_worker(shared: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the process without a traceback
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _shared[:] = [shared]
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot end its workers, which would wait for tasks forever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _run(function: Callable[[Any, T], R], task: T) -> R:
+    return function(_shared[0], task)

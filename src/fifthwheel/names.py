@@ -16,10 +16,8 @@ class ParameterPath(NamedTuple):
     ParameterPath(unit='semitrailer', component='payload', quantity='height')
     """
 
-    unit: str
-    """Unit or coupling."""
-    component: str
-    """Axle group, axle, "sprung" or "payload"; empty where the path has none."""
+    unit: str  # unit or coupling
+    component: str  # axle group, axle, "sprung" or "payload"; empty where the path has none
     quantity: str
 
     @classmethod

@@ -1,14 +1,24 @@
 """Synthetic experiments and outcomes, without simulation and identification."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, Arm, Experiment, point_payload
+from fifthwheel.cheng_cebon_2011.experiments import (
+    DRIVE,
+    FRONT,
+    LANDING_LEG,
+    PAYLOAD_HEIGHT,
+    TRAILER,
+    YAW_INERTIA,
+    Arm,
+    Experiment,
+    point_payload,
+)
 from fifthwheel.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, TRAILER, YAW_INERTIA
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import PlantRun, Properties, Sensor
 from fifthwheel.vehicle import get
@@ -18,6 +28,15 @@ from tests.identify.conftest import truck as truck
 
 TIME = np.arange(0, 30, 0.05)
 STATES = ("sideslip.semitrailer", "roll.semitrailer", "roll_rate.semitrailer", "yaw_rate.semitrailer", LANDING_LEG)
+
+
+class Made(NamedTuple):
+    """An estimate."""
+
+    name: str
+    value: float
+    sigma: float | None
+    verdict: str
 
 
 def synthetic_experiment(name: str, arms: tuple[str, ...] = ("article", "default")) -> Experiment:
@@ -51,9 +70,10 @@ def synthetic_outcome(made: Experiment, arm: str, seed: int, *, passes: int = 1,
         experiment=made.name,
         arm=arm,
         seed=seed,
-        values=values,
-        sigmas={name: None if verdicts[name] == "fixed" else 0.01 * value for name, value in values.items()},
-        verdicts=verdicts,
+        estimates={
+            name: Made(name, value, None if verdicts[name] == "fixed" else 0.01 * value, verdicts[name])
+            for name, value in values.items()
+        },
         rms=dict.fromkeys(STATES, 0.001 * (1 + seed)),
         histories={} if seed else histories,
         states={} if seed else {"time": TIME, **states},
@@ -65,6 +85,7 @@ def simulation() -> tuple[dict[str, Experiment], list[Outcome]]:
     """Yaw inertia with errors of 5, 6 and 1 % in three seeds of the arm article (published: 2.5 %), -1 % in default."""
     made = synthetic_experiment("simulation")
     article = [synthetic_outcome(made, "article", seed, yaw_inertia=f) for seed, f in enumerate((1.05, 1.06, 1.01))]
-    article[2] = replace(article[2], verdicts={**article[2].verdicts, YAW_INERTIA: "not_converged"})
+    doubtful = article[2].estimates[YAW_INERTIA]._replace(verdict="not_converged")
+    article[2] = replace(article[2], estimates={**article[2].estimates, YAW_INERTIA: doubtful})
     default = [synthetic_outcome(made, "default", seed, passes=4, yaw_inertia=0.99) for seed in range(3)]
     return {made.name: made}, article + default

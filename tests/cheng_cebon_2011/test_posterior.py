@@ -9,13 +9,14 @@ from scipy.optimize import least_squares
 from fifthwheel import dynamics
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
-from fifthwheel.cheng_cebon_2011.stage import run_stage, stage_model
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns, sensor_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
+from fifthwheel.cheng_cebon_2011.stage import run_stage
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify.dataset import LogData, prepare_dataset
-from fifthwheel.identify.unknowns import parameters, unknown
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -32,11 +33,13 @@ class Stage1:
         self.dataset, self.settings = prepare_dataset(records, truck, settings), settings
         self.vehicle, self.channels = self.dataset.vehicle, self.dataset.yaw
         self.names = parameters.stage_1_names(self.vehicle)
-        self.unknowns = [
+        self.unknowns = (
             *parameter_unknowns(self.vehicle, self.names, settings),
-            *sensor_unknowns(self.vehicle, self.channels, settings),
-        ]
-        self.model = stage_model(self.vehicle, self.channels, self.unknowns, roll=False)
+            *sensor_error_unknowns(self.vehicle, self.channels, settings),
+        )
+        self.problem = DualProblem(
+            vehicle=self.vehicle, outputs=self.channels, roll=False, unknowns=self.unknowns, settings=settings
+        )
         self.values = {name: self.vehicle.parameters()[name] for name in self.names}
         self.logs = [log.with_noise(self.vehicle, self.channels, settings.noise) for log in self.dataset.logs]
 
@@ -46,15 +49,7 @@ class Stage1:
 
     def posterior(self, *, gated: bool = True, factor: float = 1.0, **values: float) -> TwoStagePosterior:
         """With the variance of the noise multiplied by a factor."""
-        return evaluate_posterior(
-            self.model,
-            self.vehicle,
-            self.scaled_logs(factor),
-            self.unknowns,
-            values=self.values | values,
-            settings=self.settings,
-            gated=gated,
-        )
+        return evaluate_posterior(self.problem, self.scaled_logs(factor), self.values | values, gated=gated)
 
     def response(self, segment: Record, values: dict[str, float]) -> np.ndarray:
         """The channels (N, m) of the free-running yaw model from the steady state of the first inputs."""
@@ -130,7 +125,7 @@ def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) 
         """Values of the unknowns in each log."""
         rows = np.zeros((2, len(noisy.unknowns)))
         rows[:, shared], rows[:, own] = z[: len(shared)], z[len(shared) :].reshape(2, -1)
-        p = unknown.scaling(noisy.unknowns).to_p(rows)
+        p = noisy.problem.scaling.to_p(rows)
         return [dict(zip([u.name for u in noisy.unknowns], row.tolist(), strict=True)) for row in p]
 
     factor, rng = 1e3, np.random.default_rng(7)
@@ -151,18 +146,15 @@ def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) 
 
     fit = least_squares(residuals, np.zeros(12))
     result = run_stage(
-        noisy.model,
-        noisy.vehicle,
+        replace(noisy.problem, settings=replace(SMOOTH, tolerance=1e-6)),
         logs,
-        noisy.unknowns,
-        active=[u.name for u in noisy.unknowns],
+        active=noisy.problem.names,
         start=noisy.values,
-        settings=replace(SMOOTH, tolerance=1e-6),
         passes=30,
     )
     assert result.settled
     values = [{**result.values, **log.errors} for log in result.logs]
-    z = unknown.scaling(noisy.unknowns).to_z(np.array([[v[u.name] for u in noisy.unknowns] for v in values]))
+    z = noisy.problem.scaling.to_z(np.array([[v[u.name] for u in noisy.unknowns] for v in values]))
     np.testing.assert_allclose(z[:, shared], [fit.x[: len(shared)]] * 2, atol=0.05)
     np.testing.assert_allclose(z[:, own], fit.x[len(shared) :].reshape(2, -1), atol=0.08)
 
@@ -199,10 +191,7 @@ def test_the_bias_is_the_error_of_the_yaw_model(truck: Vehicle) -> None:
     signals = {name: record.signals[name] for name in ("speed", "steer.tractor.front", YAW, TRAILER)}
     stage = Stage1([replace(record, signals=signals)], truck, quiet)
     bias = stage.posterior().bias
-    result = run_stage(
-        stage.model, stage.vehicle, stage.logs, stage.unknowns, active=stage.names, start=stage.values,
-        settings=quiet, passes=20,
-    )  # fmt: skip
+    result = run_stage(stage.problem, stage.logs, active=stage.names, start=stage.values, passes=20)
     errors = [np.log(result.values[u.name] / u.centre) / u.scale for u in stage.unknowns]
     assert max(np.abs(errors)) > 0.02
     np.testing.assert_allclose(bias, errors, atol=0.15 * max(np.abs(errors)))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.cheng_cebon_2011 import raw_results
 from fifthwheel.cheng_cebon_2011.comparison import compare
-from fifthwheel.cheng_cebon_2011.published import FRONT, YAW_INERTIA
+from fifthwheel.cheng_cebon_2011.experiments import FRONT, YAW_INERTIA
+from fifthwheel.cheng_cebon_2011.outcomes import history_table, parameter_table
 from fifthwheel.cheng_cebon_2011.reproduce import reproduce
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.vehicle import get
@@ -64,7 +64,7 @@ def test_another_truck_is_not_compared_with_published_numbers(simulation):
 
 def test_parameters_of_every_seed(simulation):
     experiments, outcomes = simulation
-    rows = raw_results.parameters(experiments, outcomes).to_pylist()
+    rows = parameter_table(experiments, outcomes).to_pylist()
     assert len(rows) == sum(len(outcome.values) for outcome in outcomes)
     inertia = [r for r in rows if (r["parameter"], r["estimator"]) == (YAW_INERTIA, "article")]
     assert [r["seed"] for r in inertia] == [0, 1, 2]
@@ -79,7 +79,7 @@ def test_parameters_of_every_seed(simulation):
 def test_histories_of_one_seed():
     made = synthetic_experiment("simulation")
     outcomes = [synthetic_outcome(made, "article", seed) for seed in (0, 1)]
-    rows = raw_results.histories({made.name: made}, outcomes).to_pylist()
+    rows = history_table({made.name: made}, outcomes).to_pylist()
     assert {row["seed"] for row in rows} == {0}
     state = [row for row in rows if row["name"] == "roll.semitrailer"]
     assert len(state) == len(TIME)

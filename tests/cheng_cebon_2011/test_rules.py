@@ -1,5 +1,6 @@
 """Values, verdicts and settling times of two stages, for histories that are chosen."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,8 +9,8 @@ import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cheng_cebon_2011.estimator import _estimates, _Estimator, _settling_time, _State
+from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.cheng_cebon_2011.stage import StageResult
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
@@ -84,7 +85,7 @@ def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[s
     stage_2 = parameter_unknowns(truck, [HEIGHT], settings)
     names = [u.name for u in (*stage_1, *stage_2)]
     estimator = SimpleNamespace(
-        settings=settings, dataset=SimpleNamespace(initial_vehicle=truck), stage_1=stage_1, stage_2=stage_2
+        settings=settings, dataset=SimpleNamespace(initial_vehicle=truck), estimated=[*stage_1, *stage_2]
     )
     given = truck.parameters()
     of_stage = [history(*[[1.0] * 20] * n, names=names) for names, n in ((tuple(names[:-1]), 3), ((HEIGHT,), 1))]
@@ -128,9 +129,9 @@ def test_both_stages_are_repeated_until_no_parameter_changes(rounds: int, monkey
     course = {"stage 1": [4.0, 2.0, 1.5, 1.4, 1.4 + 0.9e-2], "stage 2": [1.0, 1.0, 1.0, 1.0, 1.0]}
     calls: list[str] = []
 
-    def stage(_, state: _State, title: str, model: str, unknowns: tuple, active: list[str], progress: None) -> _State:
+    def stage(_, state: _State, title: str, problem: SimpleNamespace, active: Sequence[str], progress: None) -> _State:
         name, number = {"stage 1": "a", "stage 2": HEIGHT}[title], calls.count(title)
-        assert (model, active) == ("yaw" if not calls else "roll", [name])
+        assert (problem is yaw, list(active)) == (not calls, [name])
         calls.append(title)
         value = course[title][number]
         return replace(
@@ -141,11 +142,9 @@ def test_both_stages_are_repeated_until_no_parameter_changes(rounds: int, monkey
         )
 
     monkeypatch.setattr(_Estimator, "_stage", stage)
-    a, height = (SimpleNamespace(name=name) for name in ("a", HEIGHT))
-    estimator = _Estimator(
-        dataset=None, settings=TwoStage(rounds=rounds), notes=(), stage_1=(a,), stage_2=(height,), yaw_model="yaw",
-        yaw_unknowns=(a,), model="roll", unknowns=(a, height),
-    )  # fmt: skip
+    yaw = SimpleNamespace(names=("a",))
+    full = SimpleNamespace(names=("a", HEIGHT), settings=TwoStage(rounds=rounds))
+    estimator = _Estimator(dataset=None, notes=(), yaw=yaw, full=full)
     state = estimator._stages(_State(values={}, logs=(), not_excited=frozenset()), None)
     done = min(rounds, 5)
     assert calls == ["stage 1", "stage 2"] * done
@@ -159,22 +158,18 @@ def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch
     found = iter([{"a", "b"}, {"a"}, {"c"}, set()])
     calls: list[tuple] = []
 
-    def posterior(_, model: str, unknowns: str, state: frozenset[str], *, gated: bool = True) -> None:
-        calls.append((model, unknowns, sorted(state), gated))
+    def posterior(problem: str, _: None, values: frozenset[str], *, gated: bool = True) -> None:
+        calls.append((problem, sorted(values), gated))
 
-    monkeypatch.setattr(_Estimator, "_initial", lambda _, not_excited: not_excited)
+    monkeypatch.setattr(_Estimator, "_initial", lambda _, found: SimpleNamespace(logs=None, values=found))
     monkeypatch.setattr(_Estimator, "_stages", lambda _, state, progress: state)
-    monkeypatch.setattr(_Estimator, "_posterior", posterior)
+    monkeypatch.setattr("fifthwheel.cheng_cebon_2011.estimator.evaluate_posterior", posterior)
     monkeypatch.setattr(_Estimator, "_not_excited", lambda *_: frozenset(next(found)))
-    estimator = _Estimator(
-        dataset=None, settings=TwoStage(), notes=(), stage_1=(), stage_2=(), yaw_model="yaw", yaw_unknowns="of yaw",
-        model="roll", unknowns="of roll",
-    )  # fmt: skip
-    state, _ = estimator.solve(None)
-    assert state == {"a", "c"}
+    state, _ = _Estimator(dataset=None, notes=(), yaw="yaw", full="full").solve(None)
+    assert state.values == {"a", "c"}
     assert calls == [
-        ("yaw", "of yaw", [], False),
-        ("roll", "of roll", ["a", "b"], True),
-        ("roll", "of roll", ["a"], True),
-        ("roll", "of roll", ["a", "c"], True),
+        ("yaw", [], False),
+        ("full", ["a", "b"], True),
+        ("full", ["a"], True),
+        ("full", ["a", "c"], True),
     ]

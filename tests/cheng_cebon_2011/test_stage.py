@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage, shift_delays, stage_model
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns, sensor_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
+from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.unknowns import parameters, unknown
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
@@ -24,9 +25,11 @@ def test_has_changed() -> None:
 
 def test_shift_delays(truck: Vehicle) -> None:
     """The model has only the part of a delay that the rows do not have."""
-    unknowns = sensor_unknowns(truck, RATES, TwoStage())
-    names, scaling = [u.name for u in unknowns], unknown.scaling(unknowns)
-    shifted = shift_delays(scaling, names, {"steer.tractor.front.delay": 0.04, OFFSET: 0.01})
+    settings = TwoStage()
+    unknowns = tuple(sensor_error_unknowns(truck, RATES, settings))
+    problem = DualProblem(vehicle=truck, outputs=RATES, roll=False, unknowns=unknowns, settings=settings)
+    names, scaling = problem.names, problem.scaling
+    shifted = problem.shifted_scaling({"steer.tractor.front.delay": 0.04, OFFSET: 0.01})
     assert {n for n, a, b in zip(names, scaling.centre, shifted.centre, strict=True) if a != b} == {
         "steer.tractor.front.delay"
     }
@@ -44,20 +47,17 @@ def stage_1(truck: Vehicle, active: list[str] | None = None, **changes: object) 
         records.append(record.with_signals({"steer.tractor.front": record.signals["steer.tractor.front"] + offset}))
     dataset = prepare_dataset(records, truck, settings)
     vehicle = dataset.vehicle
-    unknowns = [
+    unknowns = (
         *parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings),
-        *sensor_unknowns(vehicle, dataset.yaw, settings),
-    ]
+        *sensor_error_unknowns(vehicle, dataset.yaw, settings),
+    )
     logs = tuple(log.with_noise(vehicle, dataset.yaw, settings.noise) for log in dataset.logs)
     start = {u.name: u.centre for u in unknowns if not u.is_sensor_error}
     result = run_stage(
-        stage_model(vehicle, dataset.yaw, unknowns, roll=False),
-        vehicle,
+        DualProblem(vehicle=vehicle, outputs=dataset.yaw, roll=False, unknowns=unknowns, settings=settings),
         logs,
-        unknowns,
         active=[u.name for u in unknowns] if active is None else active,
         start=start,
-        settings=settings,
         passes=settings.passes,
     )
     return result, start, logs

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from fifthwheel.cheng_cebon_2011 import table
 from fifthwheel.cheng_cebon_2011.comparison import QUANTITIES, VariantErrors, compare, percent_error
-from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
+from fifthwheel.cheng_cebon_2011.experiments import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
 from fifthwheel.pages.terminal import show
 from tests.cheng_cebon_2011.conftest import synthetic_experiment, synthetic_outcome
 
@@ -59,7 +59,7 @@ def test_error_of_stiffness_is_the_distance_from_the_range(rows):
 def test_worst_seed_is_outside_the_range():
     made = synthetic_experiment("simulation")
     outcomes = [
-        replace(outcome, values={**outcome.values, DRIVE: value})
+        replace(outcome, estimates={**outcome.estimates, DRIVE: outcome.estimates[DRIVE]._replace(value=value)})
         for seed, value in enumerate((741e3, 781e3))
         for outcome in [synthetic_outcome(made, "article", seed)]
     ]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.export import export_c
+from fifthwheel.export import export_c, learner_model
 from fifthwheel.export.project import LEARNER_SOURCES
 from fifthwheel.identify.online import Learner
 from fifthwheel.record import Record
@@ -44,7 +44,7 @@ def run(folder: Path, *arguments: str, compiler: str | None) -> None:
 
 def columns(learner: Learner) -> tuple[str, ...]:
     """Names of the columns of a log, without the time."""
-    return (*learner.live.problem.inputs, *learner.live.problem.outputs)
+    return (*learner.live.setup.inputs, *learner.live.setup.outputs)
 
 
 def csv_text(learner: Learner, record: Record) -> str:
@@ -72,7 +72,7 @@ def pushed(learner: Learner, record: Record) -> tuple[np.ndarray, Estimates]:
     for k, time in enumerate(record.time.tolist()):
         answer = learner.push({"time": time} | {name: values[k] for name, values in record.signals.items()})
         rows.append([answer["time"], answer["status"], *[answer[name] for name in names]])
-    reported = [*(u.name for u in learner.live.problem.estimated), *learner.live.problem.not_identifiable]
+    reported = [u.name for u in learner_model.reported(learner)]
     estimates = {name: learner[name] for name in reported}
     return np.array(rows), {n: (e.value, e.sigma, e.verdict.value) for n, e in estimates.items()}
 

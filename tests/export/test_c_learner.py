@@ -135,7 +135,7 @@ def test_three_units_with_two_steered_axles(tmp_path: Path) -> None:
     signals["steer.last.steered"] = -0.1 * record.signals["steer.tractor.front"]
     record = Record(time=record.time, signals=signals, name="train")
     learner = Learner(train, record.signals, FIVE)
-    assert len(learner.live.problem.inputs) == 3
+    assert len(learner.live.setup.inputs) == 3
     assert_equal(learner, compiled(learner, tmp_path), record)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Estimate, Verdict
 from fifthwheel.identify.dataset import LogData

@@ -5,11 +5,9 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.stage import initial_state_with_sensitivity
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns, sensor_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.filters.step_rows import step_rows
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.initial_state import (
     steady_state,
@@ -17,7 +15,6 @@ from fifthwheel.identify.initial_state import (
     steady_state_slopes,
 )
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
@@ -30,12 +27,11 @@ def test_derivative_by_z(truck: Vehicle, roll: bool) -> None:
     steered = truck.with_logged_steering(record.signals, "record")
     settings = TwoStage()
     unknowns = parameter_unknowns(steered, parameters.stage_1_names(steered), settings)
-    unknowns += sensor_unknowns(steered, OUTPUTS, settings)
-    names = [u.name for u in unknowns]
-    scale = scaling(unknowns)
-    rows = step_rows(dynamics.model(steered, OUTPUTS, roll=roll), steered, record)
+    unknowns += parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
+    problem = DualProblem(vehicle=steered, outputs=OUTPUTS, roll=roll, unknowns=tuple(unknowns), settings=settings)
+    names, scale, rows = problem.names, problem.scaling, problem.rows(record, {})
     z = np.random.default_rng(0).normal(size=len(names)) * 0.1
-    x0, P0, derivative = initial_state_with_sensitivity(steered, names, scale, z, rows, roll=roll)
+    x0, P0, derivative = problem.initial_state(z, rows)
 
     def steady(z: np.ndarray) -> np.ndarray:
         values = dict(zip(names, scale.to_p(z).tolist(), strict=True))

@@ -1,11 +1,20 @@
 """The rules that decide a verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.identify.verdict import Verdict, estimate_verdict, information_verdicts, uninformed_parameters
+from fifthwheel.identify.verdict import (
+    Verdict,
+    estimate_verdict,
+    information_verdicts,
+    uncertain_verdict,
+    uninformed_parameters,
+)
 
 STIFFNESS, HEIGHT = "tractor.front.cornering_stiffness", "semitrailer.payload.height"
 YAW_RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer")
@@ -33,7 +42,8 @@ def test_by_information() -> None:
 def test_uninformed(information: list[float], channels: tuple[str, ...], expected: dict[str, Verdict]) -> None:
     """A payload height needs the roll rate of its own unit, whatever the information says."""
     posterior = Posterior.from_information((STIFFNESS, HEIGHT), np.diag(information))
-    assert uninformed_parameters(posterior, (STIFFNESS, HEIGHT), channels, LIMIT) == expected
+    without = [name for name in (STIFFNESS, HEIGHT) if lacks_roll_rate(name, channels)]
+    assert uninformed_parameters(posterior, (STIFFNESS, HEIGHT), without, LIMIT) == expected
 
 
 @pytest.mark.parametrize(
@@ -50,3 +60,11 @@ def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> Non
     """At a bound means closer than a tenth of sigma, converged or not."""
     unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
     assert estimate_verdict(unknown, value, 0.1, converged=converged) is expected
+
+
+def test_of_an_uncertain_parameter() -> None:
+    """Below the limit it is informed; a considered one is fixed, whatever its sigma is."""
+    uncertain = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.UNCERTAIN)
+    for sigma, verdict in ((0.599, Verdict.CONVERGED), (0.6, Verdict.NOT_EXCITED)):
+        assert uncertain_verdict(uncertain, sigma, 0.6) is verdict
+        assert uncertain_verdict(replace(uncertain, kind=UnknownKind.CONSIDERED), sigma, 0.6) is Verdict.FIXED

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.live.page.server import Page
 from fifthwheel.live.session import Session
 from tests.live.browser import browser

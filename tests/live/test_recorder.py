@@ -8,8 +8,7 @@ from mcap.reader import make_reader
 
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.live.outputs import recorder
-from fifthwheel.live.outputs.background import BackgroundWriter
-from fifthwheel.live.outputs.recorder import KIND, PIECE, Recorder
+from fifthwheel.live.outputs.recorder import KIND, PIECE, BackgroundWriter, Recorder
 
 SUFFIXES = [".parquet", ".mcap"]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.live.sources.replay import read_trace, replay
+from fifthwheel.live.sources.feed import read_trace, replay
 from fifthwheel.live.status import NodeStatus
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.observe import Observer

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from fifthwheel import vehicle
-from fifthwheel.live.build import completed_map, make_node, make_observer
 from fifthwheel.live.node import Node
+from fifthwheel.live.setup import completed_map, make_node, make_observer
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.can.decoder import Frame
 from fifthwheel.record import Record

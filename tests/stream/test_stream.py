@@ -11,7 +11,7 @@ from fifthwheel.dynamics import steps
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.live_filter import stream_settings
-from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.stream import Status, Stream, StreamSettings
@@ -22,7 +22,7 @@ STEER, YAW = "steer.tractor.front", "yaw_rate.tractor"
 SIGNALS = ("speed", STEER, YAW)
 TRUCK = get("cheng_cebon_2011")
 LIMIT = steps.step_limit(TRUCK, True)
-PROBLEM = OnlineProblem.of(TRUCK, SIGNALS, OneStage(priors={}, consider={}, nuisances=False))
+PROBLEM = online_setup(TRUCK, SIGNALS, OneStage(priors={}, consider={}, nuisances=False))
 LEARNER = stream_settings(
     PROBLEM, LearnerSettings(hold=0.4, max_steer=0.9, max_steer_rate=2.0, max_speed_change=1.5, coast=0.6)
 )

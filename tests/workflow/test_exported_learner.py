@@ -21,8 +21,8 @@ def result() -> Identification:
 
 def test_of_an_identification(result: Identification) -> None:
     live = exported_learner(result.vehicle, None, result, min_speed=7.0, passes=2, segment=300).live
-    assert {*live.problem.inputs, *live.problem.outputs} == set(result.signals)
-    assert live.problem.settings == replace(FIVE, min_speed=7.0)
+    assert {*live.setup.inputs, *live.setup.outputs} == set(result.signals)
+    assert live.setup.settings == replace(FIVE, min_speed=7.0)
     assert (live.learner.relinearisation.max_passes, live.learner.relinearisation.samples) == (2, 300)
 
 

@@ -11,29 +11,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
-from fifthwheel.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.cheng_cebon_2011.published import (
+from fifthwheel.cheng_cebon_2011.experiments import (
     COG_HEIGHT,
     DRIVE,
     FRONT,
+    LANDING_LEG,
     PAYLOAD_HEIGHT,
     RESULTS,
     ROLL_INERTIA,
     TRAILER,
     YAW_INERTIA,
+    Experiment,
     Published,
 )
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome
 
 
 class Quantity(NamedTuple):
     """How a quantity is written."""
 
     words: str
-    symbol: str
-    """The article's."""
-    unit: str
-    """SI."""
+    symbol: str  # the article's
+    unit: str  # SI
 
 
 QUANTITIES = {
@@ -58,20 +57,14 @@ class ArmResult:
     arm: str
     seeds: int
     mean: float
-    deviation: float | None
-    """Standard deviation over the seeds; None for one seed."""
-    error: float | None = None
-    """Error of the mean, per cent; None for a state."""
-    worst: float
-    """Estimate with the largest error."""
+    deviation: float | None  # standard deviation over the seeds; None for one seed
+    error: float | None = None  # error of the mean, per cent; None for a state
+    worst: float  # estimate with the largest error
     worst_error: float | None = None
-    converged: int | None = None
-    """Number of seeds with this verdict; None for a fixed parameter and for a state."""
+    converged: int | None = None  # number of seeds with this verdict; None for a fixed parameter and for a state
     fixed: bool = False
-    factor: float | None = None
-    """Error of the mean divided by the published error."""
-    worse_seeds: int | None = None
-    """Number of seeds with a larger error than published."""
+    factor: float | None = None  # error of the mean divided by the published error
+    worse_seeds: int | None = None  # number of seeds with a larger error than published
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +75,7 @@ class Row:
     section: str
     quantity: str
     published: Published | None = None
-    reference: tuple[float, float] | None = None
-    """Range of true values, SI; None for a state."""
+    reference: tuple[float, float] | None = None  # range of true values, SI; None for a state
     arms: tuple[ArmResult, ...] = ()
 
     @property
@@ -97,8 +89,7 @@ class VariantErrors:
     """Errors of one arm in a variant of section 3."""
 
     name: str
-    values: Mapping[str, float]
-    """Error of the mean, per cent of the true value, by quantity."""
+    values: Mapping[str, float]  # error of the mean, per cent of the true value, by quantity
     seeds: int
 
 
@@ -107,7 +98,8 @@ def compare(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome]) 
     rows = []
     for experiment in experiments.values():
         by_arm = _by_arm(experiment, outcomes)
-        truth = _true_values(experiment)
+        vehicle = experiment.run.vehicle
+        truth = vehicle.parameters() | vehicle.derived()
         section = "4" if experiment.case == "test vehicle" else "3"
         published: dict[str, Published] = {p.quantity: p for p in RESULTS if p.case == experiment.case}
         sections = {quantity: number.place for quantity, number in published.items()}
@@ -129,7 +121,8 @@ def compare_variants(variants: Mapping[str, Experiment], outcomes: Sequence[Outc
     """Error of the mean for each variant and arm."""
     errors = []
     for name, experiment in variants.items():
-        truth = _true_values(experiment)
+        vehicle = experiment.run.vehicle
+        truth = vehicle.parameters() | vehicle.derived()
         for arm, selected in _by_arm(experiment, outcomes).items():
             values = {
                 quantity: 100 * (float(np.mean([o.values[quantity] for o in selected])) / truth[quantity] - 1)
@@ -146,17 +139,10 @@ def percent_error(value: float, reference: tuple[float, float]) -> float:
     return 100 * (value / nearest - 1)
 
 
-def _true_values(experiment: Experiment) -> dict[str, float]:
-    vehicle = experiment.run.vehicle
-    return vehicle.parameters() | vehicle.derived()
-
-
 def _by_arm(experiment: Experiment, outcomes: Sequence[Outcome]) -> dict[str, list[Outcome]]:
     """Outcomes of an experiment by arm, without arms that have none."""
-    by_arm: dict[str, list[Outcome]] = {arm.name: [] for arm in experiment.arms}
-    for outcome in outcomes:
-        if outcome.experiment == experiment.name:
-            by_arm[outcome.arm].append(outcome)
+    own = [outcome for outcome in outcomes if outcome.experiment == experiment.name]
+    by_arm = {arm.name: [outcome for outcome in own if outcome.arm == arm.name] for arm in experiment.arms}
     return {arm: selected for arm, selected in by_arm.items() if selected}
 
 
@@ -164,7 +150,7 @@ def _arm_result(
     arm: str, outcomes: Sequence[Outcome], quantity: str, reference: tuple[float, float], published: Published | None
 ) -> ArmResult:
     values = [outcome.values[quantity] for outcome in outcomes]
-    verdicts = [outcome.verdicts[quantity] for outcome in outcomes]
+    verdicts = [str(outcome.estimates[quantity].verdict) for outcome in outcomes]
     fixed = all(verdict == "fixed" for verdict in verdicts)
     errors = [percent_error(value, reference) for value in values]
     mean, middle = float(np.mean(values)), sum(reference) / 2

@@ -17,12 +17,11 @@ import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import ROLL_RATE, is_of
-from fifthwheel.cheng_cebon_2011 import dual
+from fifthwheel.cheng_cebon_2011.dual import dual_step
 from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
-from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage, stage_model
-from fifthwheel.cheng_cebon_2011.unknowns import DualUnknown, parameter_unknowns, sensor_unknowns
-from fifthwheel.dynamics import ChainModel
+from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
@@ -31,7 +30,8 @@ from fifthwheel.identify.history import ParameterHistory, is_settled, settled_si
 from fifthwheel.identify.result import Estimate, Fit, Identification
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.unknown import scaling
+from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import compile_in_background
@@ -62,8 +62,8 @@ def identify_two_stage(
     for unit in unmeasured_units(dataset.yaw, dataset.vehicle):
         raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")
     estimator = _estimator(dataset, settings)
-    for model, unknowns in ((estimator.yaw_model, estimator.yaw_unknowns), (estimator.model, estimator.unknowns)):
-        compile_in_background(dual.dual_step(model, scaling(unknowns).logarithmic))
+    for problem in (estimator.yaw, estimator.full):
+        compile_in_background(dual_step(problem.model, problem.scaling.logarithmic))
     return _identification(estimator, *estimator.solve(progress))
 
 
@@ -108,18 +108,19 @@ class _Estimator:
     """What stays the same during one identification."""
 
     dataset: Dataset
-    settings: TwoStage
     notes: tuple[str, ...]
-    stage_1: tuple[DualUnknown, ...]
-    """Parameters of stage 1."""
-    stage_2: tuple[DualUnknown, ...]
-    """Payload heights that stage 2 estimates."""
-    yaw_model: ChainModel
-    yaw_unknowns: tuple[DualUnknown, ...]
-    model: ChainModel
-    """With roll; without stage 2 the yaw model."""
-    unknowns: tuple[DualUnknown, ...]
-    """Of `model`."""
+    yaw: DualProblem  # of stage 1, without roll
+    full: DualProblem  # with roll; without stage 2 the yaw model
+
+    @property
+    def settings(self) -> TwoStage:
+        """Of the identification."""
+        return self.full.settings
+
+    @property
+    def estimated(self) -> list[Unknown]:
+        """The parameters of both stages."""
+        return [u for u in self.full.unknowns if not u.is_sensor_error]
 
     def solve(self, progress: Progress) -> tuple[_State, TwoStagePosterior]:
         """Both stages, again and again until the set of parameters that are not excited no longer changes.
@@ -128,11 +129,11 @@ class _Estimator:
         from then on the set only grows.
         """
         state = self._initial(frozenset())
-        posterior = self._posterior(self.yaw_model, self.yaw_unknowns, state, gated=False)
+        posterior = evaluate_posterior(self.yaw, state.logs, state.values, gated=False)
         not_excited = self._not_excited(posterior)
         for attempt in itertools.count():
             state = self._stages(self._initial(not_excited), progress)
-            posterior = self._posterior(self.model, self.unknowns, state)
+            posterior = evaluate_posterior(self.full, state.logs, state.values)
             latest = self._not_excited(posterior)
             if attempt:
                 latest |= not_excited
@@ -144,8 +145,7 @@ class _Estimator:
     def _initial(self, not_excited: frozenset[str]) -> _State:
         """The state before the first stage."""
         given = self.dataset.vehicle.parameters()
-        estimated = (*self.stage_1, *self.stage_2)
-        values = {u.name: given[u.name] if u.name in not_excited else u.centre for u in estimated}
+        values = {u.name: given[u.name] if u.name in not_excited else u.centre for u in self.estimated}
         channels = (*self.dataset.yaw, *self.dataset.roll)
         vehicle, noise = self.dataset.vehicle, self.settings.noise
         logs = tuple(log.with_noise(vehicle, channels, noise) for log in self.dataset.logs)
@@ -153,19 +153,17 @@ class _Estimator:
 
     def _stages(self, state: _State, progress: Progress) -> _State:
         """Stage 1 with the yaw model, stage 2, then both with the yaw-roll model in rounds until nothing changes."""
-        yaw_model, full_model = (self.yaw_model, self.yaw_unknowns), (self.model, self.unknowns)
-        state = self._stage(state, "stage 1", *yaw_model, [u.name for u in self.yaw_unknowns], progress)
-        if self.model is self.yaw_model:
+        state = self._stage(state, "stage 1", self.yaw, self.yaw.names, progress)
+        if self.full is self.yaw:
             return state
-        heights = [u.name for u in self.stage_2]
-        roll = [u.name for u in self.unknowns if u.name in heights or is_of(u.name, ROLL_RATE)]
-        yaw = [u.name for u in self.unknowns if u.name not in roll]
-        state = self._stage(state, "stage 2", *full_model, roll, progress)
+        roll = [n for n in self.full.names if ParameterPath.of(n).is_payload_height or is_of(n, ROLL_RATE)]
+        yaw = [n for n in self.full.names if n not in roll]
+        state = self._stage(state, "stage 2", self.full, roll, progress)
         while state.rounds < self.settings.rounds:
             before = state.values
             state = replace(state, rounds=state.rounds + 1)
-            state = self._stage(state, "stage 1", *full_model, yaw, progress)
-            state = self._stage(state, "stage 2", *full_model, roll, progress)
+            state = self._stage(state, "stage 1", self.full, yaw, progress)
+            state = self._stage(state, "stage 2", self.full, roll, progress)
             settled = {
                 name: not has_changed(state.values[name] - before[name], state.values[name], sigma, self.settings)
                 for name, sigma in state.sigma.items()
@@ -176,41 +174,24 @@ class _Estimator:
         return state
 
     def _stage(
-        self,
-        state: _State,
-        title: str,
-        model: ChainModel,
-        unknowns: Sequence[DualUnknown],
-        active: Sequence[str],
-        progress: Progress,
+        self, state: _State, title: str, problem: DualProblem, active: Sequence[str], progress: Progress
     ) -> _State:
         """One stage; in rounds, one pass."""
         result = run_stage(
-            model,
-            self.dataset.vehicle,
+            problem,
             state.logs,
-            unknowns,
             active=[name for name in active if name not in state.not_excited],
             start=state.values,
-            settings=self.settings,
             passes=self.settings.passes if state.rounds == 1 else 1,
             progress=progress,
             title=title,
         )
         return state.after(title, result, self.settings)
 
-    def _posterior(
-        self, model: ChainModel, unknowns: Sequence[DualUnknown], state: _State, *, gated: bool = True
-    ) -> TwoStagePosterior:
-        vehicle, settings = self.dataset.vehicle, self.settings
-        return evaluate_posterior(
-            model, vehicle, state.logs, unknowns, values=state.values, settings=settings, gated=gated
-        )
-
     def _not_excited(self, posterior: TwoStagePosterior) -> frozenset[str]:
         """Estimated parameters that the logs do not determine."""
-        names = [u.name for u in self.unknowns if not u.is_sensor_error]
-        return frozenset(name for name in names if not posterior.excited(name, self.settings.excited))
+        limit = self.settings.excited
+        return frozenset(u.name for u in self.estimated if not posterior.excited(u.name, limit))
 
     def sigma_z(self, state: _State, posterior: TwoStagePosterior) -> dict[str, float]:
         """Standard deviations of all unknowns in units of their priors; the sensor errors of log i as "name@i".
@@ -218,10 +199,11 @@ class _Estimator:
         Where stage 1 has run with the yaw model only, those of its parameters include the bias by the missing roll.
         """
         sigma = dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
-        if self.model.roll and state.rounds == 1:
-            yaw = self._posterior(self.yaw_model, self.yaw_unknowns, state)
-            bias = dict(zip(yaw.names, yaw.bias.tolist(), strict=True))
-            sigma |= {u.name: math.hypot(sigma[u.name], bias[u.name]) for u in self.stage_1}
+        if self.full.roll and state.rounds == 1:
+            yaw = evaluate_posterior(self.yaw, state.logs, state.values)
+            bias = zip(yaw.names, yaw.bias.tolist(), strict=True)
+            of_stage_1 = {u.name for u in self.yaw.unknowns if not u.is_sensor_error}
+            sigma |= {name: math.hypot(sigma[name], value) for name, value in bias if name in of_stage_1}
         return sigma
 
 
@@ -249,45 +231,34 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _Estimator:
     if not parameters.stage_2_names(vehicle):
         notes.append("Stage 2 skipped: no unit of the vehicle has a payload.")
     stage_2 = parameter_unknowns(vehicle, heights, settings)
-    yaw_unknowns = [*stage_1, *sensor_unknowns(vehicle, dataset.yaw, settings)]
-    yaw_model = stage_model(vehicle, dataset.yaw, yaw_unknowns, roll=False)
+
+    def problem(outputs: Sequence[str], estimated: Sequence[Unknown], *, roll: bool) -> DualProblem:
+        unknowns = (*estimated, *sensor_error_unknowns(vehicle, outputs, settings))
+        return DualProblem(vehicle=vehicle, outputs=tuple(outputs), roll=roll, unknowns=unknowns, settings=settings)
+
+    yaw = full = problem(dataset.yaw, stage_1, roll=False)
     if stage_2:
-        outputs = (*dataset.yaw, *dataset.roll)
-        unknowns = [*stage_1, *stage_2, *sensor_unknowns(vehicle, outputs, settings)]
-        model = stage_model(vehicle, outputs, unknowns, roll=True)
+        full = problem((*dataset.yaw, *dataset.roll), [*stage_1, *stage_2], roll=True)
     else:
-        unknowns, model = yaw_unknowns, yaw_model
         notes.append(NO_STAGE_2_NOTE)
-    return _Estimator(
-        dataset=dataset,
-        settings=settings,
-        notes=tuple(notes),
-        stage_1=tuple(stage_1),
-        stage_2=tuple(stage_2),
-        yaw_model=yaw_model,
-        yaw_unknowns=tuple(yaw_unknowns),
-        model=model,
-        unknowns=tuple(unknowns),
-    )
+    return _Estimator(dataset=dataset, notes=tuple(notes), yaw=yaw, full=full)
 
 
 def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePosterior) -> Identification:
     """The result: estimates with sigma and verdict, sensor errors, fits of all logs."""
-    dataset, model, sigma_z = estimator.dataset, estimator.model, estimator.sigma_z(state, posterior)
-    estimated = (*estimator.stage_1, *estimator.stage_2)
-    vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimated})
-    shared = {
-        u.name: state.values.get(u.name, u.centre) for u in estimator.unknowns if u.is_sensor_error and not u.per_log
-    }
-    free_running = dynamics.model(dataset.vehicle, model.outputs, roll=model.roll)
+    dataset, problem, sigma_z = estimator.dataset, estimator.full, estimator.sigma_z(state, posterior)
+    unknowns, outputs = problem.unknowns, problem.outputs
+    vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimator.estimated})
+    shared = {u.name: state.values.get(u.name, u.centre) for u in unknowns if u.is_sensor_error and not u.per_log}
+    free_running = dynamics.model(dataset.vehicle, outputs, roll=problem.roll)
 
     def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
-        return free_run_fits(free_running, vehicle, log, estimator.unknowns, values=shared, identified_on=identified_on)
+        return free_run_fits(free_running, vehicle, log, unknowns, values=shared, identified_on=identified_on)
 
     evaluation = evaluate_fits(dataset, state.logs, fits_of, estimator.settings)
     parameter_estimates = _estimates(estimator, state, sigma_z, trusted=evaluation.trusted)
     used = zip(dataset.records, state.logs, state.accepted, strict=True)
-    summaries = tuple(estimates.log_summary(record, log, model.outputs, accepted) for record, log, accepted in used)
+    summaries = tuple(estimates.log_summary(record, log, outputs, accepted) for record, log, accepted in used)
     return Identification(
         method="two-stage",
         vehicle=dataset.identified_vehicle({e.name: e.value for e in parameter_estimates}),
@@ -295,7 +266,7 @@ def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePos
         signals=estimates.used_signals(dataset.vehicle, summaries),
         parameters=tuple(parameter_estimates),
         derived=tuple(estimates.derived_from_payload_height(vehicle, parameter_estimates)),
-        sensors=tuple(estimates.sensor_error_estimates(estimator.unknowns, state.logs, shared, sigma_z)),
+        sensors=tuple(estimates.sensor_error_estimates(unknowns, state.logs, shared, sigma_z)),
         histories=state.histories,
         logs=summaries,
         fits=evaluation.fits,
@@ -309,7 +280,7 @@ def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePos
 def _estimates(estimator: _Estimator, state: _State, sigma_z: Mapping[str, float], *, trusted: bool) -> list[Estimate]:
     """Estimates of all parameters of both stages, also of those that are fixed or have no roll rate."""
     settings, vehicle = estimator.settings, estimator.dataset.initial_vehicle
-    given, unknowns = vehicle.parameters(), {u.name: u for u in (*estimator.stage_1, *estimator.stage_2)}
+    given, unknowns = vehicle.parameters(), {u.name: u for u in estimator.estimated}
     result = []
     for name in (*parameters.stage_1_names(vehicle), *parameters.stage_2_names(vehicle)):
         stage = 2 if name in parameters.stage_2_names(vehicle) else 1
@@ -323,7 +294,7 @@ def _estimates(estimator: _Estimator, state: _State, sigma_z: Mapping[str, float
         else:
             # a sigma above that of the prior is no estimate
             converged = trusted and state.settled.get(name, False) and sigma < 1
-            verdict = estimate_verdict(unknown, value, sigma * unknown.slope(value), converged=converged)
+            verdict = estimate_verdict(unknown, value, sigma, converged=converged)
             initial, time = unknown.centre, _settling_time(state.histories[f"stage {stage}"], name, settings)
         result.append(
             estimates.parameter_estimate(

@@ -3,6 +3,10 @@
 An experiment is one run of the nonlinear truck and several arms: ways to identify it. All arms see the same sensor
 noise. Each parameter of stage 1 starts at 80 or 120 % of its value in the assumed vehicle, drawn by the seed, and the
 payload height starts at 0.1 m (sections 3.1 and 3.3).
+
+`RESULTS` has every number that the article publishes as a result. C. Cheng, D. Cebon, "Parameter and state estimation
+for articulated heavy vehicles", Vehicle System Dynamics 49 (2011) 399-418. Cornering stiffness is positive here, as
+everywhere in this package.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,13 +14,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fifthwheel.cheng_cebon_2011.published import FRONT
 from fifthwheel.cheng_cebon_2011.settings import TwoStage, article
 from fifthwheel.manoeuvres import lane_changes, lane_changes_on_test_track
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors
 from fifthwheel.studies.scenarios import effective_stiffness
 from fifthwheel.vehicle import Vehicle, get
+
+FRONT = "tractor.front.cornering_stiffness"
+DRIVE = "tractor.drive.cornering_stiffness"
+TRAILER = "semitrailer.cornering_stiffness"
+YAW_INERTIA = "semitrailer.yaw_inertia"
+PAYLOAD_HEIGHT = "semitrailer.payload.height"
+COG_HEIGHT = "semitrailer.cog_height"
+ROLL_INERTIA = "semitrailer.roll_inertia"
 
 SPEED = 88 / 3.6
 """Speed of section 3, m/s."""
@@ -39,16 +50,46 @@ BIASES = {
 """Biases of the sensors in the experiment with errors, rad and rad/s."""
 
 
+@dataclass(frozen=True)
+class Published:
+    """One published number."""
+
+    case: str  # the experiment of the article: "simulation", "point payload" or "test vehicle"
+    place: str  # section of the article
+    quantity: str  # parameter or derived quantity
+    value: float  # SI
+    reference: float | None = None  # the article's reference value, SI
+    error: float | None = None  # the error that the article states, as a fraction of its reference
+
+
+RESULTS = (
+    Published("simulation", "3.2", FRONT, 4.77e5),
+    Published("simulation", "3.2", DRIVE, 8.98e5),
+    Published("simulation", "3.2", TRAILER, 1.30e6),
+    Published("simulation", "3.2", YAW_INERTIA, 4.24e5, 4.24e5 / 1.025, 0.025),
+    Published("simulation", "3.3", PAYLOAD_HEIGHT, 1.237, 1.23, 0.006),
+    Published("simulation", "3.3", COG_HEIGHT, 1.602, 1.60, 0.001),
+    Published("simulation", "3.3", ROLL_INERTIA, 4.35e4, 4.35e4 / 1.004, 0.004),
+    Published("point payload", "3.3", PAYLOAD_HEIGHT, 1.084, 1.23, -0.119),
+    Published("point payload", "3.3", COG_HEIGHT, 1.553, 1.60, -0.029),
+    Published("point payload", "3.3", ROLL_INERTIA, 3.99e4, 33308, 0.20),
+    Published("test vehicle", "4.2", DRIVE, 1.12e6),
+    Published("test vehicle", "4.2", TRAILER, 1.66e6),
+    Published("test vehicle", "4.2", YAW_INERTIA, 3.59e5, 3.80e5, -0.06),
+    Published("test vehicle", "4.3", PAYLOAD_HEIGHT, 1.257, 1.145, 0.098),
+    Published("test vehicle", "4.3", COG_HEIGHT, 1.609),
+    Published("test vehicle", "4.3", ROLL_INERTIA, 4.40e4),
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Arm:
     """One way to identify."""
 
     name: str
     settings: TwoStage
-    assumed: Vehicle
-    """The vehicle that the estimator assumes, before the initial values are drawn."""
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    """Values of the fixed parameters."""
+    assumed: Vehicle  # the vehicle that the estimator assumes, before the initial values are drawn
+    fixed: Mapping[str, float] = field(default_factory=dict)  # values of the fixed parameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,26 +97,22 @@ class Experiment:
     """One run of the nonlinear truck, and the arms that identify it."""
 
     name: str
-    case: str
-    """The case of `published.RESULTS` that it repeats."""
+    case: str  # the case of `RESULTS` that it repeats
     run: PlantRun
     sensors: Mapping[str, Sensor]
     arms: tuple[Arm, ...]
     stiffness: Mapping[str, tuple[float, float]]
     """Effective cornering stiffness in two steady turns, N/rad, by parameter; see `effective_stiffness`."""
-    published: bool = True
-    """Whether the truck is that of the article, so that the published numbers apply."""
+    published: bool = True  # whether the truck is that of the article, so that the published numbers apply
 
 
 def point_payload(truck: Vehicle) -> Vehicle:
     """The truck with its payload as a point at half its height on the centre line."""
-    units = [
-        unit.model_copy(update={"payload": unit.payload.model_copy(update={"shape": "point"})})
-        if unit.payload
-        else unit
-        for unit in truck.units
-    ]
-    return Vehicle(**truck.model_copy(update={"units": tuple(units)}).model_dump())
+    described = truck.model_dump()
+    for unit in described["units"]:
+        if unit["payload"]:
+            unit["payload"]["shape"] = "point"
+    return Vehicle(**described)
 
 
 def with_factor(truck: Vehicle, paths: Mapping[str, float]) -> Vehicle:
@@ -92,12 +129,9 @@ def group_paths(truck: Vehicle, quantity: str) -> list[str]:
 
 
 def section_3(*, repetitions: int, truck: Vehicle | None = None, point: bool = False) -> Experiment:
-    """Section 3: repeated lane changes of SAE J2179 at 88 km/h.
+    """Section 3: repeated lane changes of SAE J2179 at 88 km/h; `truck` in place of that of the article.
 
-    Args:
-        repetitions: number of lane changes.
-        truck: in place of that of the article.
-        point: the payload is a point (section 3.3), while the estimator assumes a uniform payload.
+    With `point`, the payload is a point (section 3.3), while the estimator assumes a uniform payload.
     """
     name = "point payload" if point else "simulation"
     assumed, properties = truck or get("cheng_cebon_2011"), Properties()
@@ -119,10 +153,8 @@ def section_3(*, repetitions: int, truck: Vehicle | None = None, point: bool = F
 def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
     """Section 4: lane changes of 4 m in 30 m at 35 km/h with a truck similar to the test vehicle.
 
-    Args:
-        repetitions: number of lane changes.
-        errors: with the errors that the article suspects in its test: the estimator assumes suspensions that are 10 %
-            too stiff in roll, and the sensors have biases.
+    `errors` are those that the article suspects in its test: the estimator assumes suspensions that are 10 % too stiff
+    in roll, and the sensors have biases.
     """
     truck = get("cheng_cebon_2011_vehicle")
     assumed, sensors = truck, article_sensors(truck)
@@ -135,11 +167,8 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
     arms = [
         Arm(name="article", settings=preset, assumed=assumed, fixed=front),
         Arm(name="default", settings=TwoStage(), assumed=assumed),
+        Arm(name="default, front fixed", settings=TwoStage(fixed=(FRONT,)), assumed=assumed, fixed=front),
     ]
-    if not errors:
-        arms.append(
-            Arm(name="default, front fixed", settings=TwoStage(fixed=(FRONT,)), assumed=assumed, fixed=front),
-        )
     name = "test vehicle with errors" if errors else "test vehicle"
     run = Plant(truck).drive(lane_changes_on_test_track(count=repetitions), name=name)
     largest = float(np.degrees(np.abs(run.truth["steer.tractor.front"]).max()))
@@ -148,7 +177,7 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
         case="test vehicle",
         run=run,
         sensors=sensors,
-        arms=tuple(arms),
+        arms=tuple(arms[:2] if errors else arms),
         stiffness=effective_stiffness(truck, run.properties, TEST_SPEED, (0.1, largest)),
     )
 
@@ -158,18 +187,12 @@ class Variant:
     """One change to the experiment of section 3."""
 
     name: str
-    settings: Callable[[TwoStage], TwoStage] = lambda settings: settings
-    """Changes the article's preset."""
-    properties: Properties = field(default_factory=Properties)
-    """Properties of the nonlinear truck."""
-    factors: Mapping[str, float] = field(default_factory=dict)
-    """Factors on parameters of the assumed vehicle, by path."""
-    rate: float = 100.0
-    """Sampling rate, Hz."""
-    repetitions: float = 1.0
-    """Factor on the number of lane changes."""
-    steer_latency: float = 0.0
-    """s."""
+    settings: Callable[[TwoStage], TwoStage] = lambda settings: settings  # changes the article's preset
+    properties: Properties = field(default_factory=Properties)  # properties of the nonlinear truck
+    factors: Mapping[str, float] = field(default_factory=dict)  # factors on parameters of the assumed vehicle, by path
+    rate: float = 100.0  # sampling rate, Hz
+    repetitions: float = 1.0  # factor on the number of lane changes
+    steer_latency: float = 0.0  # s
 
 
 def variants(truck: Vehicle) -> tuple[Variant, ...]:

@@ -15,9 +15,18 @@ import numpy as np
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
-from fifthwheel.cheng_cebon_2011.experiments import LANDING_LEG, OPTICAL_SIGMA, Experiment
+from fifthwheel.cheng_cebon_2011.experiments import (
+    DRIVE,
+    FRONT,
+    LANDING_LEG,
+    OPTICAL_SIGMA,
+    PAYLOAD_HEIGHT,
+    RESULTS,
+    TRAILER,
+    YAW_INERTIA,
+    Experiment,
+)
 from fifthwheel.cheng_cebon_2011.outcomes import Outcome
-from fifthwheel.cheng_cebon_2011.published import DRIVE, FRONT, PAYLOAD_HEIGHT, RESULTS, TRAILER, YAW_INERTIA
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +42,7 @@ MEASURED: dict[str, Any] = {
     "linestyle": "none",
     "marker": ".",
     "markersize": 2.5,
-    "markeredgewidth": 0.0,
+    "markeredgewidth": 0,
 }
 ARMS: dict[str, dict[str, Any]] = {
     "article": {"color": "#D55E00", "linestyle": (0, (4, 1.6)), "linewidth": 1.4},
@@ -66,8 +75,7 @@ class HistoryPanel:
     outcomes: Sequence[Outcome]
     quantity: str
     title: str
-    factor: float = 1.0
-    """Shown value divided by the SI value."""
+    factor: float = 1.0  # shown value divided by the SI value
 
     @property
     def truth(self) -> float:
@@ -104,10 +112,9 @@ def draw(experiments: Mapping[str, Experiment], outcomes: Sequence[Outcome], fol
 
 
 def _save(figure: "Figure", path: Path) -> Iterator[Path]:
-    for suffix in ("png", "svg"):
+    for suffix, metadata in (("png", None), ("svg", {"Date": None})):
         file = path.with_suffix(f".{suffix}")
         with atomic_write(file) as temporary:
-            metadata = {"Date": None} if suffix == "svg" else None
             figure.savefig(temporary, format=suffix, dpi=DOTS_PER_INCH, metadata=metadata)
         yield file
 
@@ -214,14 +221,11 @@ def _states(experiment: Experiment, outcomes: Sequence[Outcome], title: str) -> 
     """States of the trailer in one lane change; measured values only where the article has them, in section 4."""
     has_measurements = experiment.case == "test vehicle"
     unit = experiment.run.vehicle.units[-1].name
-    if has_measurements:
-        sideslip = LANDING_LEG, "(c) sideslip at landing leg, deg"
-    else:
-        sideslip = f"sideslip.{unit}", "(c) sideslip, deg"
+    sideslip = LANDING_LEG if has_measurements else f"sideslip.{unit}"
     panels = (
         (f"roll.{unit}", "(a) roll angle, deg"),
         (f"roll_rate.{unit}", "(b) roll rate, deg/s"),
-        sideslip,
+        (sideslip, f"(c) sideslip{' at landing leg' if has_measurements else ''}, deg"),
         (f"yaw_rate.{unit}", "(d) yaw rate, deg/s"),
     )
     time, truth = experiment.run.time, experiment.run.truth
@@ -246,21 +250,15 @@ def _states(experiment: Experiment, outcomes: Sequence[Outcome], title: str) -> 
     return figure
 
 
-def middle_manoeuvre(time: Array, signal: Array, *, before: float = 1.0, after: float = 2.0) -> tuple[float, float]:
-    """Start and end of the middle one of several manoeuvres, s; of the whole signal if it is 0.
+def middle_manoeuvre(time: Array, signal: Array) -> tuple[float, float]:
+    """1 s before and 2 s after the middle one of several manoeuvres, s; the whole signal (N,) if it is 0.
 
     A manoeuvre is a segment with more than 20 % of the largest magnitude of the signal, without a gap above 2 s.
-
-    Args:
-        time: (N,) s.
-        signal: (N,).
-        before: added before the manoeuvre, s.
-        after: added after the manoeuvre, s.
     """
     active = time[np.abs(signal) > 0.2 * np.max(np.abs(signal))] if np.any(signal) else time
     manoeuvres = np.split(active, np.flatnonzero(np.diff(active) > 2.0) + 1)
     middle = manoeuvres[len(manoeuvres) // 2]
-    return max(float(middle[0]) - before, float(time[0])), min(float(middle[-1]) + after, float(time[-1]))
+    return max(float(middle[0]) - 1.0, float(time[0])), min(float(middle[-1]) + 2.0, float(time[-1]))
 
 
 def _measured(experiment: Experiment, seed: int) -> dict[str, Array]:

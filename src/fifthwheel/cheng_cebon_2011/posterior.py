@@ -13,27 +13,19 @@ and both covariances agree. b is the score that the yaw model collects on a vehi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.cheng_cebon_2011 import dual
-from fifthwheel.cheng_cebon_2011.dual import DualState
-from fifthwheel.cheng_cebon_2011.settings import TwoStage
-from fifthwheel.cheng_cebon_2011.stage import filter_noise, initial_state_with_sensitivity, shift_delays
-from fifthwheel.dynamics import ChainModel
+from fifthwheel.cheng_cebon_2011.problem import DualProblem
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.filters.scaling import Scaling
-from fifthwheel.filters.step_rows import corrected_inputs, step_rows
+from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.residuals import long_run_covariance
-from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
 
 SINGULAR = 1e14
 """Condition number of the information from which it counts as singular: the vehicle is unstable at these values."""
@@ -66,42 +58,27 @@ class TwoStagePosterior:
 
 
 def evaluate_posterior(
-    model: ChainModel,
-    vehicle: Vehicle,
-    logs: Sequence[LogData],
-    unknowns: Sequence[Unknown],
-    *,
-    values: Mapping[str, float],
-    settings: TwoStage,
-    gated: bool = True,
+    problem: DualProblem, logs: Sequence[LogData], values: Mapping[str, float], *, gated: bool = True
 ) -> TwoStagePosterior:
-    """Posterior at the estimate, given all logs.
+    """Posterior at the values of the unknowns that all logs share, SI; logs have their own errors and their noise.
 
-    Args:
-        model: in which all unknowns are free.
-        vehicle: with the axles locked whose steer angle is not logged.
-        logs: with their own sensor errors and the noise of every channel.
-        unknowns: in the order of the model.
-        values: of the unknowns that all logs share, SI.
-        settings: of the identification.
-        gated: False counts every measurement, even those that the gate rejects; before an estimation these may be most.
+    `gated=False` counts every measurement, even those that the gate rejects; before an estimation these may be most.
     """
+    unknowns = problem.unknowns
     names = [u.name for u in unknowns if not u.per_log]
     names += [f"{u.name}@{i}" for i in range(len(logs)) for u in unknowns if u.per_log]
     k = len(names)
     information, score_covariance, bias_score = np.eye(k), np.eye(k), np.zeros(k)
     for i, log in enumerate(logs):
         indices = [names.index(f"{u.name}@{i}" if u.per_log else u.name) for u in unknowns]
-        frozen = _FixedFilter(
-            model=model, vehicle=vehicle, unknowns=tuple(unknowns), shared=values, log=log, settings=settings
-        )
+        fixed = _FixedFilter(problem=problem, log=log, values=problem.values(values, log))
         for segment in log.segments:
-            scores, gram = frozen.scores(segment, gated=gated)
-            lags = max(int(settings.correlation_time * segment.rate), 1)
+            scores, gram = fixed.scores(segment, gated=gated)
+            lags = max(int(problem.settings.correlation_time * segment.rate), 1)
             information[np.ix_(indices, indices)] += gram
             score_covariance[np.ix_(indices, indices)] += long_run_covariance(scores, lags)
-            if not model.roll:
-                bias_score[indices] += frozen.roll_bias_score(segment)
+            if not problem.roll:
+                bias_score[indices] += fixed.roll_bias_score(segment)
     unstable = not np.linalg.cond(information) < SINGULAR
     if unstable:
         information, score_covariance, bias_score = np.eye(k), np.eye(k), np.zeros(k)
@@ -119,44 +96,15 @@ def evaluate_posterior(
 class _FixedFilter:
     """The dual filter with fixed parameters over the segments of one log; n unknowns, m channels."""
 
-    model: ChainModel
-    vehicle: Vehicle
-    unknowns: tuple[Unknown, ...]
-    shared: Mapping[str, float]
+    problem: DualProblem
     log: LogData
-    settings: TwoStage
-
-    @cached_property
-    def names(self) -> list[str]:
-        """Of the unknowns."""
-        return [u.name for u in self.unknowns]
-
-    @cached_property
-    def values(self) -> dict[str, float]:
-        """Of the unknowns in this log, SI."""
-        return {**{u.name: u.centre for u in self.unknowns}, **self.shared, **self.log.errors}
-
-    @cached_property
-    def scaling(self) -> Scaling:
-        """The transformation between z and the values of the unknowns."""
-        return scaling(self.unknowns)
+    values: dict[str, float]  # of the unknowns in this log, SI
 
     def run(self, segment: Record) -> tuple[Array, Array, Array]:
         """Innovations, weights 1 / s^2 (zero where rejected) and gradients: (M, m), (M, m), (M, m, n)."""
-        n = len(self.names)
-        z = self.scaling.to_z(np.array([self.values[name] for name in self.names]))
-        rows = step_rows(self.model, self.vehicle, segment, errors=self.values)
-        x0, P0, sensitivity = initial_state_with_sensitivity(
-            self.vehicle, self.names, self.scaling, z, rows, roll=self.model.roll
-        )
-        filtered = dual.run_dual(
-            self.model,
-            rows.rows,
-            c=self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs)),
-            noise=filter_noise(self.model, self.log, self.settings),
-            scaling=shift_delays(self.scaling, self.names, self.values),
-            start=DualState(x=x0, P=P0, z=z, Pz=np.zeros((n, n)), sensitivity=sensitivity),
-        )
+        problem, n = self.problem, len(self.problem.names)
+        rows = problem.rows(segment, self.values)
+        filtered = problem.run(self.log, rows, self.values, z=problem.z(self.values), Pz=np.zeros((n, n)))
         return filtered.innovation, filtered.accepted / filtered.innovation_variance, filtered.sensitivity
 
     def scores(self, segment: Record, *, gated: bool) -> tuple[Array, Array]:
@@ -166,7 +114,7 @@ class _FixedFilter:
         sensors, which looks like excitation: on a straight road there is nothing else.
         """
         innovation, weight, _ = self.run(segment)
-        _, ungated_weight, gradient = self.run(self.predicted(segment, roll=self.model.roll))
+        _, ungated_weight, gradient = self.run(self.predicted(segment, roll=self.problem.roll))
         if not gated:
             weight = ungated_weight
         scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
@@ -187,9 +135,11 @@ class _FixedFilter:
 
     def predicted(self, segment: Record, *, roll: bool) -> Record:
         """The segment as the model predicts it at the estimate: without noise, the same samples missing."""
-        parameters = set(self.vehicle.parameters())
-        vehicle = self.vehicle.replace({name: value for name, value in self.values.items() if name in parameters})
-        model = dynamics.model(vehicle, self.model.outputs, roll=roll)
+        parameters = set(self.problem.vehicle.parameters())
+        vehicle = self.problem.vehicle.replace(
+            {name: value for name, value in self.values.items() if name in parameters}
+        )
+        model = dynamics.model(vehicle, self.problem.outputs, roll=roll)
         inputs = {name: segment.input(name) for name in model.inputs}
         first = {name: float(v[0]) for name, v in inputs.items()}
         x0, _ = steady_initial_state(vehicle, first, self.values, roll=roll)

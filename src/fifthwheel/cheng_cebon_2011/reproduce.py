@@ -1,18 +1,18 @@
 """The reproduction: simulate the trucks, identify over the seeds on all cores, write tables and figures."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel.cheng_cebon_2011 import figures, raw_results, table
-from fifthwheel.cheng_cebon_2011.comparison import Row, VariantErrors, compare, compare_variants
-from fifthwheel.cheng_cebon_2011.experiments import Experiment, section_3, section_4, variants, with_variant
-from fifthwheel.cheng_cebon_2011.outcomes import Outcome, outcome
-from fifthwheel.cheng_cebon_2011.published import RESULTS
+from fifthwheel.cheng_cebon_2011 import figures, table
+from fifthwheel.cheng_cebon_2011.comparison import Row, compare, compare_variants
+from fifthwheel.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
+from fifthwheel.cheng_cebon_2011.outcomes import Outcome, history_table, outcome, parameter_table
+from fifthwheel.cluster import run_all
 from fifthwheel.errors import FifthwheelError, VehicleError
-from fifthwheel.studies.pool import run_all
+from fifthwheel.identify.settings import Progress
 from fifthwheel.studies.result_table import write_table
 from fifthwheel.vehicle import Vehicle, get
 
@@ -22,20 +22,14 @@ FILES = ("reproduction.md", "reproduction.csv", "parameters.parquet", "histories
 ARMS = ("article", "default", "default, front fixed")
 """Names of the arms; section 4 without errors has all of them."""
 
-Progress = Callable[[str, int, int], None]
-"""Called with a title, the steps done and all steps."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
     """How much is computed."""
 
-    seeds: int = 20
-    """Seeds of every arm of every experiment."""
-    repetitions: int = 12
-    """Lane changes; the article needs more than 10."""
-    variant_seeds: Mapping[str, int]
-    """Seeds of every variant, by arm; empty for no variants."""
+    seeds: int = 20  # seeds of every arm of every experiment
+    repetitions: int = 12  # lane changes; the article needs more than 10
+    variant_seeds: Mapping[str, int]  # seeds of every variant, by arm; empty for no variants
 
 
 FULL = Extent(variant_seeds={"article": 3, "default": 1})
@@ -46,10 +40,7 @@ QUICK = Extent(seeds=3, repetitions=6, variant_seeds={})
 class Reproduction:
     """Results, and the files that contain them."""
 
-    experiments: Mapping[str, Experiment]
-    outcomes: tuple[Outcome, ...]
     rows: tuple[Row, ...]
-    variants: tuple[VariantErrors, ...]
     files: tuple[Path, ...]
 
 
@@ -62,17 +53,11 @@ def reproduce(
     vehicle: Vehicle | None = None,
     progress: Progress = lambda *_: None,
 ) -> Reproduction:
-    """Reproduce sections 3 and 4 of the article on the nonlinear truck.
+    """Reproduce sections 3 and 4 of the article on the nonlinear truck; the files are `FILES` in the folder `out`.
 
-    Args:
-        out: folder for reproduction.md, reproduction.csv, the figures, parameters.parquet with the estimates of every
-            seed and histories.parquet with the time histories of seed 0; created if it is missing.
-        quick: fewer seeds, fewer lane changes and no variants, so more random error.
-        seeds: number of seeds of every experiment; by default 20, or 3 with `quick`.
-        arms: names of the arms to compute; by default all.
-        vehicle: a truck in place of that of section 3. Then section 4 and the variants are left out, and nothing is
-            compared with published numbers.
-        progress: called while the trucks are simulated and identified.
+    `quick` takes fewer seeds, fewer lane changes and no variants, so that the random error is larger. `seeds` is the
+    number of seeds of every experiment, `arms` names those to compute, by default all. With a vehicle in place of that
+    of section 3, section 4 and the variants are left out, and nothing is compared with published numbers.
 
     Raises:
         FifthwheelError: MuJoCo or matplotlib is not installed; an arm does not exist; seeds are below 1.
@@ -92,13 +77,10 @@ def reproduce(
     if vehicle is not None:
         _require_article_parameters(vehicle)
     extent = QUICK if quick else FULL
-    extent = replace(extent, seeds=seeds or extent.seeds)
-    if vehicle is not None:
-        extent = replace(extent, variant_seeds={})
+    extent = replace(extent, seeds=seeds or extent.seeds, variant_seeds=extent.variant_seeds if vehicle is None else {})
     experiments, changed = simulate(extent, progress, arms, vehicle)
     outcomes = identify_all(experiments, changed, extent, progress)
     rows = compare(experiments, outcomes)
-    variant_errors = compare_variants(changed, outcomes)
     remarks = list(table.REMARKS)
     if quick:
         remarks.insert(
@@ -108,26 +90,17 @@ def reproduce(
         )
     out.mkdir(parents=True, exist_ok=True)
     texts = {
-        "reproduction.md": table.markdown(rows, variant_errors, remarks),
+        "reproduction.md": table.markdown(rows, compare_variants(changed, outcomes), remarks),
         "reproduction.csv": table.as_csv(rows),
     }
     for name, text in texts.items():
         with atomic_write(out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    tables = {
-        "parameters.parquet": raw_results.parameters(experiments | changed, outcomes),
-        "histories.parquet": raw_results.histories(experiments | changed, outcomes),
-    }
-    for name, raw in tables.items():
-        write_table(raw, out / name)
+    tables = {"parameters.parquet": parameter_table, "histories.parquet": history_table}
+    for name, made in tables.items():
+        write_table(made(experiments | changed, outcomes), out / name)
     drawn = figures.draw(experiments, outcomes, out)
-    return Reproduction(
-        experiments=experiments,
-        outcomes=tuple(o for o in outcomes if o.experiment in experiments),
-        rows=tuple(rows),
-        variants=tuple(variant_errors),
-        files=(*(out / name for name in (*texts, *tables)), *drawn),
-    )
+    return Reproduction(rows=tuple(rows), files=(*(out / name for name in (*texts, *tables)), *drawn))
 
 
 def _require_article_parameters(vehicle: Vehicle) -> None:
@@ -147,23 +120,20 @@ def simulate(
     """The experiments of the article and the variants of section 3, by name, with their runs and the chosen arms."""
     n = extent.repetitions
     selected = variants(get("cheng_cebon_2011")) if extent.variant_seeds else ()
-    makers: list[Callable[[], Experiment]] = [
-        partial(section_3, repetitions=n, truck=vehicle),
-        partial(section_3, repetitions=n, truck=vehicle, point=True),
-    ]
+    makers = [partial(section_3, repetitions=n, truck=vehicle, point=point) for point in (False, True)]
     if vehicle is None:
-        makers += [partial(section_4, repetitions=n), partial(section_4, repetitions=n, errors=True)]
+        makers += [partial(section_4, repetitions=n, errors=errors) for errors in (False, True)]
     total = len(makers) + len(selected)
-    experiments: list[Experiment] = []
-    for make in makers:
-        progress("simulating", len(experiments), total)
-        experiments.append(make())
+    made: list[Experiment] = []
+    for number, make in enumerate(makers):
+        progress("simulating", number, total)
+        made.append(make())
     changed: list[Experiment] = []
-    for variant in selected:
-        progress("simulating", len(experiments) + len(changed), total)
-        changed.append(with_variant(experiments[0], variant, repetitions=n))
+    for number, variant in enumerate(selected, len(makers)):
+        progress("simulating", number, total)
+        changed.append(with_variant(made[0], variant, repetitions=n))
     progress("simulating", total, total)
-    return _with_arms(experiments, arms), _with_arms(changed, arms)
+    return _with_arms(made, arms), _with_arms(changed, arms)
 
 
 def _with_arms(experiments: Sequence[Experiment], arms: Sequence[str]) -> dict[str, Experiment]:

@@ -9,31 +9,24 @@ passes move in opposite directions, the length of the step is halved.
 The article carries the covariance on from pass to pass (`TwoStage.restart`) and has no correction.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import is_sensor_error
-from fifthwheel.cheng_cebon_2011 import dual
-from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState
+from fifthwheel.cheng_cebon_2011.dual import DualCoupling
+from fifthwheel.cheng_cebon_2011.problem import DualProblem
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
-from fifthwheel.cheng_cebon_2011.unknowns import DualUnknown
-from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters import Noise, variances
-from fifthwheel.filters.initial_state import initial_state, steady_initial_state
-from fifthwheel.filters.scaling import Scaling
-from fifthwheel.filters.step_rows import StepRows, step_rows
+from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.settings import Progress
-from fifthwheel.identify.unknowns.unknown import scaling
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
+from fifthwheel.names import ParameterPath
 
 FEWEST_INNOVATIONS = 20
 """A channel with at most so many accepted innovations keeps its noise."""
@@ -50,63 +43,22 @@ class StageResult:
     accepted: tuple[Array, ...]  # of each log: (N, m), 1 where the last pass used a measurement
 
 
-def stage_model(vehicle: Vehicle, outputs: Sequence[str], unknowns: Sequence[DualUnknown], *, roll: bool) -> ChainModel:
-    """The model in which all unknowns are free."""
-    return dynamics.model(vehicle, outputs, roll=roll, free=[u.name for u in unknowns])
-
-
-def initial_state_with_sensitivity(
-    vehicle: Vehicle, names: Sequence[str], scaling: Scaling, z: Array, rows: StepRows, *, roll: bool
-) -> tuple[Array, Array, Array]:
-    """Initial state (n,), its covariance (n, n), and its derivative dx/dz (n, n_p) by forward differences.
-
-    Args:
-        names: of the n_p unknowns.
-        scaling: from z to their values.
-        z: (n_p,).
-        rows: of the segment.
-        roll: whether the model has roll.
-    """
-
-    def values(z: Array) -> dict[str, float]:
-        return dict(zip(names, scaling.to_p(z).tolist(), strict=True))
-
-    x0, P0 = initial_state(vehicle, rows.first, values(z), roll=roll, steer_sigma=rows.steer_sigma)
-    step = 1e-5
-    shifted = [
-        steady_initial_state(vehicle, rows.first, values(z + step * row), roll=roll)[0] for row in np.eye(len(z))
-    ]
-    return x0, P0, (np.column_stack(shifted) - x0[:, None]) / step
-
-
 def run_stage(
-    model: ChainModel,
-    vehicle: Vehicle,
+    problem: DualProblem,
     logs: Sequence[LogData],
-    unknowns: Sequence[DualUnknown],
     *,
-    active: Sequence[str],
+    active: Collection[str],
     start: Mapping[str, float],
-    settings: TwoStage,
     passes: int,
     progress: Progress = lambda *_: None,
     title: str = "",
 ) -> StageResult:
-    """Estimate the active unknowns; the others keep their values.
+    """Estimate the active ones of the unknowns by at most so many passes; the others keep their values.
 
-    Args:
-        model: in which all unknowns are free.
-        vehicle: with the axles locked whose steer angle is not logged.
-        logs: with the noise of every channel.
-        unknowns: in the order of the model.
-        active: names of those that are estimated.
-        start: values of the unknowns that all logs share.
-        settings: of the identification.
-        passes: largest number of passes through the logs.
-        progress: called before each pass and at the end.
-        title: for `progress`.
+    `logs` have the noise of every channel, `start` has the values of the unknowns that all logs share. `progress` is
+    called with `title` before each pass and at the end.
     """
-    stage = _Stage(model=model, vehicle=vehicle, unknowns=tuple(unknowns), active=frozenset(active), settings=settings)
+    stage = _Stage(problem=problem, active=frozenset(active))
     state = stage.initial(start, logs)
     for number in range(passes):
         progress(title, number, passes)
@@ -120,26 +72,6 @@ def run_stage(
         history=stage.history(state),
         settled=stage.settled(state),
         accepted=state.accepted,
-    )
-
-
-def shift_delays(scaling: Scaling, names: Sequence[str], errors: Mapping[str, float]) -> Scaling:
-    """The scaling for rows to which the delays in `errors` have been applied: the model has the remainder."""
-    centre = scaling.centre.copy()
-    for i, name in enumerate(names):
-        if is_sensor_error(name, "delay"):
-            centre[i] -= errors.get(name, 0.0)
-    return replace(scaling, centre=centre)
-
-
-def filter_noise(model: ChainModel, log: LogData, settings: TwoStage) -> Noise:
-    """Process noise, and the effective noise variance of each channel of a log."""
-    # at least 1e-9 of the default: a covariance that decays to denormal numbers is slow to compute
-    factor = max(settings.process_noise, 1e-9)
-    return Noise(
-        process=variances.process_covariance(model.states, variances.PROCESS_VARIANCE, factor),
-        measurement=np.array([log.effective_variance(name) for name in model.outputs]),
-        gate=settings.gate,
     )
 
 
@@ -184,56 +116,43 @@ class _State:
 class _Stage:
     """What stays the same during a stage."""
 
-    model: ChainModel
-    vehicle: Vehicle
-    unknowns: tuple[DualUnknown, ...]
+    problem: DualProblem
     active: frozenset[str]
-    settings: TwoStage
 
-    @cached_property
-    def names(self) -> list[str]:
-        """Of the unknowns."""
-        return [u.name for u in self.unknowns]
-
-    @cached_property
-    def scaling(self) -> Scaling:
-        """The transformation between z and the values of the unknowns."""
-        return scaling(self.unknowns)
+    @property
+    def settings(self) -> TwoStage:
+        """Of the identification."""
+        return self.problem.settings
 
     @cached_property
     def is_active(self) -> NDArray[np.bool_]:
         """Which unknowns are estimated (n_p,)."""
-        return np.array([u.name in self.active for u in self.unknowns], dtype=np.bool_)
+        return np.array([name in self.active for name in self.problem.names], dtype=np.bool_)
 
     @cached_property
     def per_log(self) -> NDArray[np.bool_]:
         """Which unknowns each log has for itself (n_p,)."""
-        return np.array([u.per_log for u in self.unknowns], dtype=np.bool_)
+        return np.array([u.per_log for u in self.problem.unknowns], dtype=np.bool_)
 
     @cached_property
     def is_estimated(self) -> NDArray[np.bool_]:
         """Which unknowns are active parameters, not sensor errors (n_p,)."""
-        return self.is_active & ~np.array([u.is_sensor_error for u in self.unknowns], dtype=np.bool_)
+        return self.is_active & ~np.array([u.is_sensor_error for u in self.problem.unknowns], dtype=np.bool_)
 
     @cached_property
-    def constants(self) -> Array:
-        """Values of the parameters of the model that are not free."""
-        return self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs))
+    def sigmas(self) -> Array:
+        """Standard deviations (2, n_p) of z at the start, and that z gains per sample; 0 if not active."""
+        sigmas = np.array([filter_sigmas(u, self.settings) for u in self.problem.unknowns]).reshape(-1, 2)
+        return np.where(self.is_active, sigmas.T, 0.0)
 
     def initial(self, start: Mapping[str, float], logs: Sequence[LogData]) -> _State:
         """The state before the first pass."""
-        z = self._z(start, logs[0])
+        z = self.problem.z(self.problem.values(start, logs[0]))
         return _State(z=z, Pz=self._prior(), values=dict(start), logs=tuple(logs), before=z, step=np.zeros(len(z)))
 
     def _prior(self) -> Array:
-        """Covariance at the start of a pass; zero for unknowns that are not active."""
-        start = [u.start**2 if active else 0.0 for u, active in zip(self.unknowns, self.is_active, strict=True)]
-        return np.diag(start)
-
-    def _z(self, values: Mapping[str, float], log: LogData) -> Array:
-        """z (n_p,) of shared values and the sensor errors of a log; the prior mean of all else."""
-        merged = {**{u.name: u.centre for u in self.unknowns}, **values, **log.errors}
-        return self.scaling.to_z(np.array([merged[name] for name in self.names]))
+        """Covariance at the start of a pass."""
+        return np.diag(self.sigmas[0] ** 2)
 
     def run_pass(self, state: _State) -> _State:
         """All logs once, in order; see the module docstring."""
@@ -267,12 +186,15 @@ class _Stage:
         Pz = state.Pz.copy()
         Pz[specific, :] = Pz[:, specific] = 0.0
         Pz[specific, specific] = 1.0
-        state = replace(state, z=np.where(self.per_log, self._z(state.values, log), state.z), Pz=Pz)
+        values = self.problem.values(state.values, log)
+        state = replace(state, z=np.where(self.per_log, self.problem.z(values), state.z), Pz=Pz)
         start = np.where(specific, state.z, 0.0)
         innovations, accepted = [], []
         for segment in log.segments:
-            rows = step_rows(self.model, self.vehicle, segment, errors={**state.values, **log.errors})
-            filtered = self._filter(state, log, rows)
+            rows = self.problem.rows(segment, values)
+            filtered = self.problem.run(
+                log, rows, values, z=state.z, Pz=state.Pz, walk=state.walk, coupling=self._coupling(rows)
+            )
             samples, end = rows.sample_indices, filtered.end
             time = rows.time[samples] - rows.time[0] + state.elapsed
             history = self._rows(time, filtered.z[samples], filtered.z_variance[samples])
@@ -286,37 +208,22 @@ class _Stage:
         )
         return replace(state, z=z, logs=(*state.logs, log), accepted=(*state.accepted, used))
 
-    def _filter(self, state: _State, log: LogData, rows: StepRows) -> DualFiltered:
-        """The dual filter over one segment, from the state and covariance of the parameters before it."""
-        x0, P0, sensitivity = initial_state_with_sensitivity(
-            self.vehicle, self.names, self.scaling, state.z, rows, roll=self.model.roll
-        )
-        return dual.run_dual(
-            self.model,
-            rows.rows,
-            c=self.constants,
-            noise=filter_noise(self.model, log, self.settings),
-            scaling=shift_delays(self.scaling, self.names, state.values),
-            start=DualState(x=x0, P=P0, z=state.z, Pz=state.Pz, sensitivity=sensitivity, walk=state.walk),
-            coupling=self._coupling(rows),
-        )
-
     def _coupling(self, rows: StepRows) -> DualCoupling:
         """Random walk and forgetting per second; the settings have them per sample."""
         step = float(np.median(np.diff(rows.time[rows.sample_indices])))
-        walk = np.array([u.walk**2 if active else 0.0 for u, active in zip(self.unknowns, self.is_active, strict=True)])
         return DualCoupling(
             consistent=self.settings.consistent,
             coupled=self.settings.coupled,
-            random_walk=walk / step,
+            random_walk=self.sigmas[1] ** 2 / step,
             forgetting=-np.log(self.settings.forgetting) / step,
         )
 
     def _within_bounds(self, z: Array, which: NDArray[np.bool_]) -> tuple[Array, dict[str, float]]:
         """z with some unknowns moved inside their bounds, and their values by name."""
-        p = np.clip(self.scaling.to_p(z), self.scaling.lower, self.scaling.upper)
-        values = {name: float(value) for name, value, flag in zip(self.names, p, which, strict=True) if flag}
-        return np.where(which, self.scaling.to_z(p), z), values
+        scale = self.problem.scaling
+        p = np.clip(scale.to_p(z), scale.lower, scale.upper)
+        values = {name: float(value) for name, value, flag in zip(self.problem.names, p, which, strict=True) if flag}
+        return np.where(which, scale.to_z(p), z), values
 
     def _with_innovation_noise(self, log: LogData, innovation: Array, accepted: Array) -> LogData:
         """The log with noise and autocorrelation factor of each channel by its normalised innovations (N, m)."""
@@ -324,7 +231,7 @@ class _Stage:
             return log
         rate = 1 / np.median(np.diff(log.segments[0].time))
         noise, factors = dict(log.noise), dict(log.autocorrelation_factor)
-        for i, name in enumerate(self.model.outputs):
+        for i, name in enumerate(self.problem.outputs):
             values = innovation[accepted[:, i] > 0, i]
             if len(values) > FEWEST_INNOVATIONS:
                 noise[name] = log.effective_variance(name) * float(np.clip(np.mean(values**2), 1e-3, 1e3))
@@ -339,16 +246,16 @@ class _Stage:
         """Whether the last pass changed no parameter."""
         if not self.settings.restart:
             return False
-        estimated = self.is_estimated
+        estimated, scale = self.is_estimated, self.problem.scaling
         if not estimated.any():
             return len(state.starts) > 1
-        p, p_before = self.scaling.to_p(state.before + state.step), self.scaling.to_p(state.before)
-        sigma = np.sqrt(np.diag(state.Pz)) * np.abs(self.scaling.slope(p))
+        p, p_before = scale.to_p(state.before + state.step), scale.to_p(state.before)
+        sigma = np.sqrt(np.diag(state.Pz)) * np.abs(scale.slope(p))
         return not has_changed((p - p_before)[estimated], p[estimated], sigma[estimated], self.settings)
 
     def history(self, state: _State) -> ParameterHistory:
         """Of the estimated parameters over all passes."""
-        estimated = [u for u, flag in zip(self.unknowns, self.is_estimated, strict=True) if flag]
+        estimated = [u for u, flag in zip(self.problem.unknowns, self.is_estimated, strict=True) if flag]
         scale = scaling(estimated)
         p = scale.to_p(np.concatenate([rows.z for rows in state.rows]))
         variance = np.concatenate([rows.variance for rows in state.rows])
@@ -359,3 +266,14 @@ class _Stage:
             sigma=np.sqrt(variance) * np.abs(scale.slope(p)),
             starts=state.starts,
         )
+
+
+def filter_sigmas(unknown: Unknown, settings: TwoStage) -> tuple[float, float]:
+    """Standard deviations of z at the start of the filter, and that z gains per sample."""
+    if unknown.is_sensor_error:
+        return 1.0, 0.0
+    if ParameterPath.of(unknown.name).is_payload_height:
+        start, walk, prior = settings.initial_height_sigma, settings.height_walk, settings.height_prior
+    else:
+        start, walk, prior = settings.initial_sigma, settings.random_walk, settings.prior
+    return (start or prior) / prior, walk / prior

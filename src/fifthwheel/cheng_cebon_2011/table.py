@@ -18,19 +18,18 @@ HEADINGS = {
 }
 """Heading of each experiment."""
 REMARKS = (
-    "The TruckSim vehicle of the article is not public. This study uses a multibody truck with the published values,"
-    " the values that follow from them, and assumptions for all others. Its tyres are not linear and have relaxation"
-    " lengths; its axles roll on their tyres.",
-    "The method `article` uses the settings and the models of the article: no relaxation length, and no roll in "
-    "stage 1."
-    " The article gives neither P_p(0) nor the sampling rate; this study uses Q_p and 100 Hz. The table of variants "
-    "shows"
-    " their effect (not with `--quick`).",
-    "Two assumptions about the vehicle have the largest effect on the payload height of the article's preset: the"
-    " height of the roll centres and the roll stiffness of the suspensions. The published error of 0.6 % is so"
-    " small because TruckSim and the estimator used the same values. On a real truck, the error is larger.",
-    "The speed, the true tyre parameters and the optical noise of section 4 are assumptions of this study. The sideslip"
-    " at the landing leg is relative to the road below the body, as an optical sensor on the body measures it.",
+    "The TruckSim vehicle of the article is not public. This study uses a multibody truck with the published values, "
+    "the values that follow from them, and assumptions for all others. Its tyres are not linear and have relaxation "
+    "lengths; its axles roll on their tyres.",
+    "The method `article` uses the settings and the models of the article: no relaxation length, and no roll in stage "
+    "1. The article gives neither P_p(0) nor the sampling rate; this study uses Q_p and 100 Hz. The table of variants "
+    "shows their effect (not with `--quick`).",
+    "Two assumptions about the vehicle have the largest effect on the payload height of the article's preset: the "
+    "height of the roll centres and the roll stiffness of the suspensions. The published error of 0.6 % is so small "
+    "because TruckSim and the estimator used the same values. On a real truck, the error is larger.",
+    "The speed, the true tyre parameters and the optical noise of section 4 are assumptions of this study. The "
+    "sideslip at the landing leg is relative to the road below the body, as an optical sensor on the body measures "
+    "it.",
 )
 """What a reader must know besides the numbers."""
 LEGEND = """\

@@ -28,8 +28,8 @@ NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 
 def reported(learner: Learner) -> list[Unknown]:
     """The unknowns whose estimates C code can read: the estimated ones, then parameters that are not identifiable."""
-    problem = learner.live.problem
-    return [*problem.estimated, *(u for u in problem.considered if u.name in problem.not_identifiable)]
+    setup = learner.live.setup
+    return [*setup.estimated_unknowns, *(u for u in setup.considered_unknowns if u.name in setup.estimated)]
 
 
 def texts_of(learner: Learner) -> dict[str, str]:
@@ -48,11 +48,11 @@ def texts_of(learner: Learner) -> dict[str, str]:
 def _header(learner: Learner) -> str:
     """Enumerations of signals, states and estimates, and sizes, for the public header."""
     live = learner.live
-    problem, layout, relinearisation = live.problem, live.filter.layout, live.learner.relinearisation
+    setup, layout, relinearisation = live.setup, live.filter.layout, live.learner.relinearisation
     estimates = {u.name: sensor_error_unit(u.name) if u.is_sensor_error else unit_of(u.name) for u in reported(learner)}
-    saved = layout.size - layout.estimate.start + 2 * len(problem.outputs)
+    saved = layout.size - layout.estimate.start + 2 * len(setup.outputs)
     sizes = {
-        "STEER_COUNT": (len(problem.inputs) - 1, "steered axles"),
+        "STEER_COUNT": (len(setup.inputs) - 1, "steered axles"),
         "Z_COUNT": (layout.n_z, "estimated unknowns"),
         "CARRY_COUNT": (layout.size, "numbers in the state of a filter"),
         "ROW_COUNT": (live.filter.scan.n_sample - layout.n_z, "numbers of a sample of the filter"),
@@ -66,15 +66,15 @@ def _header(learner: Learner) -> str:
 def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     """Sizes, settings and the declarations of tables and functions, for the private header."""
     live = learner.live
-    problem, layout, limits = live.problem, live.filter.layout, live.learner
-    settings, relinearisation, vehicle = problem.settings, limits.relinearisation, problem.vehicle
-    chain = problem.model.chain
+    setup, layout, limits = live.setup, live.filter.layout, live.learner
+    settings, relinearisation, vehicle = setup.settings, limits.relinearisation, setup.vehicle
+    chain = live.model.chain
     excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits, tyres=settings.tyre_law)
     sizes = {
         "X_COUNT": layout.n_x,
         "BANKS": int(chain.bank),
         "BANK_STATE": live.view.bank or 0,
-        "DISCREPANCIES": problem.model.discrepancies,
+        "DISCREPANCIES": live.model.discrepancies,
         "P_COUNT": layout.n_z + layout.n_c,
         "CONSIDERED": layout.n_c,
         "MODEL_INPUT_COUNT": len(chain.inputs),
@@ -140,7 +140,7 @@ def _memory(learner: Learner) -> int:
     """Bytes of a `fw_learner` in double precision, about."""
     live = learner.live
     relinearisation = live.learner.relinearisation
-    inputs, outputs, size = len(live.problem.inputs), len(live.problem.outputs), live.filter.layout.size
+    inputs, outputs, size = len(live.setup.inputs), len(live.setup.outputs), live.filter.layout.size
     numbers = 4 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + size
     if relinearisation.max_passes:
         row = live.filter.scan.n_sample - live.filter.layout.n_z
@@ -150,7 +150,7 @@ def _memory(learner: Learner) -> int:
 
 def _tables(live: LiveFilter) -> list[str]:
     """Numbers of the filter and of its start."""
-    joint, discrepancy = live.filter, discrepancy_variances(live.problem, live.learner)
+    joint, discrepancy = live.filter, discrepancy_variances(live.setup, live.learner)
     tables = {
         "process": pack_array(joint.noise.process),
         "noise": joint.noise.measurement,
@@ -159,22 +159,22 @@ def _tables(live: LiveFilter) -> list[str]:
     }
     return [
         *(table(name, values, static=False) for name, values in tables.items()),
-        *stream_tables(live.stream.settings, live.problem.vehicle, roll=True, static=False),
+        *stream_tables(live.stream.settings, live.setup.vehicle, roll=True, static=False),
     ]
 
 
 def _unknown_tables(learner: Learner) -> list[str]:
     """Scaling and properties of the unknowns."""
     live = learner.live
-    problem, inputs = live.problem, live.problem.inputs
-    names, estimated = [u.name for u in problem.unknowns], [u.name for u in problem.estimated]
+    setup, inputs = live.setup, live.setup.inputs
+    names, estimated = [u.name for u in setup.unknowns], [u.name for u in setup.estimated_unknowns]
     plays = [f"{name}.play" for name in inputs[1:]]
-    scaling = problem.scaling
+    scaling = setup.scaling
     return [
         *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),
-        integers("logarithmic", [int(u.logarithmic) for u in problem.unknowns]),
-        integers("sensor_error", [int(u.is_sensor_error) for u in problem.unknowns]),
-        integers("roll_channel", [_roll_channel(u, problem.outputs) for u in problem.unknowns]),
+        integers("logarithmic", [int(u.logarithmic) for u in setup.unknowns]),
+        integers("sensor_error", [int(u.is_sensor_error) for u in setup.unknowns]),
+        integers("roll_channel", [_roll_channel(u, setup.outputs) for u in setup.unknowns]),
         texts("estimate_names", [u.name for u in reported(learner)]),
         integers("reported", [names.index(u.name) for u in reported(learner)]),
         integers("play", [estimated.index(name) if name in estimated else -1 for name in plays]),

@@ -38,6 +38,7 @@ def source(observer: Observer) -> str:
         "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
     }
+    step = _with_constant(observer.scan.step, ca.DM(observer.constant))
     return "\n".join(
         [
             *definitions(sizes, numbers),
@@ -49,7 +50,7 @@ def source(observer: Observer) -> str:
             table("unknown_sigma", [settings.bank, *map(settings.offset_sigma, offsets)]),
             "",
             c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
-            c_code.function(_step(observer), "fw_step", ("carry", "sample"), ("next", "out")),
+            c_code.function(step, "fw_step", ("carry", "sample"), ("next", "out")),
             *_speed_rate(observer),
         ]
     )
@@ -59,8 +60,7 @@ def _speed_rate(observer: Observer) -> list[str]:
     """The filter of the derivative of the speed, if that is an input of the model."""
     if SPEED_RATE not in observer.model.inputs:
         return []
-    constant = ca.DM([1 / observer.settings.speed_smoothing])
-    step = _with_constant(speed_rate_step().step, constant)
+    step = _with_constant(speed_rate_step().step, ca.DM([1 / observer.settings.speed_smoothing]))
     return [c_code.function(step, "fw_speed_rate", ("carry", "sample"), ("next", "out"))]
 
 
@@ -69,17 +69,10 @@ def _matrices(observer: Observer) -> ca.Function:
     speed, n = ca.SX.sym("speed"), len(state_names(observer.vehicle, roll=observer.roll))
     values = {name: ca.SX(value) for name, value in observer.vehicle.parameters().items()}
     A, B = equations(values, observer.vehicle, roll=observer.roll, bank=True).state_space(speed)
-    parts = A[:n, :n], B[:n, :], A[:n, n]
-    return ca.Function("matrices", [speed], [ca.vec(ca.densify(part).T) for part in parts], {"cse": True})
-
-
-def _step(observer: Observer) -> ca.Function:
-    """The step of the observer with its constants as numbers."""
-    return _with_constant(observer.scan.step, ca.DM(observer.constant))
+    return c_code.step("matrices", [speed], [c_code.by_rows(part) for part in (A[:n, :n], B[:n, :], A[:n, n])])
 
 
 def _with_constant(step: ca.Function, constant: ca.DM) -> ca.Function:
     """A step (carry, sample, constant) with its constant as numbers."""
     carry, sample = ca.SX.sym("carry", step.numel_in(0)), ca.SX.sym("sample", step.numel_in(1))
-    results = step(carry, sample, constant)
-    return ca.Function("step", [carry, sample], list(map(ca.densify, results)), {"cse": True})
+    return c_code.step("step", [carry, sample], [*step(carry, sample, constant)])

@@ -84,7 +84,7 @@ def observer_texts(observer: Observer) -> dict[str, str]:
 def learner_texts(learner: Learner) -> dict[str, str]:
     """The content of each of `LEARNER_FILES`."""
     live, common = learner.live, ("CMakeLists.txt", *SHARED)
-    marks = _common(live.problem.vehicle.name, live.stream.settings, LEARNER_SOURCES)
+    marks = _common(live.setup.vehicle.name, live.stream.settings, LEARNER_SOURCES)
     marks |= learner_model.texts_of(learner)
     return {name: source(name if name in common else f"learner/{name}", marks) for name in LEARNER_FILES}
 

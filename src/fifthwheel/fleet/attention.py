@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from fifthwheel.fleet.changes import OUTLIER
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.formatting import fixed, percent, with_sigma
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import FleetSettings
 
 REPEATED = 2
 """Trips with a doubt about the same sensor from which it needs attention."""
@@ -40,12 +40,7 @@ class Attention:
 
 
 def find_attention(tables: Mapping[str, Sequence[Row]], settings: FleetSettings) -> list[Attention]:
-    """What needs attention, by truck.
-
-    Args:
-        tables: rows of "trips", "trucks", "trailers" and "changes".
-        settings: with the limits.
-    """
+    """What needs attention, by truck, from the rows of "trips", "trucks", "trailers" and "changes"."""
     found = [
         *map(_change, tables["changes"]),
         *_wear([*tables["trucks"], *tables["trailers"]], settings.wear),

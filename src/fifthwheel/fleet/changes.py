@@ -11,7 +11,7 @@ their priors again. The hypothesis with the smallest cost, minus the logarithm o
 alarm, is reported, with its posterior probability. All hypotheses have the same prior probability.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,55 +33,44 @@ OUTLIER = "outlier"
 class Kind:
     """A kind of change: the unknowns that it alters."""
 
-    name: str
-    """"tyres", "load", "sensor" or `OUTLIER`."""
-    subject: str
-    """What has changed: an axle group, a trailer, a signal."""
-    members: Indices
-    """In the state."""
-    trips: frozenset[int]
-    """At which trips it may have happened."""
+    name: str  # "tyres", "load", "sensor" or `OUTLIER`
+    subject: str  # what has changed: an axle group, a trailer, a signal
+    members: Indices  # in the state
+    trips: frozenset[int]  # at which trips it may have happened
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class TripChange:
     """A change before one trip; an outlier is that trip itself."""
 
     kind: Kind
     trip: int
-    probability: float
-    """Of this kind at this trip, among all kinds and dates."""
-    statistic: float
-    """Normalised innovation squared of the alarm."""
-    threshold: float
-    """That it exceeds without a change by the false-alarm probability of one test."""
-    alarm: int
-    """Trip after which it was found."""
+    probability: float  # of this kind at this trip, among all kinds and dates
+    statistic: float  # normalised innovation squared of the alarm
+    threshold: float  # that it exceeds without a change by the false-alarm probability of one test
+    alarm: int  # trip after which it was found
 
 
 @dataclass(frozen=True, kw_only=True)
-class Truck:
+class TruckTrips:
     """The trips of one truck in the order of time, and what its unknowns are."""
 
     start: State
     trips: Sequence[Observation]
     walk: Walk
-    tested: Indices
-    """Unknowns in the state whose change matters: the parameters of the vehicle."""
+    tested: Indices  # unknowns in the state whose change matters: the parameters of the vehicle
     kinds: Sequence[Kind]
-    widening: Array
-    """Factors (n,) of model error."""
+    widening: Array  # factors (n,) of model error
 
 
-def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, list[float]]:
+def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange], Walk, list[float]]:
     """The changes, the walk with their resets, and the normalised innovation squared of each trip as its p-value.
 
-    Args:
-        false_alarm: probability of a false alarm in one test.
+    `false_alarm` is the probability of a false alarm in one test.
     """
     from scipy.special import chdtrc, chdtri
 
-    changes, walk, skipped = list[Change](), truck.walk, set[int]()
+    changes, walk, skipped = list[TripChange](), truck.walk, set[int]()
     states, p_values, last, n = list[State](), list[float](), 0, 0
     while n < len(truck.trips):
         before = walk.predict(states[n - 1] if n else truck.start, truck.trips, n)
@@ -103,7 +92,7 @@ def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, 
         if alarm and found:
             kind, trip, probability = found
             changes.append(
-                Change(
+                TripChange(
                     kind=kind,
                     trip=trip,
                     probability=probability,
@@ -125,7 +114,7 @@ def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, 
 
 
 def _statistic(
-    truck: Truck, states: Sequence[State], walk: Walk, window: range, skipped: set[int]
+    truck: TruckTrips, states: Sequence[State], walk: Walk, window: range, skipped: set[int]
 ) -> tuple[float, int]:
     """Normalised innovation squared of consecutive trips and its degrees of freedom.
 
@@ -151,12 +140,11 @@ def _statistic(
 
 
 def _dated(
-    truck: Truck, states: Sequence[State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
+    truck: TruckTrips, states: Sequence[State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
 ) -> tuple[Kind, int, float] | None:
     """The most probable kind and trip of a change with its probability; None if no change is more probable than none.
 
-    Args:
-        alarm: trip of the change before, first and last trip of the window.
+    `alarm` has the trip of the change before, and the first and last trip of the window.
     """
     last, first, n = alarm
     begin, end = max(last, first - LOOK_BACK, 0), min(n + LOOK_AHEAD, len(truck.trips) - 1)
@@ -192,8 +180,3 @@ def _dated(
     if smallest >= none:
         return None
     return kind, trip, float(1 / sum(np.exp(np.minimum(smallest - other, 0.0)) for other, _, _ in hypotheses))
-
-
-def trips_with(places: Mapping[int, Indices], members: Indices) -> frozenset[int]:
-    """The trips whose unknowns have at least one of some members."""
-    return frozenset(k for k, own in places.items() if np.intersect1d(own, members).size)

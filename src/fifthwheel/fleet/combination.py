@@ -14,12 +14,13 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
-from fifthwheel.fleet.changes import OUTLIER, Change, Kind, Truck, find_changes, trips_with
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.filters.scaling import Scaling
+from fifthwheel.fleet.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
 from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import FleetSettings
 
 DAY = 86_400.0
 """Seconds."""
@@ -27,10 +28,6 @@ OF_LOAD = ("mass", "cog", "yaw_inertia")
 """Quantities of a unit behind the first that depend on its load, besides those of its payload and body."""
 LOADED = ("payload", "sprung")
 """Components of a unit behind the first that depend on its load."""
-
-
-PRIOR = ("centre", "scale", "logarithmic", "non_negative")
-"""Fields of an unknown of a trip; see `SharedInformation`."""
 
 
 @dataclass(frozen=True)
@@ -43,24 +40,12 @@ class Owned:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class UnknownLayout:
     """The unknowns of a truck, with the priors of their first trip."""
 
     unknowns: Mapping[Owned, int]
     considered: Mapping[Owned, int]
-    centre: Array
-    scale: Array
-    logarithmic: Array
-    non_negative: Array
-
-    def value(self, z: Array) -> Array:
-        """Values (..., n) of z (..., n), SI."""
-        with np.errstate(over="ignore"):
-            return np.where(self.logarithmic, self.centre * np.exp(self.scale * z), self.centre + self.scale * z)
-
-    def slope(self, z: Array) -> Array:
-        """dp/dz (..., n)."""
-        return np.where(self.logarithmic, self.value(z), 1.0) * self.scale
+    scaling: Scaling  # the lower bound of an unknown that is not negative is its centre
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,22 +53,21 @@ class Combined:
     """The result for one truck."""
 
     truck: str
-    rows: Sequence[Mapping[str, Any]]
-    """Of its trips, in the order of time."""
-    layout: Layout
+    rows: Sequence[Mapping[str, Any]]  # of its trips, in the order of time
+    layout: UnknownLayout
     observations: Sequence[Observation]
-    states: Sequence[State]
-    """At each trip, from all trips."""
+    states: Sequence[State]  # at each trip, from all trips
     widening: Array
-    changes: Sequence[Change]
-    p_values: Sequence[float]
-    """Of each trip by its innovation."""
+    changes: Sequence[TripChange]
+    p_values: Sequence[float]  # of each trip by its innovation
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""
         i, state = self.layout.unknowns[unknown], self.states[k]
         sigma = float(np.sqrt(state.P[i, i] * self.widening[i] ** 2 + state.B[i] @ state.B[i]))
-        return float(self.layout.value(state.z)[i]), sigma * float(self.layout.slope(state.z)[i])
+        with np.errstate(over="ignore"):
+            values = self.layout.scaling.to_p(state.z)
+        return float(values[i]), sigma * float(self.layout.scaling.slope(values)[i])
 
     def parameters(self, k: int) -> list[Owned]:
         """The parameters of the vehicle at trip k."""
@@ -107,13 +91,9 @@ def owner(name: str, tractor: str, trailer: str, load: str) -> Owned:
 
 
 def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettings, false_alarm: float) -> Combined:
-    """Combine the trips of a truck.
+    """Combine the trips of a truck, rows of the table of trips without errors.
 
-    Args:
-        truck: its name.
-        rows: of the table of trips, without errors.
-        settings: of the combination.
-        false_alarm: probability of a false alarm in one test.
+    `false_alarm` is the probability of a false alarm in one test.
     """
     rows = sorted(rows, key=lambda row: (row["date"], row["log"]))
     layout = _layout(rows)
@@ -121,7 +101,7 @@ def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettin
     widening = _widening(observations, len(layout.unknowns))
     start = State.prior(len(layout.unknowns), len(layout.considered))
     walk = Walk(rate=_rate(layout, settings.tyre_walk))
-    data = Truck(
+    data = TruckTrips(
         start=start,
         trips=observations,
         walk=walk,
@@ -145,35 +125,42 @@ def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettin
     )
 
 
-def _layout(rows: Sequence[Mapping[str, Any]]) -> Layout:
+def _layout(rows: Sequence[Mapping[str, Any]]) -> UnknownLayout:
     unknowns, considered = dict[Owned, int](), dict[Owned, int]()
-    priors = []
+    priors: list[Mapping[str, Any]] = []
     for row in rows:
         for unknown in row["unknowns"]:
             key = _owner(unknown["name"], row)
             if key not in unknowns:
                 unknowns[key] = len(unknowns)
-                priors.append([unknown[field] for field in PRIOR])
+                priors.append(unknown)
         for name in row["considered"]:
             considered.setdefault(_owner(name, row), len(considered))
-    columns = (np.array(column) for column in zip(*priors, strict=True))
-    return Layout(unknowns=unknowns, considered=considered, **dict(zip(PRIOR, columns, strict=True)))
+    centre, scale = (np.array([prior[field] for prior in priors]) for field in ("centre", "scale"))
+    scaling = Scaling(
+        logarithmic=tuple(prior["logarithmic"] for prior in priors),
+        centre=centre,
+        scale=scale,
+        lower=np.where([prior["non_negative"] for prior in priors], centre, -np.inf),
+        upper=np.full_like(centre, np.inf),
+    )
+    return UnknownLayout(unknowns=unknowns, considered=considered, scaling=scaling)
 
 
 def _owner(name: str, row: Mapping[str, Any]) -> Owned:
     return owner(name, row["tractor"], row["trailer"], row["load"])
 
 
-def _observation(row: Mapping[str, Any], layout: Layout) -> Observation:
+def _observation(row: Mapping[str, Any], layout: UnknownLayout) -> Observation:
     """The information of a trip for the priors of the layout: z of the trip = a z of the layout + b."""
     places = np.array([layout.unknowns[_owner(u["name"], row)] for u in row["unknowns"]], dtype=np.int64)
     considered = [layout.considered[_owner(name, row)] for name in row["considered"]]
     k = len(places)
     centre, scale = (np.array([u[field] for u in row["unknowns"]]) for field in ("centre", "scale"))
-    logarithmic = layout.logarithmic[places]
+    prior, logarithmic = layout.scaling, np.array(layout.scaling.logarithmic)[places]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(logarithmic, np.log(layout.centre[places] / centre), layout.centre[places] - centre)
-    a, b = layout.scale[places] / scale, ratio / scale
+        ratio = np.where(logarithmic, np.log(prior.centre[places] / centre), prior.centre[places] - centre)
+    a, b = prior.scale[places] / scale, ratio / scale
     information = np.array(row["information"]).reshape(k, k)
     return Observation(
         time=row["date"].timestamp() / DAY,
@@ -186,9 +173,10 @@ def _observation(row: Mapping[str, Any], layout: Layout) -> Observation:
     )
 
 
-def _without_zeros(trips: Sequence[Observation], layout: Layout) -> list[Observation]:
+def _without_zeros(trips: Sequence[Observation], layout: UnknownLayout) -> list[Observation]:
     """The trips without the non-negative unknowns that all trips together determine as 0."""
-    n, zeros, bounded = len(layout.unknowns), np.zeros(0, dtype=np.int64), np.flatnonzero(layout.non_negative)
+    n, zeros = len(layout.unknowns), np.zeros(0, dtype=np.int64)
+    bounded = np.flatnonzero(layout.scaling.lower == layout.scaling.centre)
     while True:
         trips = [_reduced(trip, zeros) for trip in trips]
         H, v = np.eye(n), np.zeros(n)
@@ -225,12 +213,12 @@ def _widening(trips: Sequence[Observation], n: int) -> Array:
     return model_error_factors(np.asarray(np.linalg.inv(np.eye(n) + H)), M)
 
 
-def _rate(layout: Layout, tyre_walk: float) -> Array:
+def _rate(layout: UnknownLayout, tyre_walk: float) -> Array:
     """Variance of z that each unknown gains in a day."""
     rate = np.zeros(len(layout.unknowns))
     for unknown, i in layout.unknowns.items():
         if _is_stiffness(unknown.name):
-            rate[i] = (tyre_walk / layout.scale[i]) ** 2
+            rate[i] = (tyre_walk / layout.scaling.scale[i]) ** 2
     return rate
 
 
@@ -238,31 +226,30 @@ def _is_stiffness(name: str) -> bool:
     return ParameterPath.of(name).quantity == "cornering_stiffness"
 
 
-def _kinds(layout: Layout, trips: Sequence[Observation]) -> list[Kind]:
+def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
     """What may change: the tyres of an axle group, the load of a trailer, a sensor; or one trip is an outlier."""
-    places = {k: trip.places for k, trip in enumerate(trips)}
     parameters = {u: i for u, i in layout.unknowns.items() if is_parameter(u.name)}
+
+    def kind(name: str, subject: str, members: Sequence[int], decisive: Sequence[int] = ()) -> Kind:
+        """A change of some unknowns, which may happen at each trip with one of the decisive ones, by default of all."""
+        at = frozenset(k for k, trip in enumerate(trips) if np.isin(decisive or members, trip.places).any())
+        return Kind(name=name, subject=subject, members=np.array(members, dtype=np.int64), trips=at)
+
     kinds = [
-        _kind("tyres", f"{u.name.removesuffix('.cornering_stiffness')}{_of_trailer(u.trailer)}", [i], places)
+        kind("tyres", f"{u.name.removesuffix('.cornering_stiffness')}{_of_trailer(u.trailer)}", [i])
         for u, i in parameters.items()
         if _is_stiffness(u.name)
     ]
     for trailer, load in dict.fromkeys((u.trailer, u.load) for u in parameters if u.load is not None):
         own = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, load)]
         shared = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, None)]
-        kind = _kind("load", trailer or "trailer", [*own, *shared], places)
-        kinds.append(replace(kind, trips=trips_with(places, np.array(own))))
+        kinds.append(kind("load", trailer or "trailer", [*own, *shared], own))
     signals: dict[str, list[int]] = {}
     for u, i in layout.unknowns.items():
         if error := SensorErrorName.of(u.name):
             signals.setdefault(f"{error.signal}{_of_trailer(u.trailer)}", []).append(i)
-    kinds += [_kind("sensor", signal, members, places) for signal, members in signals.items()]
-    return [*kinds, _kind(OUTLIER, "trip", list(parameters.values()), places)]
-
-
-def _kind(name: str, subject: str, members: Sequence[int], places: Mapping[int, Indices]) -> Kind:
-    indices = np.array(members, dtype=np.int64)
-    return Kind(name=name, subject=subject, members=indices, trips=trips_with(places, indices))
+    kinds += [kind("sensor", signal, members) for signal, members in signals.items()]
+    return [*kinds, kind(OUTLIER, "trip", list(parameters.values()))]
 
 
 def _of_trailer(trailer: str | None) -> str:

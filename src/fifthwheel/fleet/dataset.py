@@ -11,6 +11,7 @@ rows, of which the last counts; so a log never counts twice.
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,24 +31,13 @@ MAX_FILE = 2_000_000_000
 BATCH = 500
 """Trips that are combined at a time: this bounds the memory of a worker."""
 _KEYS = (
-    "log",
-    "truck",
-    "trailer",
-    "load",
-    "date",
-    "error",
-    "notes",
-    "digest",
-    "log_digest",
-    "finished",
-    "seconds",
-    "duration",
-    "doubts",
+    *("log", "truck", "trailer", "load", "date", "error", "notes", "digest", "log_digest", "finished"),
+    *("seconds", "duration", "doubts"),
 )
 
 
 @dataclass(frozen=True)
-class Dataset:
+class TripDataset:
     """The data set at a path."""
 
     path: str
@@ -68,16 +58,14 @@ class Dataset:
 
     def index(self) -> pa.Table:
         """The rows that count, without their numbers, in the order of truck and date."""
-        columns = [*_KEYS]
-        tables = list(self._tables(columns))
-        if not tables:
-            return SCHEMA.empty_table().select(columns)
-        tables = [SCHEMA.empty_table().select(columns), *tables]  # tables of an older version have fewer columns
+        # tables of an older version have fewer columns
+        tables = [SCHEMA.empty_table().select(_KEYS), *self._tables(_KEYS)]
         every = pa.concat_tables(tables, promote_options="default").sort_by("finished")
         last_of_log = {log: k for k, log in enumerate(every["log"].to_pylist())}
         contents = every["log_digest"].to_pylist()
         last_of_content = {contents[k] or f"row {k}": k for k in sorted(last_of_log.values())}
-        return every.take(sorted(last_of_content.values())).sort_by([("truck", "ascending"), ("date", "ascending")])
+        last = pa.array(sorted(last_of_content.values()), pa.int64())
+        return every.take(last).sort_by([("truck", "ascending"), ("date", "ascending")])
 
     def trips(self, digests: Iterable[str]) -> list[dict[str, Any]]:
         """Complete rows by their digests, in any order."""
@@ -112,15 +100,9 @@ class Dataset:
         write_table(self.file(f"{name}.parquet"), table.sort_by(order))
 
     def table(self, name: str) -> pa.Table:
-        """A table that `write` wrote.
-
-        Raises:
-            FifthwheelError: there is none, or it is damaged.
-        """
-        try:
+        """A table that `write` wrote; FifthwheelError if there is none, or it is damaged."""
+        with _of_a_run():
             return _read(self.file(f"{name}.parquet"))
-        except FifthwheelError as error:
-            raise FifthwheelError(f"{error}; give the data set that `fifthwheel fleet run --out` wrote") from None
 
     def write_settings(self, settings: Mapping[str, Any]) -> None:
         """Replace the settings."""
@@ -128,10 +110,10 @@ class Dataset:
 
     def settings(self) -> dict[str, Any]:
         """The settings of the last run; FifthwheelError if there are none."""
+        with _of_a_run():
+            text = storage.read_bytes(self.file("fleet.json"), MAX_JSON_SIZE)
         try:
-            content = json.loads(storage.read_bytes(self.file("fleet.json"), MAX_JSON_SIZE))
-        except FifthwheelError as error:
-            raise FifthwheelError(f"{error}; give the data set that `fifthwheel fleet run --out` wrote") from None
+            content = json.loads(text)
         except ValueError as error:
             raise FifthwheelError(f"{self.file('fleet.json')}: not JSON ({error}); run the fleet again") from None
         if not isinstance(content, dict):
@@ -171,16 +153,26 @@ def _groups(file: pq.ParquetFile, found: Any) -> list[int]:
     return groups
 
 
-def _opened(path: str) -> Any:
+@contextmanager
+def _of_a_run() -> Iterator[None]:
+    """Errors of a missing file with the cure."""
     try:
-        return pq.ParquetFile(pa.BufferReader(storage.read_bytes(path, MAX_FILE)), page_checksum_verification=True)
-    except (pa.ArrowException, OSError) as error:
+        yield
+    except FifthwheelError as error:
+        raise FifthwheelError(f"{error}; give the data set that `fifthwheel fleet run --out` wrote") from None
+
+
+@contextmanager
+def _opened(path: str) -> Iterator[pq.ParquetFile]:
+    """A table of Parquet; its errors name the path."""
+    try:
+        buffer = pa.BufferReader(storage.read_bytes(path, MAX_FILE))
+        with pq.ParquetFile(buffer, page_checksum_verification=True) as file:
+            yield file
+    except (pa.ArrowException, OSError, KeyError) as error:
         raise FifthwheelError(f"{path}: damaged ({error}); remove it, its trips are then processed again") from None
 
 
 def _read(path: str, columns: Sequence[str] | None = None) -> pa.Table:
     with _opened(path) as file:
-        try:
-            return file.read(None if columns is None else list(columns))
-        except (pa.ArrowException, OSError, KeyError) as error:
-            raise FifthwheelError(f"{path}: damaged ({error}); remove it, its trips are then processed again") from None
+        return file.read(None if columns is None else list(columns))

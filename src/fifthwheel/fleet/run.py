@@ -1,6 +1,6 @@
 """A run over a fleet: every trip that is not done, then the combination of all trips."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,18 +9,17 @@ from typing import Any
 
 from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
-from fifthwheel.cluster import Lost, connected, run_on
+from fifthwheel.cluster import Lost, connected, run_here, run_on
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
-from fifthwheel.fleet.dataset import Dataset, batches
+from fifthwheel.fleet.dataset import TripDataset, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
-from fifthwheel.fleet.trips import Outcome, TripJob, process_trip
+from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.settings import Progress
+from fifthwheel.options import FleetSettings
 
-Progress = Callable[[str, int, int], None]
-"""Called with a title, the steps done and all steps."""
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""
 JOIN_AFTER = 2000
@@ -52,7 +51,7 @@ class FleetRun:
         """All fields by name."""
         return {**vars(self), "errors": [list(pair) for pair in self.errors]}
 
-    def count(self, trip: Trip, outcome: Outcome | Lost) -> None:
+    def count(self, trip: Trip, outcome: TripOutcome | Lost) -> None:
         """Add the outcome of a trip."""
         if isinstance(outcome, Lost):
             self.lost += 1
@@ -100,14 +99,14 @@ def run(
             or no scheduler answers.
     """
     trips = read_manifest(str(manifest)) if isinstance(manifest, str | Path) else list(manifest)
-    dataset, settings, fleet = Dataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
+    dataset, settings, fleet = TripDataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
     result = FleetRun(path=dataset.path, trips=len(trips))
     with ExitStack() as stack:
         if not storage.is_remote(dataset.path):
             Path(dataset.path).mkdir(parents=True, exist_ok=True)
             stack.enter_context(held(Path(dataset.path) / "fleet.lock", subject=Path(dataset.path)))
         if scheduler is None and jobs == 1:
-            execute: Any = _in_this_process
+            execute: Any = run_here
         else:
             execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
         dataset.join()
@@ -123,14 +122,13 @@ def run(
     return result
 
 
-def _combine(dataset: Dataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
+def _combine(dataset: TripDataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
     """Combine all trips, and replace the tables of trucks, trailers, histories and changes."""
     index = dataset.index()
     groups = list(batches(index))
     count = sum(len(digests) for group in groups for _, digests in group)
-    job = CombinationJob(
-        path=dataset.path, settings=fleet, false_alarm=fleet.false_alarms / max(count * len(WINDOWS), 1)
-    )
+    false_alarm = fleet.false_alarms / max(count * len(WINDOWS), 1)
+    job = CombinationJob(path=dataset.path, settings=fleet, false_alarm=false_alarm)
     every = Rows()
     for k, (group, rows) in enumerate(execute(combine_trucks, job, groups), start=1):
         progress("combining", k, len(groups))
@@ -143,8 +141,3 @@ def _combine(dataset: Dataset, fleet: FleetSettings, execute: Any, result: Fleet
         dataset.write(name, every.tables[name], schema)
     result.changes = len(every.tables["changes"])
     result.errors += every.failed.items()
-
-
-def _in_this_process(function: Any, shared: Any, tasks: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-    for task in tasks:
-        yield task, function(shared, task)

@@ -26,32 +26,22 @@ Indices = NDArray[np.int64]
 class Observation:
     """The information of one trip, and where its k unknowns and j considered unknowns are in the state."""
 
-    time: float
-    """Days."""
-    places: Indices
-    """(k,) in the state."""
-    considered: Indices
-    """(j,) among the considered unknowns."""
-    vector: Array
-    """(k,)."""
-    information: Array
-    """(k, k)."""
-    coupling: Array
-    """(k, j)."""
-    score_covariance: Array
-    """(k, k); see `SharedInformation`."""
+    time: float  # days
+    places: Indices  # (k,) in the state
+    considered: Indices  # (j,) among the considered unknowns
+    vector: Array  # (k,)
+    information: Array  # (k, k)
+    coupling: Array  # (k, j)
+    score_covariance: Array  # (k, k); see `SharedInformation`
 
 
 @dataclass(frozen=True)
 class State:
     """An estimate of n unknowns."""
 
-    z: Array
-    """(n,)."""
-    P: Array
-    """Covariance (n, n), without model error and considered unknowns."""
-    B: Array
-    """Effect (n, m) of the considered unknowns on the error of z."""
+    z: Array  # (n,)
+    P: Array  # covariance (n, n), without model error and considered unknowns
+    B: Array  # effect (n, m) of the considered unknowns on the error of z
 
     @classmethod
     def prior(cls, n: int, m: int) -> "State":
@@ -91,17 +81,12 @@ class State:
         gain = P @ np.linalg.solve(np.eye(len(i)) + H @ P, d)
         return float(z @ H @ z / 2 - trip.vector @ z + logarithm / 2 - d @ gain / 2)
 
-    def covariance(self, widening: Array) -> Array:
-        """Covariance (n, n) with the factors of model error (n,) and with the considered unknowns."""
-        return self.P * np.outer(widening, widening) + self.B @ self.B.T
-
 
 @dataclass(frozen=True, kw_only=True)
 class Walk:
     """How the unknowns change over days."""
 
-    rate: Array
-    """Variance that each unknown gains in a day (n,)."""
+    rate: Array  # variance that each unknown gains in a day (n,)
     resets: Mapping[int, Indices] = field(default_factory=dict)
     """Before the trip of this number: the unknowns that take their priors again."""
 

@@ -67,14 +67,12 @@ def stem(path: str) -> str:
 
 
 def filesystem(path: str) -> tuple[Any, str]:
-    """The file system of fsspec that a path belongs to, and the path there.
+    """The file system of fsspec that a path in an object store belongs to, and the path there.
 
     Raises:
         FifthwheelError: fsspec or the library of the object store is not installed.
     """
     fsspec = require("fsspec", "fleet")
-    if not is_remote(path):
-        return fsspec.filesystem("file"), str(Path(path).absolute())
     try:
         system = fsspec.filesystem(path.partition("://")[0])
     except ImportError as error:

@@ -8,52 +8,42 @@ import pyarrow as pa
 
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
-from fifthwheel.fleet.dataset import Dataset
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.fleet.dataset import TripDataset
+from fifthwheel.fleet.trips import DATE, numbers, texts
+from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of
 
-_DATE = pa.timestamp("us", tz="UTC")
-
-
-def _texts(*names: str) -> list[tuple[str, pa.DataType]]:
-    return [(name, pa.string()) for name in names]
-
-
-def _numbers(*names: str) -> list[tuple[str, pa.DataType]]:
-    return [(name, pa.float64()) for name in names]
-
-
 _LATEST = [
-    *_texts("parameter"),
-    *_numbers("value", "sigma"),
-    *_texts("unit"),
-    ("date", _DATE),
+    *texts("parameter"),
+    *numbers("value", "sigma"),
+    *texts("unit"),
+    ("date", DATE),
     ("trips", pa.int64()),
-    *_numbers("first_value"),
+    *numbers("first_value"),
 ]
 SCHEMAS: Mapping[str, pa.Schema] = {
-    "trucks": pa.schema([*_texts("truck"), *_LATEST]),
-    "trailers": pa.schema([*_texts("truck", "trailer", "load"), *_LATEST]),
+    "trucks": pa.schema([*texts("truck"), *_LATEST]),
+    "trailers": pa.schema([*texts("truck", "trailer", "load"), *_LATEST]),
     "history": pa.schema(
         [
-            *_texts("truck", "trailer", "load"),
-            ("date", _DATE),
-            *_texts("log", "parameter"),
-            *_numbers("value", "sigma"),
-            *_texts("unit"),
-            *_numbers("trip_value", "trip_sigma", "p_value"),
+            *texts("truck", "trailer", "load"),
+            ("date", DATE),
+            *texts("log", "parameter"),
+            *numbers("value", "sigma"),
+            *texts("unit"),
+            *numbers("trip_value", "trip_sigma", "p_value"),
             ("outlier", pa.bool_()),
         ]
     ),
     "changes": pa.schema(
         [
-            *_texts("truck", "trailer", "kind", "subject"),
-            ("date", _DATE),
-            ("after", _DATE),
-            *_numbers("probability"),
-            *_texts("parameter"),
-            *_numbers("before", "value", "sigma", "statistic", "threshold"),
-            *_texts("log"),
+            *texts("truck", "trailer", "kind", "subject"),
+            ("date", DATE),
+            ("after", DATE),
+            *numbers("probability"),
+            *texts("parameter"),
+            *numbers("before", "value", "sigma", "statistic", "threshold"),
+            *texts("log"),
         ]
     ),
 }
@@ -65,11 +55,9 @@ history is the estimate at this date from all trips, `trip_value` that of the tr
 class CombinationJob:
     """What all combinations share; sent once to each worker."""
 
-    path: str
-    """Of the data set."""
+    path: str  # of the data set
     settings: FleetSettings
-    false_alarm: float
-    """Probability of a false alarm in one test."""
+    false_alarm: float  # probability of a false alarm in one test
 
 
 @dataclass(frozen=True)
@@ -81,12 +69,8 @@ class Rows:
 
 
 def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> Rows:
-    """The rows of some trucks, from their trips in the data set.
-
-    Args:
-        batch: trucks with the digests of their trips.
-    """
-    trips = {row["digest"]: row for row in Dataset(job.path).trips(d for _, digests in batch for d in digests)}
+    """The rows of the trucks of a batch, each with the digests of its trips in the data set."""
+    trips = {row["digest"]: row for row in TripDataset(job.path).trips(d for _, digests in batch for d in digests)}
     result = Rows()
     for truck, digests in batch:
         rows = [trips[digest] for digest in digests if digest in trips]

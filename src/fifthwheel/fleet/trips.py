@@ -35,42 +35,35 @@ EARLIEST_DATE = 315_532_800.0
 MAX_ERROR = 2000
 """Characters of an error that are kept."""
 
-_ESTIMATE = pa.struct(
-    [
-        ("name", pa.string()),
-        ("value", pa.float64()),
-        ("sigma", pa.float64()),
-        ("unit", pa.string()),
-        ("verdict", pa.string()),
-    ]
-)
+DATE = pa.timestamp("us", tz="UTC")
+Fields = list[tuple[str, pa.DataType]]
+
+
+def texts(*names: str) -> Fields:
+    """Columns of texts."""
+    return [(name, pa.string()) for name in names]
+
+
+def numbers(*names: str) -> Fields:
+    """Columns of real numbers."""
+    return [(name, pa.float64()) for name in names]
+
+
+_ESTIMATE = pa.struct([*texts("name"), *numbers("value", "sigma"), *texts("unit", "verdict")])
 _UNKNOWN = pa.struct(
-    [
-        ("name", pa.string()),
-        ("centre", pa.float64()),
-        ("scale", pa.float64()),
-        ("logarithmic", pa.bool_()),
-        ("non_negative", pa.bool_()),
-    ]
+    [*texts("name"), *numbers("centre", "scale"), ("logarithmic", pa.bool_()), ("non_negative", pa.bool_())]
 )
+_INFORMATION = ("vector", "information", "score_covariance", "coupling")
 SCHEMA = pa.schema(
     [
-        ("log", pa.string()),
-        ("truck", pa.string()),
-        ("trailer", pa.string()),
-        ("load", pa.string()),
-        ("date", pa.timestamp("us", tz="UTC")),
-        ("vehicle", pa.string()),
-        ("signals", pa.string()),
-        ("error", pa.string()),
+        *texts("log", "truck", "trailer", "load"),
+        ("date", DATE),
+        *texts("vehicle", "signals", "error"),
         ("notes", pa.list_(pa.string())),
-        ("digest", pa.string()),
-        ("log_digest", pa.string()),
-        ("version", pa.string()),
-        ("finished", pa.timestamp("us", tz="UTC")),
-        ("seconds", pa.float64()),
-        ("duration", pa.float64()),
-        ("tractor", pa.string()),
+        *texts("digest", "log_digest", "version"),
+        ("finished", DATE),
+        *numbers("seconds", "duration"),
+        *texts("tractor"),
         ("estimates", pa.list_(_ESTIMATE)),
         ("covariance_names", pa.list_(pa.string())),
         ("covariance", pa.list_(pa.float64())),
@@ -78,10 +71,7 @@ SCHEMA = pa.schema(
         ("doubts", pa.list_(pa.string())),
         ("unknowns", pa.list_(_UNKNOWN)),
         ("considered", pa.list_(pa.string())),
-        ("vector", pa.list_(pa.float64())),
-        ("information", pa.list_(pa.float64())),
-        ("score_covariance", pa.list_(pa.float64())),
-        ("coupling", pa.list_(pa.float64())),
+        *((name, pa.list_(pa.float64())) for name in _INFORMATION),
     ]
 )
 """Columns of the table of trips, SI. Matrices are row by row. `seconds` is the CPU time of the worker, `duration` the
@@ -89,7 +79,7 @@ length of the log; `error` and `notes` are about this log, without its name."""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TripOutcome:
     """What became of a trip: "new", "unchanged" or "failed", with its error."""
 
     state: str
@@ -102,14 +92,12 @@ class Outcome:
 class TripJob:
     """What all trips of a run share; sent once to each worker."""
 
-    folder: str
-    """Of the rows."""
+    folder: str  # of the rows
     settings: OneStage
-    done: Any
-    """Sorted digests of the trips that are done, an array of bytes."""
+    done: Any  # sorted digests of the trips that are done, an array of bytes
 
 
-def process_trip(job: TripJob, trip: Trip) -> Outcome:
+def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
     """Process a trip and write its row; an error becomes part of the row."""
     start, date = time.process_time(), trip.date
     digest = log_digest = error = ""
@@ -117,10 +105,11 @@ def process_trip(job: TripJob, trip: Trip) -> Outcome:
     try:
         with storage.local_file(trip.log) as path:
             log_digest = storage.digest(path)
-            vehicle_text, map_text = _vehicle_text(trip.vehicle), _map_text(trip.signals)
+            vehicle_text = catalogue.text(trip.vehicle) if trip.vehicle in catalogue.names() else _text(trip.vehicle)
+            map_text = _text(trip.signals) if trip.signals else ""
             digest = _digest(trip, job.settings, log_digest, vehicle_text, map_text)
             if _contains(job.done, digest):
-                return Outcome("unchanged", seconds=time.process_time() - start)
+                return TripOutcome("unchanged", seconds=time.process_time() - start)
             record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
         content = {"notes": list(record.notes)}
         with threadpool_limits(limits=1, user_api="blas"):
@@ -143,7 +132,7 @@ def process_trip(job: TripJob, trip: Trip) -> Outcome:
         **content,
     }
     write_row(job.folder, row)
-    return Outcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
+    return TripOutcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
 
 
 def _without_name(message: str, log: str) -> str:
@@ -181,16 +170,6 @@ def _digest(trip: Trip, settings: OneStage, log_digest: str, vehicle_text: str, 
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _vehicle_text(name: str) -> str:
-    if name in catalogue.names():
-        return catalogue.text(name)
-    return _text(name)
-
-
-def _map_text(path: str) -> str:
-    return _text(path) if path else ""
-
-
 def _text(path: str) -> str:
     try:
         return storage.read_bytes(path, MAX_TOML_SIZE).decode()
@@ -221,37 +200,25 @@ def trip_content(identification: Identification, information: SharedInformation,
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     names = [e.name for e in estimated if identification.covariance and e.name in identification.covariance.names]
     joint = identification.covariance.among(names).covariance if identification.covariance else np.zeros((0, 0))
-    unknowns = zip(
-        information.names,
-        information.centre.tolist(),
-        information.scale.tolist(),
-        information.logarithmic.tolist(),
-        information.non_negative.tolist(),
-        strict=True,
-    )
+    arrays = (getattr(information, name).tolist() for name in _UNKNOWN.names[1:])
+    unknowns = zip(information.names, *arrays, strict=True)
     return {
         "duration": record.span[1] - record.span[0],
         "tractor": identification.vehicle.units[0].name,
-        "estimates": [
-            {"name": e.name, "value": e.value, "sigma": e.sigma, "unit": e.unit, "verdict": e.verdict.value}
-            for e in (*estimated, *identification.derived)
-        ],
+        "estimates": [_estimate(e) for e in (*estimated, *identification.derived)],
         "covariance_names": names,
         "covariance": joint.ravel().tolist(),
-        "sensors": [
-            {"name": e.name, "value": e.value, "sigma": e.sigma, "unit": e.unit, "verdict": ""}
-            for e in identification.sensors
+        "sensors": [_estimate(e) for e in identification.sensors],
+        "doubts": [
+            f"{doubt.kind.value}: {', '.join(cause.name for cause in doubt.causes)}".removesuffix(": ")
+            for doubt in identification.doubts
         ],
-        "doubts": [_doubt(doubt) for doubt in identification.doubts],
         "unknowns": [dict(zip(_UNKNOWN.names, u, strict=True)) for u in unknowns],
         "considered": list(information.considered),
-        "vector": information.vector.tolist(),
-        "information": information.information.ravel().tolist(),
-        "score_covariance": information.score_covariance.ravel().tolist(),
-        "coupling": information.coupling.ravel().tolist(),
+        **{name: getattr(information, name).ravel().tolist() for name in _INFORMATION},
     }
 
 
-def _doubt(doubt: Any) -> str:
-    """A doubt as "kind: causes"."""
-    return f"{doubt.kind.value}: {', '.join(cause.name for cause in doubt.causes)}".removesuffix(": ")
+def _estimate(estimate: Any) -> dict[str, Any]:
+    """An estimate as a row; a sensor error has no verdict."""
+    return {name: getattr(estimate, name, "") for name in _ESTIMATE.names}

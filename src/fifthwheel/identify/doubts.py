@@ -17,13 +17,14 @@ Estimated beside all others, -((1 + I)^-1 s)_c, the change of a cause has a vari
 of both is. A suspect, which is an error that logs usually do not have, is 0 in the tests of the others.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 STRONG_SCORE = 9.0
 """|t| from which the model does not describe the logs: then every estimate is doubtful."""
@@ -104,12 +105,8 @@ def score_tests(
 ) -> list[ScoreTest]:
     """The score test of every considered unknown, the largest |t| first.
 
-    Args:
-        names: of the k unknowns.
-        gradient: of the cost, with the prior (k,).
-        information: H (k, k), without the prior.
-        considered: names of the considered unknowns, whose z is 0.
-        suspects: those of them that are considered in score tests only.
+    The gradient (k,) of the cost contains the prior; the information H (k, k) does not. Suspects are considered in
+    score tests only.
     """
     fixed = np.array([name in considered for name in names])
     free = ~fixed
@@ -138,11 +135,67 @@ def score_tests(
 
 
 def most_likely(tests: Sequence[ScoreTest], *, softening: float = UNUSUAL_CHANGE) -> list[ScoreTest]:
-    """The tests with an unusual change that are about as likely as the first of them.
+    """The tests with an unusual change that are about as likely as the first of them, which has the largest |t|.
 
-    Args:
-        tests: the largest |t| first.
-        softening: size from which a softening is unusual.
+    A softening is unusual from the size `softening` on.
     """
     unusual = [t for t in tests if t.size > (softening if t.name.endswith(".softening") else UNUSUAL_CHANGE)]
     return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """Estimates of unknowns, by which doubts are found."""
+
+    names: Sequence[str]
+    """Of the k estimates."""
+    z: Array
+    """Estimates (k,)."""
+    covariance: Array
+    """Of z (k, k)."""
+    unknowns: Mapping[str, Unknown]
+    """The unknowns by name, also those without an estimate."""
+    parameters: tuple[str, ...]
+    """Names of the estimated parameters, which may be doubtful."""
+
+    def contradicted_assumptions(self, likely: Sequence[ScoreTest]) -> Iterator[Doubt]:
+        """The assumption that the score tests contradict most; `likely` are its causes, see `most_likely`."""
+        if not likely:
+            return
+        strong = abs(likely[0].statistic) > STRONG_SCORE
+        moved = [name for test in likely for name in self._moved(test.shifts)]
+        yield Doubt(
+            kind=DoubtKind.ASSUMPTION,
+            causes=tuple(self._cause(test.name, test.implied) for test in likely),
+            parameters=self.parameters if strong else tuple(dict.fromkeys(moved)),
+            statistic=abs(likely[0].statistic),
+        )
+
+    def unusual_estimates(self, exempt: Container[str] = ()) -> Iterator[Doubt]:
+        """Sensor errors and parameters far outside their priors; `exempt` are parameters that may be."""
+        index = {name: i for i, name in enumerate(self.names)}
+        for name, u in self.unknowns.items():
+            if not u.is_estimated:
+                continue
+            i = index[name]
+            deviation = float(self.z[i])
+            if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
+                kind = DoubtKind.SENSOR
+                parameters = self._moved(self.covariance[:, i] / self.covariance[i, i] * deviation)
+            elif u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE and name not in exempt:
+                kind, parameters = DoubtKind.ESTIMATE, (name,)
+            else:
+                continue
+            causes = (self._cause(name, deviation),)
+            yield Doubt(kind=kind, causes=causes, parameters=parameters, statistic=abs(deviation))
+
+    def _moved(self, shifts: Array) -> tuple[str, ...]:
+        """The parameters that shifts (k,) of z move by more than `HARMFUL_SHIFT` sigma."""
+        harmful = np.abs(shifts) > HARMFUL_SHIFT * np.sqrt(np.diag(self.covariance))
+        return tuple(n for n, moved in zip(self.names, harmful, strict=True) if moved and n in self.parameters)
+
+    def _cause(self, name: str, deviation: float) -> Cause:
+        """An unknown that may be wrong by so many standard deviations of its prior."""
+        u = self.unknowns[name]
+        changes = {path: rate * u.scale * deviation for path, rate in u.slopes.items()}
+        return Cause(name=name, changes=changes, prior_sigmas=deviation)

@@ -1,9 +1,10 @@
 """What an estimation knows before it sees a sample: `identify`, the `Learner` and predictions begin with a `Setup`."""
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +12,14 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.scaling import Scaling
+from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
+    expand_names,
     given_parameters,
     group_paths,
+    lacks_roll_rate,
     one_stage_unknowns,
     suspects,
     time_base_delays,
@@ -28,7 +32,12 @@ STIFFENING = 0.5
 
 
 def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
-    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body."""
+    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body.
+
+    Raises:
+        SignalError: noise of a signal whose unit the vehicle does not have.
+    """
+    require_units(vehicle, settings.noise)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
     return vehicle if getattr(settings, "uniform_payload", True) else vehicle.lumped()
@@ -46,7 +55,11 @@ class Setup:
     estimated: tuple[str, ...]
     """Paths of the parameters that the settings estimate."""
     unknowns: tuple[Unknown, ...]
-    """All but the initial states."""
+    """All but the initial states; `Learner` has the estimated ones first."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields; what is derived from them is computed again."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def of(cls, vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> "Setup":
@@ -66,8 +79,7 @@ class Setup:
     def with_time_bases(self, time_bases: Mapping[str, str]) -> "Setup":
         """The setup with the delay of each further time base, and with the suspects of score tests.
 
-        Args:
-            time_bases: of signals, by their names; signals that are not listed are on the main one.
+        Signals that `time_bases` does not list are on the main one.
         """
         main = time_bases.get(self.vehicle.steer_signals()[0], "")
         more = time_base_delays(time_bases, main, self.outputs, self.settings)
@@ -81,6 +93,31 @@ class Setup:
             for u in self.unknowns
         ]
         return replace(self, unknowns=tuple(unknowns))
+
+    @cached_property
+    def fixed(self) -> tuple[str, ...]:
+        """Paths of the parameters that the settings fix."""
+        return tuple(expand_names(self.vehicle, self.settings.fixed, self.settings))
+
+    @cached_property
+    def without_roll_rate(self) -> frozenset[str]:
+        """Estimated parameters that are identifiable only from a roll rate that is not measured."""
+        return frozenset(name for name in self.estimated if lacks_roll_rate(name, self.outputs))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The measured signals that drive the model: the speed and the steer angles."""
+        return ("speed", *self.vehicle.steer_signals())
+
+    @cached_property
+    def estimated_unknowns(self) -> tuple[Unknown, ...]:
+        """The unknowns that the logs change."""
+        return tuple(u for u in self.unknowns if u.is_estimated)
+
+    @cached_property
+    def considered_unknowns(self) -> tuple[Unknown, ...]:
+        """The unknowns that keep their prior mean."""
+        return tuple(u for u in self.unknowns if not u.is_estimated)
 
     @cached_property
     def given(self) -> dict[str, float]:
@@ -137,8 +174,11 @@ class Setup:
             z[places] += STIFFENING
         return z
 
+    def given_to_model(self, outputs: Sequence[str]) -> dict[str, float]:
+        """Every parameter of an extended model with these outputs before the estimation, by name, SI."""
+        return dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law) | self.given
+
     @cached_property
     def _parameters(self) -> Mapping[str, float]:
-        """Every parameter of the model before the estimation, by name, SI."""
-        model = dynamics.all_parameters(self.vehicle, self.outputs, extended=True, tyres=self.settings.tyre_law)
-        return MappingProxyType(model | self.given)
+        """Every parameter of the own model before the estimation, by name, SI."""
+        return MappingProxyType(self.given_to_model(self.outputs))

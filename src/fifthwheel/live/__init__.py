@@ -3,11 +3,11 @@
 node        Node: takes a frame, gives outputs; without clock, thread or socket
 time_base   the node's time from the timestamps of all buses
 sampler     samples at 100 Hz from readings that arrive in any order
-health      faults of the signals; status: the numbers of status and faults
+status      the numbers of status and faults, faults of the signals
 learning    parameters for each trailer, and changes of load or trailer; checkpoint: their file
 sources     live buses and traces
 outputs     frames with their DBC, and files
 session     what happens with an output
 page        the web page
-build       a node from a signal map; setup: a run from what a user requests
+setup       a run from what a user requests
 """

@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import read_learner, write_learner
 from fifthwheel.live.learning import Learning
-from fifthwheel.live.outputs.background import BackgroundWriter
+from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.vehicle import Vehicle
 
 PERIOD = 5.0
@@ -30,15 +30,10 @@ def make_learning(
     locks: Collection[str] = (),
     tyres: TyreLaw = "linear",
 ) -> Learning:
-    """A learner with the estimates of a file, if there is one.
+    """A learner with the estimates of a file, if it exists.
 
-    Args:
-        vehicle: what is known of the truck.
-        signals: measured signals.
-        path: file of the estimates; it need not exist.
-        trailer: name of the coupled trailer; by default that of the file, or the vehicle's.
-        locks: parameters that keep their value: that of the file, or of the vehicle.
-        tyres: law of the side forces.
+    `trailer` is the name of the coupled one, by default that of the file, or the vehicle's. `locks` are parameters that
+    keep their value, that of the file, or of the vehicle.
 
     Raises:
         SignalError: the file is damaged, or of another vehicle, other signals or another law.
@@ -64,13 +59,7 @@ def make_learning(
 
 
 class Checkpoint:
-    """Writes the estimates of a learner.
-
-    Args:
-        learning: its learner is written.
-        path: the file; it appears complete or not at all.
-        writer: writes it.
-    """
+    """Writes the estimates of a learner to a file, which appears complete or not at all."""
 
     def __init__(
         self, learning: Learning, path: Path, writer: BackgroundWriter, now: Callable[[], float] = time.monotonic

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from fifthwheel.live.health import Health
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
-from fifthwheel.live.status import HARMLESS, Fault, NodeStatus
+from fifthwheel.live.status import HARMLESS, Health, LiveFault, NodeStatus
 from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
@@ -21,7 +20,7 @@ LATE_FRAME = 0.05
 _INPUT_MISSING: Mapping[str, float] = {"status": Status.INPUT_MISSING, "nis": math.nan}
 
 
-class Estimator(Protocol):
+class LiveEstimator(Protocol):
     """`Observer` or `Learner`."""
 
     def push(self, sample: Mapping[str, float | None], /) -> dict[str, float]:
@@ -35,37 +34,27 @@ class Estimator(Protocol):
 class Output:
     """The states of one cycle."""
 
-    time: float
-    """Since the start of the node, s; always increasing."""
-    bus_time: float
-    """The same instant by the clock of the bus, s."""
+    time: float  # since the start of the node, s; always increasing
+    bus_time: float  # the same instant by the clock of the bus, s
     status: NodeStatus
-    faults: Fault
-    problems: Mapping[str, Fault]
-    """Fault of a column."""
+    faults: LiveFault
+    problems: Mapping[str, LiveFault]  # fault of a column
     states: Mapping[str, float]
     """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
     observer also "nis", with a learner "learning"."""
-    samples: tuple[Mapping[str, float], ...]
-    """Samples of this cycle, as the estimator received them."""
+    samples: tuple[Mapping[str, float], ...]  # samples of this cycle, as the estimator received them
 
 
 class Node:
     """States from the frames of one or several buses.
 
-    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives.
-
-    Args:
-        estimator: of the vehicle.
-        decoder: of the columns of the map.
-        live_map: from columns to signals.
-        rate: of the outputs, Hz.
-        extra: columns that the decoder has beside those of the map; their values are in `extra`.
+    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives. `rate` is that of
+    the outputs, Hz; the columns `extra` are those that the decoder has beside those of the map.
     """
 
     def __init__(
         self,
-        estimator: Estimator,
+        estimator: LiveEstimator,
         decoder: FrameDecoder,
         live_map: LiveMap,
         *,
@@ -73,7 +62,7 @@ class Node:
         extra: tuple[str, ...] = (),
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
-        self.faults = Fault.NONE
+        self.faults = LiveFault.NONE
         """Faults that the node cannot see, such as those of the bus; see `set_fault`."""
         self.extra: dict[str, float] = {}
         """Last valid value of the extra columns."""
@@ -86,7 +75,7 @@ class Node:
         self._rate = rate
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
 
-    def set_fault(self, fault: Fault, present: bool) -> None:
+    def set_fault(self, fault: LiveFault, present: bool) -> None:
         """Set or clear a fault that the node cannot see."""
         if (int(self.faults) & int(fault) != 0) != present:  # operations on flags are slow
             self.faults ^= fault
@@ -150,11 +139,11 @@ class Node:
         problems = self._health.problems(cycle.time)
         faults = self.faults | self._health.faults(problems)
         if cycle.time - self._jumped < SHOWN:
-            faults |= Fault.TIME_JUMP
+            faults |= LiveFault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
-            faults |= Fault.OVERLOAD
+            faults |= LiveFault.OVERLOAD
         if wheel_lifts(answer):
-            faults |= Fault.WHEEL_LIFT
+            faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
         if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):

@@ -18,10 +18,8 @@ TRACKING = 0.1
 class Cycle:
     """One sample."""
 
-    time: float
-    """Instant of the newest reading, s; without a new one, when the cycle was due."""
-    values: dict[str, float]
-    """By column, in the unit of the log; a column without a valid reading is absent."""
+    time: float  # instant of the newest reading, s; without a new one, when the cycle was due
+    values: dict[str, float]  # by column, in the unit of the log; a column without a valid reading is absent
 
 
 class Arrivals:
@@ -50,10 +48,7 @@ class Sampler:
 
     A cycle ends as soon as every column that is expected in it has a reading, at the latest half a period after it is
     due; the samples thus follow the messages on the bus. A column has its newest reading. Readings of one instant are
-    always in the same sample.
-
-    Args:
-        rate: of the samples, Hz.
+    always in the same sample. The rate is in Hz.
     """
 
     def __init__(self, rate: float) -> None:

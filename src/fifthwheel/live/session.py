@@ -10,11 +10,10 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.checkpoint import Checkpoint
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import Node, Output
-from fifthwheel.live.outputs.background import BackgroundWriter
 from fifthwheel.live.outputs.frames_out import FrameEncoder
-from fifthwheel.live.outputs.recorder import Recorder
+from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 
 PARAMETER_PERIOD = 0.1
 """Time between two frames with a parameter, s."""
@@ -40,12 +39,9 @@ class Session:
     checkpoint: Checkpoint | None = None
     recorder: Recorder | None = None
     encoder: FrameEncoder | None = None
-    bus: LiveBus | None = None
-    """On which frames are sent."""
-    send_period: float = 0.01
-    """Time between two outputs that are sent, s."""
-    trailer_column: str = ""
-    """Column with the number of the trailer; empty for none."""
+    bus: LiveBus | None = None  # on which frames are sent
+    send_period: float = 0.01  # time between two outputs that are sent, s
+    trailer_column: str = ""  # column with the number of the trailer; empty for none
     views: Sequence[View] = ()
     now: Callable[[], float] = time.monotonic
 
@@ -61,7 +57,7 @@ class Session:
             self._send(self.encoder, self.bus, output)
         if self.recorder is not None:
             self.recorder.add(self.row(output))
-        self.node.set_fault(Fault.NOT_RECORDED, bool(self.writer.errors))
+        self.node.set_fault(LiveFault.NOT_RECORDED, bool(self.writer.errors))
         for view in self.views:
             view.show(output)
 
@@ -109,7 +105,7 @@ class Session:
         return "  ".join(words)
 
     def _learn(self, learning: Learning) -> None:
-        self.node.set_fault(Fault.CHANGED, bool(learning.faults))
+        self.node.set_fault(LiveFault.CHANGED, bool(learning.faults))
         if (number := self.node.extra.get(self.trailer_column)) is not None:
             learning.couple(f"{number:.0f}")
         if self.checkpoint is not None:
@@ -126,7 +122,7 @@ class Session:
             self._sent_parameter = output.time
             self._next = (self._next + 1) % len(parameters)
             frames.append(encoder.encode_parameter(parameters[self._next], output.bus_time))
-        self.node.set_fault(Fault.NOT_SENT, bool(frames and bus.send(frames)))
+        self.node.set_fault(LiveFault.NOT_SENT, bool(frames and bus.send(frames)))
 
 
 def _words(name: str) -> str:

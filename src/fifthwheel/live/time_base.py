@@ -15,8 +15,6 @@ RESTART_GAP = 2.0
 """s; the node's time advances by this at a jump back, so that the filters start again."""
 CONFIRMED_BY = 5
 """Frames that agree on a new time, before it is accepted: a single wrong timestamp changes nothing."""
-
-
 TRACKING = 1e-3
 """Fraction of the deviation of another clock that each of its frames corrects."""
 

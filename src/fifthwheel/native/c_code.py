@@ -26,14 +26,20 @@ ONE, ZERO = "FW_REAL(1.0)", "FW_REAL(0.0)"
 
 
 def literal(value: float) -> str:
-    """A number as a C literal that gives the same double.
-
-    Raises:
-        NotImplementedError: the number is not finite.
-    """
+    """A finite number as a C literal that gives the same double."""
     if not math.isfinite(value):
         raise NotImplementedError(f"{value} has no literal in C")
     return f"FW_REAL({value!r})"
+
+
+def by_rows(matrix: ca.SX) -> ca.SX:
+    """The elements of a matrix in the order of C, as a dense vector."""
+    return ca.vec(ca.densify(matrix).T)
+
+
+def step(name: str, arguments: Sequence[ca.SX], results: Sequence[ca.SX]) -> ca.Function:
+    """A symbolic function for `function`: its results are dense and share what they have in common."""
+    return ca.Function(name, list(arguments), list(map(ca.densify, results)), {"cse": True})
 
 
 def function(
@@ -41,16 +47,8 @@ def function(
 ) -> str:
     """C99 of `static void name(const fw_real *argument, ..., fw_real *result, ...)`.
 
-    All arguments are read before the first result is written, so a result may be the memory of an argument.
-
-    Args:
-        step: with dense column vectors as arguments and results.
-        name: of the function.
-        arguments, results: names of the pointers.
-        static: whether only its own file can call it.
-
-    Raises:
-        NotImplementedError: an operation of the step cannot be translated.
+    All arguments are read before the first result is written, so a result may be the memory of an argument. A
+    NotImplementedError if an operation of the step cannot be translated.
     """
     lines: list[str] = []
     read = set[int]()

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.native.instructions import Instruction, instructions
 from fifthwheel.native.llvm_ir import Emitter, Layout, Register, function
 
 _ARRAYS = ("carry", "sample", "constant", "carry", "constant")
@@ -24,48 +25,8 @@ class DirectionModule(NamedTuple):
     """The assembly of both loops, and the numbers of values that pass from the first to the second."""
 
     source: str
-    shared: int
-    """For each sample."""
-    fixed: int
-    """For all samples together."""
-
-
-class _Instruction(NamedTuple):
-    """An instruction of a step in static single assignment form: operands are numbers of instructions."""
-
-    op: int
-    operands: tuple[int, ...]
-    place: tuple[int, int]
-    """Argument or result, and its element, of an input or output."""
-    constant: float
-    varies: bool
-    """Whether it differs between directions."""
-    invariant: bool
-    """Whether it is the same for all samples."""
-
-
-def _instructions(step: ca.Function) -> list[_Instruction]:
-    """All instructions of a step."""
-    instructions: list[_Instruction] = []
-    written: dict[int, int] = {}  # number of the last instruction that wrote a place of CasADi's work vector
-    for k in range(step.n_instructions()):
-        op, inputs, outputs = step.instruction_id(k), step.instruction_input(k), step.instruction_output(k)
-        operands: tuple[int, ...] = ()
-        place, constant, varies, invariant = (0, 0), 0.0, False, True
-        if op == ca.OP_CONST:
-            constant = step.instruction_constant(k)
-        elif op == ca.OP_INPUT:
-            place = (inputs[0], inputs[1])
-            varies, invariant = place[0] >= _FIRST_DIRECTION, _ARRAYS[place[0]] == "constant"
-        else:
-            operands = tuple(written[i] for i in inputs)
-            place = (outputs[0], outputs[1]) if op == ca.OP_OUTPUT else place
-            varies = any(instructions[i].varies for i in operands)
-            invariant = all(instructions[i].invariant for i in operands)
-        instructions.append(_Instruction(op, operands, place, constant, varies, invariant))
-        if op != ca.OP_OUTPUT:
-            written[outputs[0]] = k
-    return instructions
+    shared: int  # for each sample
+    fixed: int  # for all samples together
 
 
 class _Divider:
@@ -76,7 +37,14 @@ class _Divider:
     """
 
     def __init__(self, step: ca.Function, lanes: int) -> None:
-        self.step, self.instructions = step, _instructions(step)
+        self.instructions = instructions(step)
+        self.varies: list[bool] = []  # whether an instruction differs between directions
+        self.invariant: list[bool] = []  # whether it is the same for all samples
+        for op, operands, (argument, _), _ in self.instructions:
+            is_input = op == ca.OP_INPUT
+            self.varies.append(argument >= _FIRST_DIRECTION if is_input else any(self.varies[i] for i in operands))
+            constant = _ARRAYS[argument] == "constant" if is_input else all(self.invariant[i] for i in operands)
+            self.invariant.append(constant)
         self.nominal, self.directions = Emitter(step.name(), 1), Emitter(step.name(), lanes)
         self.registers: dict[int, Register] = {}  # of instructions, each in its own loop
         self.passed: dict[str, Register] = {}  # registers of `directions` by the registers of `nominal`
@@ -92,13 +60,12 @@ class _Divider:
                 consumers.setdefault(i, []).append(k)
         absorbed = set()
         for i, numbers in consumers.items():
-            instruction, consumer = self.instructions[i], self.instructions[numbers[0]]
             if (
                 len(numbers) == 1
-                and instruction.varies
-                and instruction.op in (*_SUMS, ca.OP_MUL)
-                and consumer.op in _SUMS
-                and instruction.invariant == consumer.invariant
+                and self.varies[i]
+                and self.instructions[i].op in (*_SUMS, ca.OP_MUL)
+                and self.instructions[numbers[0]].op in _SUMS
+                and self.invariant[i] == self.invariant[numbers[0]]
             ):
                 absorbed.add(i)
         return absorbed
@@ -108,7 +75,7 @@ class _Divider:
         instruction = self.instructions[number]
         if instruction.op == ca.OP_CONST:
             return self.directions.constant(instruction.constant), True
-        return self.registers[number] if instruction.varies else self._pass(self.registers[number])
+        return self.registers[number] if self.varies[number] else self._pass(self.registers[number])
 
     def _pass(self, register: Register) -> Register:
         """A register of `nominal`, in `directions`."""
@@ -124,7 +91,7 @@ class _Divider:
         stores = []
         loaded: dict[tuple[int, int], Register] = {}
         for k, instruction in enumerate(self.instructions):
-            op, emitter = instruction.op, self.directions if instruction.varies else self.nominal
+            op, emitter = instruction.op, self.directions if self.varies[k] else self.nominal
             if op == ca.OP_CONST:
                 self.registers[k] = (self.nominal.constant(instruction.constant), True)
             elif op == ca.OP_INPUT:
@@ -134,7 +101,7 @@ class _Divider:
                 self.registers[k] = loaded[instruction.place]
             elif op == ca.OP_OUTPUT:
                 stores.append(instruction)
-            elif not instruction.varies:
+            elif not self.varies[k]:
                 self.registers[k] = self.nominal.operation(op, [self.registers[i] for i in instruction.operands])
             elif k not in self.absorbed:
                 self.registers[k] = self._derivative(k)
@@ -145,7 +112,7 @@ class _Divider:
         op, operands = self.instructions[number].op, self.instructions[number].operands
         if op in _SUMS:
             return self._sum(number)
-        if op == ca.OP_DIV and not self.instructions[operands[1]].varies:
+        if op == ca.OP_DIV and not self.varies[operands[1]]:
             reciprocal = self._pass(self.nominal.reciprocal(self.registers[operands[1]]))
             return self.directions.operation(ca.OP_MUL, [self.vector(operands[0]), reciprocal])
         return self.directions.operation(op, [self.vector(i) for i in operands])
@@ -176,7 +143,7 @@ class _Divider:
         assert total is not None
         return total
 
-    def _store(self, outputs: Sequence[_Instruction]) -> None:
+    def _store(self, outputs: Sequence[Instruction]) -> None:
         """Store results and what passes to `directions`; last, so that carries are read before they are written."""
         for instruction in outputs:
             (result, element), (number,) = instruction.place, instruction.operands
@@ -203,14 +170,7 @@ def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
 
     carry (n,), sample (samples, n), constant (n,), output (samples, n), shared (samples, n), fixed (n,);
     carry' (groups, n, lanes), constant' (groups, n, lanes), output' (samples, n, pitch, lanes), of which `groups` are
-    written. Both carries are updated in place.
-
-    Args:
-        step: (carry, sample, constant, carry', constant') -> (carry, output, carry', output'), dense column vectors.
-        lanes: number of directions in one vector.
-
-    Raises:
-        NotImplementedError: an operation of the step cannot be translated.
+    written. Both carries are updated in place. A NotImplementedError if an operation of the step cannot be translated.
     """
     divider = _Divider(step, lanes)
     divider.divide()

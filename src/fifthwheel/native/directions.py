@@ -158,10 +158,8 @@ class _Compiled:
     ) -> None:
         """Process a record; the carries are updated, and the outputs are written.
 
-        Args:
-            carry, sample, constant, output: of the nominal step.
-            carry_dot, constant_dot: (groups, n, lanes).
-            output_dot: (N, n_output_dot, groups, lanes), a view of an array with more groups.
+        carry_dot and constant_dot are (groups, n, lanes), output_dot (N, n_output_dot, groups, lanes) is a view of an
+        array with more groups.
         """
         size = max(BUFFER // (8 * max(self.shared, 1)), 16)
         buffers = np.empty((size, self.shared)), np.empty(self.fixed)

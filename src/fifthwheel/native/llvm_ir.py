@@ -25,9 +25,8 @@ _INTRINSIC = {
     ca.OP_FMIN: "minnum",
     ca.OP_FMAX: "maxnum",
 }
-_LIBRARY = {
-    ca.OP_ATAN: "atan"
-}  # functions of the C library, called for each lane; older LLVM has no intrinsic for them
+# functions of the C library, called for each lane; older LLVM has no intrinsic for them
+_LIBRARY = {ca.OP_ATAN: "atan"}
 _ARGUMENTS = ("carry", "sample", "constant")
 
 BLOCK = 1000
@@ -39,16 +38,10 @@ Register = tuple[str, bool]
 
 
 class Emitter:
-    """The lines of a loop over the samples.
-
-    Args:
-        name: of the step, for errors.
-        lanes: number of vehicles, or of directions, in one vector.
-    """
+    """The lines of a loop over the samples of a named step; `lanes` vehicles, or directions, are one vector."""
 
     def __init__(self, name: str, lanes: int) -> None:
-        self.name = name
-        self.lanes = lanes
+        self.name, self.lanes = name, lanes
         self.type = "double" if lanes == 1 else f"<{lanes} x double>"
         self.mask = "i1" if lanes == 1 else f"<{lanes} x i1>"
         self.suffix = "f64" if lanes == 1 else f"v{lanes}f64"
@@ -121,11 +114,7 @@ class Emitter:
         return self.reciprocals[name]
 
     def operation(self, op: int, arguments: Sequence[Register]) -> Register:
-        """Write an operation on registers.
-
-        Raises:
-            NotImplementedError: no table above contains the operation.
-        """
+        """Write an operation on registers; a NotImplementedError if no table above contains it."""
         invariant = all(invariant for _, invariant in arguments)
         a = arguments[0][0]
         b = arguments[-1][0]
@@ -179,12 +168,9 @@ class Layout(NamedTuple):
     """Where the elements of an array are: element e of row k of group g is at g * group + k * row + e."""
 
     name: str
-    type: str
-    """Type of an element."""
-    group: str
-    """Distance between two groups, in elements: a number or a register."""
-    row: str = "0"
-    """Distance between two rows, in elements; 0 if all rows share the elements."""
+    type: str  # type of an element
+    group: str  # distance between two groups, in elements: a number or a register
+    row: str = "0"  # distance between two rows, in elements; 0 if all rows share the elements
 
 
 def function(
@@ -192,12 +178,8 @@ def function(
 ) -> str:
     """LLVM assembly of `void name(i64 samples, i64 groups, [i64 pitch,] ptr array, ...)`.
 
-    Args:
-        name: of the function.
-        emitter: the lines for each group before its loop over the samples, and in the loop.
-        layouts: of the arrays.
-        pitch: whether there is the argument `pitch`.
-        strides: lines that compute registers for `layouts` from `samples` and `pitch`.
+    The emitter has the lines for each group before its loop over the samples, and in the loop. `strides` are lines that
+    compute registers for the layouts of the arrays from `samples` and `pitch`.
     """
     arguments = ["i64 %samples", "i64 %groups", *["i64 %pitch"] * pitch, *(f"ptr noalias %{a.name}" for a in layouts)]
     starts, rows = [], []
@@ -243,14 +225,8 @@ def module(step: ca.Function, lanes: int = 1) -> str:
     """LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
 
     The arrays are row-major doubles: carry (groups, n_carry, lanes), sample (groups, samples, n_sample, lanes),
-    constant (groups, n_constant, lanes), output (groups, samples, n_output, lanes). The carry is updated in place.
-
-    Args:
-        step: (carry, sample, constant) -> (carry, output), dense column vectors.
-        lanes: number of vehicles in one vector.
-
-    Raises:
-        NotImplementedError: an operation of the step cannot be translated.
+    constant (groups, n_constant, lanes), output (groups, samples, n_output, lanes). The carry is updated in place. A
+    NotImplementedError if an operation of the step cannot be translated.
     """
     emitter = Emitter(step.name(), lanes)
     results = translate(

@@ -233,22 +233,13 @@ def _machine() -> Any:
 class Program(NamedTuple):
     """Machine code in memory."""
 
-    code: bytes
-    """Object code; the engine refers to it."""
-    engine: Any
-    """Executes the code."""
-    numbers: list[int]
-    """What its callers need to know of the code."""
+    code: bytes  # object code; the engine refers to it
+    engine: Any  # executes the code
+    numbers: list[int]  # what its callers need to know of the code
 
 
 def load(step: Step, form: str, translate: Callable[[], list[Any]]) -> Program:
-    """The program of a step, from the cache or the compiler.
-
-    Args:
-        step: what it computes.
-        form: of the translation.
-        translate: LLVM assembly, then the numbers of the program.
-    """
+    """The program of a step in a form of its translation, LLVM assembly and numbers, from the cache or the compiler."""
     translation = functools.cache(translate)
 
     def compute() -> list[Any]:

@@ -33,10 +33,8 @@ PLAIN = (str, bool, int, type(None))
 class Step:
     """A step as the function that builds it and its arguments.
 
-    Args:
-        build: returns the CasADi function.
-        arguments: of `build`. An argument that is neither of `PLAIN` nor a tuple of such has an attribute `identity`
-            that is; without it the step is built in every process.
+    An argument that is neither of `PLAIN` nor a tuple of such has an attribute `identity` that is; without it the step
+    is built in every process.
     """
 
     def __init__(self, build: Callable[..., ca.Function], arguments: Sequence[Any] = ()) -> None:
@@ -67,13 +65,7 @@ class Step:
         return [*inputs, *outputs]
 
     def recall(self, name: str, compute: Callable[[], list[Any]], *, again: bool = False) -> list[Any]:
-        """A list of numbers and texts that follows from the step, from the cache or computed.
-
-        Args:
-            name: what it is.
-            compute: returns it.
-            again: compute it in any case.
-        """
+        """A named list of numbers and texts that follows from the step, from the cache, or computed, or `again`."""
         if self._identity is None:
             return compute()
         key = cache.DIGEST(self._identity + name.encode()).digest()

@@ -92,11 +92,9 @@ class Estimator(Protocol):
     """
 
     def __call__(self, record: Record, vehicle: Vehicle, /) -> Estimates:
-        """Estimate.
+        """Estimate from measured signals, without the truth, and the vehicle as known before.
 
-        Args:
-            record: measured signals, without the truth.
-            vehicle: as known before; the values of the parameters to estimate are initial values.
+        The values of the parameters to estimate are initial values.
         """
 
 
@@ -124,10 +122,8 @@ class Learned:
         """Parameters and states."""
         learner = Learner(vehicle, record.signals, self.settings, learner=self.learner)
         signals = {"time": record.time, **record.signals}
-        samples = [
-            learner.push(dict(zip(signals, row, strict=True)))
-            for row in np.column_stack(list(signals.values())).tolist()
-        ]
+        rows = np.column_stack(list(signals.values())).tolist()
+        samples = [learner.push(dict(zip(signals, row, strict=True))) for row in rows]
         names = [name for name in samples[0] if f"{name}.sigma" in samples[0]]
         states = {name: np.array([sample[name] for sample in samples]) for name in names}
         return Estimates(parameters=learner.parameters, states=states)
@@ -163,11 +159,7 @@ Settings = CommonSettings | LearnerSettings
 
 
 def as_estimator(given: Estimator | Settings) -> Estimator:
-    """An estimator from itself, or from settings of `identify` or of a `Learner`.
-
-    Raises:
-        FifthwheelError: it is none of them.
-    """
+    """An estimator from itself, or from settings of `identify` or of a `Learner`; FifthwheelError for anything else."""
     if isinstance(given, CommonSettings):
         return Identified(given)
     if isinstance(given, LearnerSettings):

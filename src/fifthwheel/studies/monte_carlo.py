@@ -14,16 +14,15 @@ import pyarrow as pa
 
 from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
+from fifthwheel.cluster import run_all
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify.settings import Progress
 from fifthwheel.plant import Sensor
 from fifthwheel.studies.estimators import Estimator, Settings, as_estimator
-from fifthwheel.studies.pool import run_all
 from fifthwheel.studies.result_table import ResultTable, Row, RunName, run_rows
 from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
 from fifthwheel.vehicle import Vehicle, get
 
-Progress = Callable[[str, int, int], None]
-"""Called with a title, the steps done and all steps."""
 Guess = Callable[[Vehicle, int], Vehicle]
 """The vehicle that an estimator starts from, by the true one and the seed."""
 

@@ -5,7 +5,6 @@ were in progress. The journal enters the Parquet file when the study ends, or wh
 """
 
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -63,13 +62,9 @@ def run_rows(
     truth: Callable[[str], tuple[float, float, float] | None],
     states: Mapping[str, float],
 ) -> list[Row]:
-    """A row for each parameter of a run.
+    """A row for each parameter of a run, with what all its rows have (`base`) and the rms error of each state.
 
-    Args:
-        base: what all rows of the run have.
-        parameters: estimates.
-        truth: true value of a parameter, and the ends of its range; None if there is none.
-        states: rms error of each state.
+    `truth` gives the true value of a parameter, and the ends of its range; None if there is none.
     """
     rms = {f"rms.{name}": error for name, error in states.items()}
     rows: list[Row] = []
@@ -102,14 +97,7 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 
 class ResultTable:
-    """The runs in a Parquet file and its journal, by name.
-
-    Args:
-        path: Parquet file; it need not exist.
-
-    Raises:
-        FifthwheelError: the file is not the table of a study.
-    """
+    """The runs in a Parquet file, if it exists, and its journal, by name; FifthwheelError if it is another table."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -127,12 +115,8 @@ class ResultTable:
     def add(self, name: RunName, rows: Sequence[Row]) -> None:
         """Keep the rows of a run in the journal, where they survive the end of the process."""
         self.runs[name] = rows
-        line = (json.dumps(rows) + "\n").encode()
-        file = os.open(self.journal, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-        try:
-            os.write(file, line)
-        finally:
-            os.close(file)
+        with self.journal.open("ab", buffering=0) as file:  # one write, so that a line is never divided
+            file.write((json.dumps(rows) + "\n").encode())
 
     def table(self) -> pa.Table:
         """All runs, ordered by name."""
@@ -145,10 +129,10 @@ class ResultTable:
 
     def _read_parquet(self) -> None:
         try:
-            rows = parquet.read_table(self.path).to_pylist()
-            for row in rows:
+            for row in parquet.read_table(self.path).to_pylist():
                 present = {key: value for key, value in row.items() if value is not None}
-                self.runs[RunName.of(row)] = [*self.runs.get(RunName.of(row), []), {**present, "digest": row["digest"]}]
+                name = RunName.of(row)
+                self.runs[name] = [*self.runs.get(name, []), {**present, "digest": row["digest"]}]
         except (pa.ArrowException, KeyError, OSError) as error:
             raise FifthwheelError(f"{self.path}: not the table of a study; write to another file") from error
 

@@ -1,6 +1,6 @@
 """Scenarios of a study: a truck in a manoeuvre with sensors. The seed draws the noise and the initial values."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,7 +14,7 @@ from fifthwheel.manoeuvres import course as make_course
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import AxleGroup, Vehicle
+from fifthwheel.vehicle import Vehicle
 
 REFERENCE_STEER = (0.1, 1.0)
 """Steer angles of the steady turns of `effective_stiffness`, deg; those of Cheng and Cebon (2011), section 3.2."""
@@ -76,10 +76,8 @@ class Scenario:
 
     vehicle: Vehicle
     run: SimulatedRun
-    sensors: Mapping[str, Sensor] | None = None
-    """By signal; None: those of Cheng and Cebon (2011)."""
-    plant_run: PlantRun | None = None
-    """Of the nonlinear truck; see `simulated`."""
+    sensors: Mapping[str, Sensor] | None = None  # by signal; None: those of Cheng and Cebon (2011)
+    plant_run: PlantRun | None = None  # of the nonlinear truck; see `simulated`
     stiffness: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of effective cornering stiffness of the nonlinear truck, N/rad, by parameter."""
 
@@ -112,10 +110,7 @@ def true_value(
 ) -> tuple[float, float, float] | None:
     """True value of a parameter or derived quantity, and the ends of its range; None if the truck has none.
 
-    Args:
-        vehicle: the truck.
-        stiffness: ranges of effective stiffness, if its tyres are nonlinear.
-        parameter: its name.
+    `stiffness` has the ranges of effective stiffness, if the tyres are nonlinear.
     """
     values = vehicle.parameters() | vehicle.derived()
     if parameter not in values:
@@ -140,13 +135,7 @@ def effective_stiffness(
     """Side force divided by slip angle of every axle group in two steady turns, N/rad, by its parameter.
 
     The article uses steer angles of 0.1 and 1 degree; the slip angles at 1 degree are close to the largest of the lane
-    change (section 3.2).
-
-    Args:
-        truck: the vehicle.
-        properties: of the nonlinear truck.
-        speed: m/s.
-        steer: steer angles of the two turns, deg.
+    change (section 3.2). The speed is in m/s, the steer angles of the two turns are in degrees.
     """
     plant = Plant(truck, properties)
     turns = []
@@ -154,17 +143,13 @@ def effective_stiffness(
         time = np.arange(0, 12.001, 0.01)
         angle = np.radians(degrees) * np.clip(time / 4, 0, 1)
         turns.append(plant.drive(OpenLoop(time=time, steer=angle, speed=np.full_like(time, speed), name="turn")).truth)
-    return {
-        f"{unit.group_path(group)}.cornering_stiffness": (
-            _final_stiffness(turns[0], unit.name, group),
-            _final_stiffness(turns[1], unit.name, group),
-        )
-        for unit in truck.units
-        for group in unit.axle_groups
-    }
 
+    def at_the_end(truth: Mapping[str, Array], axles: Sequence[str]) -> float:
+        return sum(float(truth[f"lateral_force.{a}"][-1] / truth[f"slip_angle.{a}"][-1]) for a in axles)
 
-def _final_stiffness(truth: Mapping[str, Array], unit: str, group: AxleGroup) -> float:
-    """Side force divided by slip angle of an axle group at the end of a run, N/rad."""
-    axles = [f"{unit}.{axle.name}" for axle in group.axles]
-    return sum(float(truth[f"lateral_force.{a}"][-1] / truth[f"slip_angle.{a}"][-1]) for a in axles)
+    ranges = {}
+    for unit in truck.units:
+        for group in unit.axle_groups:
+            first, second = (at_the_end(turn, [f"{unit.name}.{axle.name}" for axle in group.axles]) for turn in turns)
+            ranges[f"{unit.group_path(group)}.cornering_stiffness"] = first, second
+    return ranges

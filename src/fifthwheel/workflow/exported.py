@@ -75,8 +75,8 @@ def exported_learner(
     relinearisation = RelinearisationSettings(**{name: value for name, value in given.items() if value is not None})
     available = _available_signals(vehicle, signals, identification)
     learner = Learner(vehicle, available, settings, learner=LearnerSettings(relinearisation=relinearisation))
-    problem = learner.live.problem
-    _require_used(signals, (*problem.inputs, *problem.outputs), f"a learner of {vehicle.name}")
+    setup = learner.live.setup
+    _require_used(signals, (*setup.inputs, *setup.outputs), f"a learner of {vehicle.name}")
     return learner
 
 

@@ -60,7 +60,7 @@ def emulated(
     unit, board = CORES[core]
     export_c(estimator, folder)
     kind = "learner" if isinstance(estimator, Learner) else "observer"
-    signals = estimator.live.problem if isinstance(estimator, Learner) else estimator
+    signals = estimator.live.setup if isinstance(estimator, Learner) else estimator
     columns = [record.time, *[record.signals[name] for name in (*signals.inputs, *signals.outputs)]]
     table = np.column_stack(columns)
     rows = ",\n".join("{" + ", ".join(map(repr, row)) + "}" for row in table.tolist()).replace("nan", "(0.0 / 0.0)")

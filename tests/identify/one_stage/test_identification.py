@@ -9,7 +9,6 @@ import pytest
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.one_stage.identification import (
     _correlated,
-    _uncertain_estimate,
     _variance_budget,
     _without_number,
 )
@@ -37,16 +36,6 @@ def test_the_number_of_a_log_is_shown_if_there_are_several(name: str, single: st
 
 def unknown(name: str, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
     return Unknown(name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, kind=kind)
-
-
-def test_an_uncertain_parameter_is_estimated_if_the_logs_inform_on_it() -> None:
-    """Below the limit of the settings; a considered one is fixed, whatever its sigma is."""
-    settings, u = OneStage(excited=0.6), unknown(AXIS)
-    for sigma, verdict in ((0.599, Verdict.CONVERGED), (0.6, Verdict.NOT_EXCITED)):
-        estimate = _uncertain_estimate(u, 2.2, sigma, settings)
-        assert (estimate.verdict, estimate.value) == (verdict, 2.2)
-        assert estimate.sigma == pytest.approx(sigma * 0.1 * 2.2)
-        assert _uncertain_estimate(unknown(AXIS, UnknownKind.CONSIDERED), 2.2, sigma, settings).verdict is Verdict.FIXED
 
 
 def test_the_variance_budget_is_the_squared_correlation() -> None:
@@ -79,7 +68,9 @@ def test_which_unknowns_a_parameter_is_correlated_with() -> None:
         name: str, verdict: Verdict, rows: np.ndarray, logs: int = 1, excited: float = 0.7
     ) -> tuple[str, ...]:
         solution = SimpleNamespace(
-            problem=SimpleNamespace(model=SimpleNamespace(outputs=("yaw_rate.tractor",), states=("yaw_rate.tractor",))),
+            problem=SimpleNamespace(
+                model=SimpleNamespace(states=("yaw_rate.tractor",)), setup=SimpleNamespace(without_roll_rate={HEIGHT})
+            ),
             dataset=SimpleNamespace(logs=[None] * logs),
             settings=OneStage(excited=excited),
         )

@@ -45,7 +45,7 @@ def test_the_vehicle_has_the_estimates(guess: Vehicle, learned: Learner) -> None
 
 def test_considered_parameters_stay_and_increase_the_sigmas(guess: Vehicle, lanes: Record, learned: Learner) -> None:
     considering = learn(guess, lanes, CONSIDERING)
-    considered = [u.name for u in considering._live.problem.unknowns if not u.is_estimated]
+    considered = [u.name for u in considering._live.setup.unknowns if not u.is_estimated]
     assert considered == ["tractor.roll_axis_height", "semitrailer.roll_axis_height"]
     for name in considered:
         assert considering[name].value == guess.parameters()[name]

@@ -8,7 +8,7 @@ from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import play_contact
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.live_filter import InnovationStatistics, LiveFilter
-from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.observe import Status
 from fifthwheel.vehicle import Vehicle
@@ -21,11 +21,11 @@ SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor")
 
 def test_a_long_dropout_of_the_steer_angle_must_settle(guess: Vehicle) -> None:
     """Longer than 0.1 s; then 0.7 s must pass since its end, and the steer angle must be measured now."""
-    problem = OnlineProblem.of(guess, SIGNALS, FIVE)
+    setup = online_setup(guess, SIGNALS, FIVE)
 
     def settled(*samples: tuple[float, float | None, float | None]) -> bool:
         """Of a filter after samples of time, speed and steer angle."""
-        live = LiveFilter(problem, SETTINGS)
+        live = LiveFilter(setup, SETTINGS)
         for time, speed, steer in samples:
             assert live.push(time, [speed, steer], [0.0]) is Status.OK
         return live._has_settled()

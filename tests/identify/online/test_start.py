@@ -6,9 +6,10 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.identify.initial_state import steady_state_slopes
 from fifthwheel.identify.online import LearnerSettings
-from fifthwheel.identify.online.problem import OnlineProblem
+from fifthwheel.identify.online.online_model import OnlineModel, model_of, online_setup
 from fifthwheel.identify.online.start import start_state
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.setup import Setup
 from fifthwheel.vehicle import Vehicle
 
 FIRST = {"speed": 21.0, "steer.tractor.front": 0.03}
@@ -16,19 +17,23 @@ SIGNALS = (*FIRST, "yaw_rate.tractor")
 FIVE = OneStage(priors={}, consider={}, nuisances=False)
 
 
-def derivative(problem: OnlineProblem, z: Array) -> Array:
+def model(setup: Setup) -> OnlineModel:
+    return model_of(setup, setup.outputs, discrepancies=setup.settings.nuisances)
+
+
+def derivative(setup: Setup, z: Array) -> Array:
     """dx/dz (n_x, n_p) at the start."""
-    return start_state(problem, LearnerSettings(), z, FIRST)[2]
+    return start_state(setup, model(setup), LearnerSettings(), z, FIRST)[2]
 
 
 def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehicle) -> None:
     """The rounding of differences of a steady state of 0.1 is 1e-11."""
-    problem = OnlineProblem.of(guess, SIGNALS, OneStage())
-    values = dynamics.all_parameters(problem.vehicle, problem.outputs, extended=True)
-    values |= {u.name: u.centre for u in problem.unknowns if not u.moves}
-    slopes = steady_state_slopes(problem.model.chain, problem.vehicle, FIRST, values, problem.unknowns)
-    expected = slopes.T * problem.scaling.slope(problem.scaling.centre)
-    V = derivative(problem, np.zeros(len(problem.estimated)))
+    setup = online_setup(guess, SIGNALS, OneStage())
+    values = dynamics.all_parameters(setup.vehicle, setup.outputs, extended=True)
+    values |= {u.name: u.centre for u in setup.unknowns if not u.moves}
+    slopes = steady_state_slopes(model(setup).chain, setup.vehicle, FIRST, values, setup.unknowns)
+    expected = slopes.T * setup.scaling.slope(setup.scaling.centre)
+    V = derivative(setup, np.zeros(len(setup.estimated_unknowns)))
     assert np.count_nonzero(np.abs(V).max(axis=0)) > 5
     np.testing.assert_allclose(V[: len(expected)], expected, rtol=1e-6, atol=1e-10)
     assert not V[len(expected) :].any()
@@ -37,9 +42,9 @@ def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehic
 def test_the_derivative_is_that_at_the_estimates(guess: Vehicle) -> None:
     name = "tractor.front.cornering_stiffness"
     stiffer = guess.replace({name: 2 * guess.parameters()[name]})
-    problem, other = (OnlineProblem.of(vehicle, SIGNALS, FIVE) for vehicle in (guess, stiffer))
-    z = np.array([np.log(2) / u.scale if u.name == name else 0.0 for u in problem.estimated])
-    np.testing.assert_allclose(derivative(problem, z), derivative(other, np.zeros_like(z)), rtol=1e-9, atol=1e-12)
+    setup, other = (online_setup(vehicle, SIGNALS, FIVE) for vehicle in (guess, stiffer))
+    z = np.array([np.log(2) / u.scale if u.name == name else 0.0 for u in setup.estimated_unknowns])
+    np.testing.assert_allclose(derivative(setup, z), derivative(other, np.zeros_like(z)), rtol=1e-9, atol=1e-12)
 
 
 def test_an_unstable_vehicle_starts_without_a_derivative(guess: Vehicle) -> None:
@@ -48,5 +53,5 @@ def test_an_unstable_vehicle_starts_without_a_derivative(guess: Vehicle) -> None
     critical = dynamics.critical_speed(unstable)
     assert critical is not None
     assert critical < FIRST["speed"]
-    problem = OnlineProblem.of(unstable, SIGNALS, FIVE)
-    assert not derivative(problem, np.zeros(len(problem.estimated))).any()
+    setup = online_setup(unstable, SIGNALS, FIVE)
+    assert not derivative(setup, np.zeros(len(setup.estimated_unknowns))).any()

@@ -3,7 +3,9 @@
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.unknowns import parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
+from fifthwheel.cheng_cebon_2011.stage import filter_sigmas
+from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import (
@@ -23,6 +25,7 @@ from fifthwheel.identify.unknowns.parameters import (
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.unit import Accelerometer
 
 HEIGHT = "semitrailer.payload.height"
 RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
@@ -264,6 +267,20 @@ def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
     assert f"{ACCELERATION}.height" not in unknowns
 
 
+def test_the_places_of_several_accelerometers(truck: Vehicle) -> None:
+    """A sensor with a name has its own place; one that the vehicle file does not name is where the unit's is."""
+    front, rear = Accelerometer(position=-1.2, height=0.9), Accelerometer(position=-4.1, height=1.1)
+    tractor = truck.unit("tractor").model_copy(update={"accelerometer": front, "accelerometers": {"rear": rear}})
+    there = truck.model_copy(update={"units": (tractor, *truck.units[1:])})
+    there = there.with_stated({"tractor.accelerometer.position": 0.03, "tractor.accelerometers.rear.position": 0.07})
+    names = [ACCELERATION, f"{ACCELERATION}.rear", f"{ACCELERATION}.roof"]
+    unknowns = by_name(there, OneStage(), (*OUTPUTS, *names[1:]))
+    for name, place, sigma in zip(names, (front, rear, front), (0.03, 0.07, 0.03), strict=True):
+        position = unknowns[f"{name}.position"]
+        assert (position.centre, position.scale) == (place.position, sigma)
+        assert sensor_parameters(there, name)[f"{name}.height"] == place.height
+
+
 def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
     """Stiffness and inertia by a fraction, between an eighth and eight times the value; heights in metres."""
     values = truck.parameters()
@@ -292,10 +309,10 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
         prior=0.2, height_prior=0.5, initial_sigma=0.02, initial_height_sigma=0.1, random_walk=0.004, height_walk=0.025
     )
     stiffness, height = parameter_unknowns(truck, names, settings)
-    assert (stiffness.start, stiffness.walk) == pytest.approx((0.1, 0.02))
-    assert (height.start, height.walk) == pytest.approx((0.2, 0.05))
+    assert filter_sigmas(stiffness, settings) == pytest.approx((0.1, 0.02))
+    assert filter_sigmas(height, settings) == pytest.approx((0.2, 0.05))
     usual = parameter_unknowns(truck, names, TwoStage())
-    assert {(u.start, u.walk) for u in usual} == {(1.0, 0.0)}
+    assert {filter_sigmas(u, TwoStage()) for u in usual} == {(1.0, 0.0)}
     linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
     fixed = parameter_unknowns(truck, names, TwoStage(fixed=names[:1]))

@@ -101,23 +101,19 @@ def export_fmu(
 
 
 def _header(model: FmuModel, identity: str) -> str:
-    return "\n".join(
-        [
-            "/* Sizes and the state of this model, generated; included by fmu.h only. */",
-            "",
-            "#ifndef FMU_MODEL_H",
-            "#define FMU_MODEL_H",
-            "",
-            f'#define FMU_TOKEN "{identity}"',
-            f"#define FMU_COUNT {len(model.variables)}",
-            model.header,
-            "",
-            "extern const fmu_variable fmu_variables[FMU_COUNT];",
-            "",
-            "#endif",
-            "",
-        ]
-    )
+    return f"""/* Sizes and the state of this model, generated; included by fmu.h only. */
+
+#ifndef FMU_MODEL_H
+#define FMU_MODEL_H
+
+#define FMU_TOKEN "{identity}"
+#define FMU_COUNT {len(model.variables)}
+{model.header}
+
+extern const fmu_variable fmu_variables[FMU_COUNT];
+
+#endif
+"""
 
 
 def _documentation(model: FmuModel) -> bytes:

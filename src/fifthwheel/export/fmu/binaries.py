@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from fifthwheel._atomic.cleanup import cleaned_up
+from fifthwheel._atomic.locks import cleaned_up
 from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
 
@@ -23,13 +23,10 @@ from fifthwheel.errors import FifthwheelError
 class Platform(NamedTuple):
     """A platform for which FMUs are compiled."""
 
-    target: str
-    """Of zig."""
-    fmi2: str
-    """Folder of the library in an FMU of FMI 2.0."""
+    target: str  # of zig
+    fmi2: str  # folder of the library in an FMU of FMI 2.0
     suffix: str
-    extra: tuple[str, ...]
-    """More arguments of the compiler."""
+    extra: tuple[str, ...]  # more arguments of the compiler
 
     def folder(self, name: str, fmi: int) -> str:
         """Folder of the library in an FMU; `name` is that of the platform in `PLATFORMS`."""

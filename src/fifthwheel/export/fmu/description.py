@@ -48,8 +48,8 @@ def model_description(model: FmuModel, fmi: int, identity: str, source_files: It
     ET.SubElement(root, "DefaultExperiment", {"startTime": "0.0", "stopTime": "10.0", "stepSize": repr(model.step)})
     variables = ET.SubElement(root, "ModelVariables")
     for reference, variable in enumerate(model.variables):
-        variables.append((_variable_3 if fmi == 3 else _variable_2)(variable, reference))
-    root.append((_structure_3 if fmi == 3 else _structure_2)(model.variables))
+        variables.append(_variable(variable, reference, fmi))
+    root.append(_structure(model.variables, fmi))
     return _text(root)
 
 
@@ -111,48 +111,32 @@ def _numeric(variable: Variable) -> dict[str, str]:
     return attributes | ({"start": repr(variable.start)} if variable.has_start else {})
 
 
-def _common(variable: Variable, reference: int) -> dict[str, str]:
+def _variable(variable: Variable, reference: int, fmi: int) -> ET.Element:
     causality, variability = VARIABILITY[variable.role]
-    return {
+    common = {
         "name": variable.name,
         "valueReference": str(reference),
         "description": variable.description,
         "causality": causality,
         "variability": variability,
     }
-
-
-def _variable_3(variable: Variable, reference: int) -> ET.Element:
-    kind = "Int32" if variable.role is Role.INTEGER_OUTPUT else "Float64"
-    return ET.Element(kind, _common(variable, reference) | _numeric(variable))
-
-
-def _variable_2(variable: Variable, reference: int) -> ET.Element:
-    element = ET.Element("ScalarVariable", _common(variable, reference))
-    ET.SubElement(element, "Integer" if variable.role is Role.INTEGER_OUTPUT else "Real", _numeric(variable))
+    is_integer = variable.role is Role.INTEGER_OUTPUT
+    if fmi == 3:
+        return ET.Element("Int32" if is_integer else "Float64", common | _numeric(variable))
+    element = ET.Element("ScalarVariable", common)
+    ET.SubElement(element, "Integer" if is_integer else "Real", _numeric(variable))
     return element
 
 
-def _outputs(variables: Iterable[Variable]) -> list[int]:
-    return [i for i, variable in enumerate(variables) if variable.role in (Role.OUTPUT, Role.INTEGER_OUTPUT)]
-
-
-def _structure_3(variables: Iterable[Variable]) -> ET.Element:
+def _structure(variables: Iterable[Variable], fmi: int) -> ET.Element:
     """Outputs are computed in a step, so they do not depend on the inputs that are set after it."""
-    element, outputs = ET.Element("ModelStructure"), _outputs(variables)
-    for i in outputs:
-        ET.SubElement(element, "Output", {"valueReference": str(i), "dependencies": ""})
-    for i in outputs:
-        ET.SubElement(element, "InitialUnknown", {"valueReference": str(i)})
-    return element
-
-
-def _structure_2(variables: Iterable[Variable]) -> ET.Element:
-    element, outputs = ET.Element("ModelStructure"), _outputs(variables)
-    known, unknown = ET.SubElement(element, "Outputs"), ET.SubElement(element, "InitialUnknowns")
-    for i in outputs:
-        ET.SubElement(known, "Unknown", {"index": str(i + 1), "dependencies": ""})
-        ET.SubElement(unknown, "Unknown", {"index": str(i + 1)})
+    element = ET.Element("ModelStructure")
+    outputs = [i for i, variable in enumerate(variables) if variable.role in (Role.OUTPUT, Role.INTEGER_OUTPUT)]
+    for kind, attributes in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
+        group = element if fmi == 3 else ET.SubElement(element, f"{kind}s")
+        for i in outputs:
+            place = {"valueReference": str(i)} if fmi == 3 else {"index": str(i + 1)}
+            ET.SubElement(group, kind if fmi == 3 else "Unknown", place | attributes)
     return element
 
 

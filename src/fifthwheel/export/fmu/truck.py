@@ -151,7 +151,7 @@ def _step(model: ChainModel, vehicle: Vehicle) -> ca.Function:
     state = ca.vertcat(x, (before[-1] + after[-1]) / 2)
     d = ca.vertcat(before[:-1], after[:-1])
     later = model.transition(state, row[0], d, p, _constants(model, vehicle))
-    return ca.Function("step", [x, row, p], [ca.densify(later[:n])], {"cse": True})
+    return c_code.step("step", [x, row, p], [later[:n]])
 
 
 def _outputs(model: ChainModel, vehicle: Vehicle) -> ca.Function:
@@ -160,7 +160,7 @@ def _outputs(model: ChainModel, vehicle: Vehicle) -> ca.Function:
     x, inputs, p = ca.SX.sym("x", n), ca.SX.sym("inputs", k), ca.SX.sym("p", len(model.free))
     d = ca.vertcat(inputs[:-1], inputs[:-1])
     y = model.observation(ca.vertcat(x, inputs[-1]), d, p, _constants(model, vehicle))
-    return ca.Function("outputs", [x, inputs, p], [ca.densify(y)], {"cse": True})
+    return c_code.step("outputs", [x, inputs, p], [y])
 
 
 def _matrix(model: ChainModel, vehicle: Vehicle) -> ca.Function:
@@ -169,4 +169,4 @@ def _matrix(model: ChainModel, vehicle: Vehicle) -> ca.Function:
     values = {name: ca.SX(value) for name, value in vehicle.parameters().items()}
     values |= dict(zip(model.free, ca.vertsplit(p), strict=True)) if model.free else {}
     A, _ = equations(values, vehicle, roll=model.roll).state_space(speed)
-    return ca.Function("matrix", [speed, p], [ca.vec(ca.densify(A).T)], {"cse": True})
+    return c_code.step("matrix", [speed, p], [c_code.by_rows(A)])

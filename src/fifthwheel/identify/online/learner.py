@@ -7,22 +7,25 @@ point of linearisation (`filters.relinearised`), and reports states whose sigmas
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.filters.relinearised import Estimate, RelinearisationSettings
+from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
+from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
-from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.identify.online.start import with_prior_means
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
@@ -82,8 +85,9 @@ class Learner:
         learner: LearnerSettings | None = None,
         trailer: str | None = None,
     ) -> None:
-        problem = OnlineProblem.of(vehicle, signals, settings or OneStage())
-        self._live = LiveFilter(problem, learner or LearnerSettings())
+        self._vehicle_file, self._signals = vehicle, frozenset(signals)
+        setup = online_setup(vehicle, self._signals, settings or OneStage())
+        self._live = LiveFilter(setup, learner or LearnerSettings())
         self._trailer = vehicle.name if trailer is None else trailer
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
         self._time = math.nan  # of the last sample, s
@@ -114,8 +118,8 @@ class Learner:
         if time <= self._time:
             raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
         self._time = time
-        problem = live.problem
-        status = live.push(time, [get(n) for n in problem.inputs], [get(n) for n in problem.outputs])
+        setup = live.setup
+        status = live.push(time, [get(n) for n in setup.inputs], [get(n) for n in setup.outputs])
         answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
         names = live.view.names
         if status in (Status.OK, Status.COASTING):
@@ -136,8 +140,8 @@ class Learner:
             SignalError: a signal of the learner is missing, or the record starts before the last sample; the learner is
                 unchanged.
         """
-        problem = self._live.problem
-        names = (*problem.inputs, *problem.outputs)
+        setup = self._live.setup
+        names = (*setup.inputs, *setup.outputs)
         for name in names:
             if name not in record.signals:
                 raise SignalError(f"{name}: not in {record.name}; make a Learner with the signals that it has")
@@ -147,7 +151,7 @@ class Learner:
                 "give records in the order of time"
             )
         rows = np.column_stack([record.signals[name] for name in names]).tolist()
-        k = len(problem.inputs)
+        k = len(setup.inputs)
         for time, row in zip(record.time.tolist(), rows, strict=True):
             self._time = time
             self._live.push(time, row[:k], row[k:])
@@ -170,9 +174,9 @@ class Learner:
     @property
     def parameters(self) -> tuple[LearnedValue, ...]:
         """The estimated and the uncertain parameters, without the considered ones."""
-        indirect = self._live.problem.not_identifiable
+        requested = self._live.setup.estimated
         return tuple(
-            value for u, value in self._estimates() if not u.is_sensor_error and (u.is_estimated or u.name in indirect)
+            value for u, value in self._estimates() if not u.is_sensor_error and (u.is_estimated or u.name in requested)
         )
 
     @property
@@ -188,28 +192,24 @@ class Learner:
     def doubts(self) -> tuple[Doubt, ...]:
         """Evidence against an assumption, with the parameters that are doubtful therefore."""
         live = self._live
-        return find_doubts(live.problem, live.learner, live.estimate(), live.innovations)
+        return find_doubts(live.setup, live.learner, live.estimate(), live.innovations)
 
     def _estimates(self) -> list[tuple[Unknown, LearnedValue]]:
-        live, problem = self._live, self._live.problem
-        scaling, estimate = problem.scaling, live.estimate()
-        doubts = find_doubts(problem, live.learner, estimate, live.innovations)
+        live, setup = self._live, self._live.setup
+        estimate = live.estimate()
+        doubts = find_doubts(setup, live.learner, estimate, live.innovations)
         doubtful = {name for doubt in doubts for name in doubt.parameters}
-        z = np.append(estimate.z, np.zeros(len(problem.considered)))
-        p = np.clip(scaling.to_p(z), scaling.lower, scaling.upper)
-        z_sigma = np.sqrt(np.diag(estimate.covariance()))
-        sigma = z_sigma * np.abs(scaling.slope(p))
-        measured = live.innovations.measured or problem.outputs  # a channel without samples counts as absent
+        z = with_prior_means(estimate.z, len(setup.unknowns))
+        p = np.clip(setup.scaling.to_p(z), setup.scaling.lower, setup.scaling.upper).tolist()
+        sigma_z = np.sqrt(np.diag(estimate.covariance())).tolist()
+        measured = live.innovations.measured or setup.outputs  # a channel without samples counts as absent
         estimates = []
-        for i, u in enumerate(problem.unknowns):
-            numbers = (float(p[i]), float(sigma[i]))
+        for u, value, s in zip(setup.unknowns, p, sigma_z, strict=True):
             if not u.is_sensor_error and u.kind is not UnknownKind.UNCERTAIN and lacks_roll_rate(u.name, measured):
                 verdict = Verdict.NOT_IDENTIFIABLE
-            elif not z_sigma[i] < problem.settings.excited:
-                verdict = Verdict.NOT_EXCITED
             else:
-                verdict = estimate_verdict(u, *numbers, converged=True, doubtful=u.name in doubtful)
-            estimates.append((u, LearnedValue(name=u.name, value=numbers[0], sigma=numbers[1], verdict=verdict)))
+                verdict = estimate_verdict(u, value, s, excited=setup.settings.excited, doubtful=u.name in doubtful)
+            estimates.append((u, LearnedValue(name=u.name, value=value, sigma=u.sigma(value, s), verdict=verdict)))
         return estimates
 
     def vehicle(self) -> Vehicle:
@@ -222,7 +222,7 @@ class Learner:
             and u.is_estimated
             and (u.kind is UnknownKind.UNCERTAIN or value.verdict not in unknown)
         }
-        return self._live.problem.vehicle.replace(values)
+        return self._live.setup.vehicle.replace(values)
 
     def couple(self, trailer: str, vehicle: Vehicle, signals: Iterable[str] | None = None) -> None:
         """Couple another trailer to the same tractor, or one that was coupled before.
@@ -239,17 +239,18 @@ class Learner:
             SignalError: this trailer was coupled with another vehicle file, or a necessary signal is missing.
             VehicleError: the vehicle has another tractor. The learner is unchanged in all cases.
         """
-        old = self._live.problem
         kept = {**self._uncoupled, self._trailer: self._block(of_tractor=False)}
         blocks = [(self._block(of_tractor=True), "the tractor")]
         if trailer in kept:
             blocks.append((kept.pop(trailer), trailer))
-        combination = _with_tractor_of(old.vehicle_file, vehicle)
-        problem = OnlineProblem.of(combination, old.signals if signals is None else signals, old.settings)
-        z, Pz = combine_blocks(problem.unknowns, blocks)
-        live = LiveFilter(problem, self._live.learner)
-        live.filter.set_estimate(_estimate(problem, z, Pz))
+        combination = _with_tractor_of(self._vehicle_file, vehicle)
+        measured = self._signals if signals is None else frozenset(signals)
+        setup = online_setup(combination, measured, self._live.setup.settings)
+        z, Pz = combine_blocks(setup.unknowns, blocks)
+        live = LiveFilter(setup, self._live.learner)
+        live.filter.set_estimate(_estimate(setup, z, Pz))
         live.innovations.restore(**self._live.innovations.as_dict())
+        self._vehicle_file, self._signals = combination, measured
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
     def change_since(self, before: "Learner") -> dict[str, tuple[float, float]]:
@@ -258,14 +259,13 @@ class Learner:
         Both learned from different samples. The considered unknowns have the same errors in both, so that the sigma
         contains only the difference of their effects.
         """
-        problem, new, old = self._live.problem, self._live.estimate(), before._live.estimate()
-        scaling, n = problem.scaling, len(problem.estimated)
-        none = np.zeros(len(problem.considered))
-        p, p_old = scaling.to_p(np.append(new.z, none)), scaling.to_p(np.append(old.z, none))
+        setup, new, old = self._live.setup, self._live.estimate(), before._live.estimate()
+        unknowns, count = setup.estimated_unknowns, len(setup.unknowns)
+        p, p_old = (setup.scaling.to_p(with_prior_means(z, count)) for z in (new.z, old.z))
         B = new.B - old.B
-        sigma = np.sqrt(np.diag(new.Pz + old.Pz + B @ B.T)) * np.abs(scaling.slope(p)[:n])
-        changes = {u.name: (float(p[i] - p_old[i]), float(sigma[i])) for i, u in enumerate(problem.estimated)}
-        return {name: change for name, change in changes.items() if name in problem.parameters}
+        sigma = np.sqrt(np.diag(new.Pz + old.Pz + B @ B.T)) * np.abs(setup.scaling.slope(p)[: len(unknowns)])
+        changes = zip(unknowns, (p - p_old).tolist(), sigma.tolist(), strict=False)
+        return {u.name: (change, s) for u, change, s in changes if not u.is_sensor_error}
 
     def with_fixed(self, vehicle: Vehicle, values: Mapping[str, float]) -> "Learner":
         """A learner with the same estimates in which exactly these parameters are fixed.
@@ -278,29 +278,29 @@ class Learner:
             SignalError: no unknown is left to estimate.
             VehicleError: a parameter cannot be fixed.
         """
-        live, problem = self._live, self._live.problem
-        settings = replace(problem.settings, fixed=tuple(values))
-        fixed = Learner(vehicle.replace(values), problem.signals, settings, learner=live.learner, trailer=self._trailer)
-        unknowns = fixed._live.problem.unknowns
-        block = self._block_of(range(len(problem.unknowns))).restricted(unknowns)
+        live, setup = self._live, self._live.setup
+        settings = replace(setup.settings, fixed=tuple(values))
+        fixed = Learner(vehicle.replace(values), self._signals, settings, learner=live.learner, trailer=self._trailer)
+        unknowns = fixed._live.setup.unknowns
+        block = self._block_of(range(len(setup.unknowns))).restricted(unknowns)
         z, Pz = combine_blocks(unknowns, [(block, "this learner")])
-        fixed._live.filter.set_estimate(_estimate(fixed._live.problem, z, Pz))
+        fixed._live.filter.set_estimate(_estimate(fixed._live.setup, z, Pz))
         fixed._live.innovations.restore(**live.innovations.as_dict())
         fixed._uncoupled = {name: other.restricted(unknowns) for name, other in self._uncoupled.items()}
         return fixed
 
     def _block(self, *, of_tractor: bool) -> EstimateBlock:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
-        problem = self._live.problem
-        tractor = problem.vehicle.units[0].name
-        places = [i for i, name in enumerate(problem.names) if (unit_of_unknown(name) in (tractor, "")) == of_tractor]
+        setup = self._live.setup
+        tractor = setup.vehicle.units[0].name
+        places = [i for i, u in enumerate(setup.unknowns) if (unit_of_unknown(u.name) in (tractor, "")) == of_tractor]
         return self._block_of(places)
 
     def _block_of(self, places: Sequence[int]) -> EstimateBlock:
         """Estimates of the unknowns at these places."""
-        problem, estimate = self._live.problem, self._live.filter.estimate()
-        z = np.append(estimate.z, np.zeros(len(problem.considered)))
-        return EstimateBlock.of(problem.unknowns, z, estimate.covariance(), places)
+        setup, estimate = self._live.setup, self._live.filter.estimate()
+        z = with_prior_means(estimate.z, len(setup.unknowns))
+        return EstimateBlock.of(setup.unknowns, z, estimate.covariance(), places)
 
     def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
@@ -308,15 +308,15 @@ class Learner:
 
     def content(self) -> dict[str, Any]:
         """What `save` writes; later samples do not change it."""
-        problem = self._live.problem
+        setup = self._live.setup
         estimate, innovations = self._live.filter.estimate(), self._live.innovations
         return {
-            "vehicle": problem.vehicle_file.model_dump(mode="json"),
-            "signals": sorted(problem.signals),
-            "settings": problem.settings.as_dict(),
-            "learner": asdict(self._live.learner),
+            "vehicle": self._vehicle_file.model_dump(mode="json"),
+            "signals": sorted(self._signals),
+            "settings": setup.settings.as_dict(),
+            "learner": self._live.learner.as_dict(),
             "trailer": self._trailer,
-            "estimates": self._block_of(range(len(problem.unknowns))).as_dict(),
+            "estimates": self._block_of(range(len(setup.unknowns))).as_dict(),
             "evidence": {
                 "gradient": estimate.gradient.tolist(),
                 "information": estimate.information.tolist(),
@@ -338,21 +338,18 @@ class Learner:
     def of_content(cls, content: Mapping[str, Any], path: str) -> "Learner":
         """A learner with the estimates in the content of the file `path`; errors as in `load`."""
         try:
-            saved = content["learner"]
             learner = cls(
                 Vehicle(**content["vehicle"]),
                 content["signals"],
-                OneStage(**_with_tuples(content["settings"])),
-                learner=LearnerSettings(
-                    **{**saved, "relinearisation": RelinearisationSettings(**saved["relinearisation"])}
-                ),
+                TypeAdapter(OneStage).validate_python(content["settings"]),
+                learner=TypeAdapter(LearnerSettings).validate_python(content["learner"]),
                 trailer=content["trailer"],
             )
             blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
             live, evidence = learner._live, content["evidence"]
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
-            z, Pz = combine_blocks(live.problem.unknowns, blocks)
-            live.filter.set_estimate(_estimate(live.problem, z, Pz, *scores))
+            z, Pz = combine_blocks(live.setup.unknowns, blocks)
+            live.filter.set_estimate(_estimate(live.setup, z, Pz, *scores))
             live.innovations.restore(**evidence["innovations"])
             for name, block in content["uncoupled"].items():
                 learner._uncoupled[name] = EstimateBlock.from_dict(block)
@@ -383,18 +380,13 @@ def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
     return vehicle.replace(values)
 
 
-def _with_tuples(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of JSON with tuples instead of lists."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}
-
-
 def _estimate(
-    problem: OnlineProblem, z: Array, Pz: Array, gradient: Array | None = None, information: Array | None = None
-) -> Estimate:
+    setup: Setup, z: Array, Pz: Array, gradient: Array | None = None, information: Array | None = None
+) -> JointEstimate:
     """The estimate of a filter from z (n_p,), its covariance (n_p, n_p) and score tests, which start again if None."""
-    n, none = len(problem.estimated), np.zeros(len(problem.considered))
+    n, none = len(setup.estimated_unknowns), np.zeros(len(setup.considered_unknowns))
     B = Pz[:n, n:]
-    return Estimate(
+    return JointEstimate(
         z=z[:n],
         Pz=Pz[:n, :n] - B @ B.T,
         B=B,

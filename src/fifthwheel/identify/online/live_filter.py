@@ -10,11 +10,12 @@ import numpy as np
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
-from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
-from fifthwheel.identify.online.problem import OnlineProblem, model_of
+from fifthwheel.filters.relinearised import JointEstimate, RelinearisedFilter
+from fifthwheel.identify.online.online_model import OnlineModel, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import block_diagonal, discrepancy_variances, start_state
 from fifthwheel.identify.online.steering import Excitation, Steering
+from fifthwheel.identify.setup import Setup
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.stream import InputRule, Status, Stream, StreamSettings, magnitude
 
@@ -33,35 +34,36 @@ class LiveFilter:
     The constructor compiles the filter's step for the model, or takes it from the cache.
     """
 
-    def __init__(self, problem: OnlineProblem, learner: LearnerSettings) -> None:
-        self.problem, self.learner = problem, learner
-        self.filter = _relinearised_filter(problem, learner)
-        self.view, self.row = StateView(problem, self.filter), self.filter.row
+    def __init__(self, setup: Setup, learner: LearnerSettings) -> None:
+        self.setup, self.learner = setup, learner
+        self.model = model_of(setup, setup.outputs, discrepancies=setup.settings.nuisances)
+        self.filter = _relinearised_filter(setup, self.model, learner)
+        self.view, self.row = StateView(setup, self.model, self.filter), self.filter.row
         self.learning = False
         """Whether it learned from the last sample."""
-        self.innovations = InnovationStatistics(problem.outputs, learner.innovation_window, problem.settings.gate)
+        self.innovations = InnovationStatistics(setup.outputs, learner.innovation_window, setup.settings.gate)
         """Of the samples from which it learned."""
-        inputs = problem.inputs
-        self.stream = Stream(stream_settings(problem, learner), StepLimit(problem.vehicle, roll=True))
+        inputs = setup.inputs
+        self.stream = Stream(stream_settings(setup, learner), StepLimit(setup.vehicle, roll=True))
         self._steering = Steering(len(inputs) - 1)
-        estimated = [u.name for u in problem.estimated]
+        estimated = [u.name for u in setup.estimated_unknowns]
         self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
-        self._excitation = Excitation(problem.vehicle, len(inputs) - 1, learner, tyres=problem.settings.tyre_law)
+        self._excitation = Excitation(setup.vehicle, len(inputs) - 1, learner, tyres=setup.settings.tyre_law)
         self._in_segment = False  # whether the last sample belongs to a segment with excitation
         self._start_time = -math.inf  # of the state, s
         self._dropout_time = -math.inf  # of the last long dropout of a steer angle, s
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: filters of one structure share it."""
-        state = {name: value for name, value in vars(self).items() if name not in ("filter", "view", "row")}
-        return LiveFilter, (self.problem, self.learner), (state, self.filter.memory())
+        state = {name: value for name, value in vars(self).items() if name not in ("model", "filter", "view", "row")}
+        return LiveFilter, (self.setup, self.learner), (state, self.filter.memory())
 
     def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
         attributes, memory = state
         vars(self).update(attributes)
         self.filter.restore(memory)
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> JointEstimate:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
@@ -73,8 +75,8 @@ class LiveFilter:
     def start(self, stream: Stream) -> None:
         """Start the state at the steady state of the inputs; the estimates stay."""
         self.filter.end_segment()
-        first = dict(zip(self.problem.inputs, stream.inputs, strict=True))
-        x, P, V = start_state(self.problem, self.learner, self.filter.estimate().z, first)
+        first = dict(zip(self.setup.inputs, stream.inputs, strict=True))
+        x, P, V = start_state(self.setup, self.model, self.learner, self.filter.estimate().z, first)
         before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
@@ -120,11 +122,11 @@ class LiveFilter:
         A lane change hardly separates the bank from the offset of the steering, and the gains do not allow for
         considered parameters: without a new start, the errors of both would grow from one lane change to the next.
         """
-        return self.view.bank_variance() > self.problem.settings.bank_prior**2
+        return self.view.bank_variance() > self.setup.settings.bank_prior**2
 
     def _play(self) -> list[float]:
         """Estimates of the plays of the steerings, rad."""
-        scaling, row = self.problem.scaling, self.filter.carry
+        scaling, row = self.setup.scaling, self.filter.carry
         first = self.filter.layout.z.start
         return [scaling.scale[i] * row[first + i, 0] for i in self._plays]
 
@@ -180,20 +182,17 @@ class InnovationStatistics:
 class StateView:
     """The reported states of a filter, whose memory it reads, and their variances with those of the unknowns."""
 
-    def __init__(self, problem: OnlineProblem, joint_filter: RelinearisedFilter) -> None:
-        vehicle, scaling = problem.vehicle, problem.scaling
-        bank = problem.model.chain.bank
+    def __init__(self, setup: Setup, model: OnlineModel, joint_filter: RelinearisedFilter) -> None:
+        vehicle, scaling = setup.vehicle, setup.scaling
+        bank = model.chain.bank
         signals = reported_signals(vehicle, roll=True, bank=bank)
         self.names = [(name, f"{name}.sigma") for name in signals]
         """Names of each reported state and of its sigma."""
         self.bank = signals.index(BANK) if bank else None
         """Place of the bank of the road among them; None if it is no state."""
-        self.report = model_of(
-            vehicle, signals, problem.unknowns, bank=bank, discrepancies=False, tyres=problem.settings.tyre_law
-        )
-        self._step = joint.state_view(problem.model, self.report, scaling.logarithmic, len(problem.estimated))
-        values = problem.given(signals)
-        self.c = self.report.constant(values, problem.unknowns, math.inf)
+        self.report = model_of(setup, signals, discrepancies=False)
+        self._step = joint.state_view(model, self.report, scaling.logarithmic, len(setup.estimated_unknowns))
+        self.c = self.report.constant(setup.given_to_model(signals), setup.unknowns, math.inf)
         constant = np.concatenate([self.c, scaling.centre, scaling.scale])
         self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
         self._output = np.zeros((self._step.n_output, joint.LANES))
@@ -213,40 +212,41 @@ class StateView:
         return values
 
 
-def stream_settings(problem: OnlineProblem, learner: LearnerSettings) -> StreamSettings:
+def stream_settings(setup: Setup, learner: LearnerSettings) -> StreamSettings:
     """How a learner treats faults of its signals. A spike of an input moves the state and its sensitivities alike, so
     that the filter would learn from it."""
     steer, rate = min(learner.max_steer, sys.float_info.max), learner.max_steer_rate
     speed = InputRule(name="speed", largest=magnitude("speed"), jump=learner.max_speed_change, rate=0.0)
-    steers = (InputRule(name=name, largest=steer, jump=0.0, rate=rate) for name in problem.inputs[1:])
+    steers = (InputRule(name=name, largest=steer, jump=0.0, rate=rate) for name in setup.inputs[1:])
     return StreamSettings(
         inputs=(speed, *steers),
-        measured=dict.fromkeys(problem.outputs, sys.float_info.max),
-        min_speed=problem.settings.min_speed,
+        measured=dict.fromkeys(setup.outputs, sys.float_info.max),
+        min_speed=setup.settings.min_speed,
         hold=learner.hold,
         max_gap=learner.max_gap,
         coast=learner.coast,
     )
 
 
-def _relinearised_filter(problem: OnlineProblem, learner: LearnerSettings) -> RelinearisedFilter:
-    settings, vehicle, model = problem.settings, problem.vehicle, problem.model
+def _relinearised_filter(setup: Setup, model: OnlineModel, learner: LearnerSettings) -> RelinearisedFilter:
+    settings, vehicle = setup.settings, setup.vehicle
     table = variances.PROCESS_VARIANCE | {"bank": settings.bank_walk**2}
     factor = max(settings.process_noise, MIN_PROCESS_NOISE)
-    discrepancies = discrepancy_variances(problem, learner)
+    discrepancies = discrepancy_variances(setup, learner)
     of_states = variances.process_covariance(model.chain.states, table, factor)
     process = block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
     noise = Noise(
         process=process,
-        measurement=np.array([variances.sensor_variance(vehicle, name, settings.noise) for name in problem.outputs]),
+        measurement=np.array([variances.sensor_variance(vehicle, name, settings.noise) for name in setup.outputs]),
         gate=settings.gate,
     )
-    values = problem.given(problem.outputs)
     return RelinearisedFilter(
         model,
-        c=model.constant(values, problem.unknowns, learner.discrepancy_time),
+        c=model.constant(setup.given_to_model(setup.outputs), setup.unknowns, learner.discrepancy_time),
         noise=noise,
-        scaling=problem.scaling,
-        walk=np.array([2 / (learner.offset_time if u.per_log else learner.parameter_time) for u in problem.estimated]),
+        scaling=setup.scaling,
+        walk=np.array(
+            [2 / (learner.offset_time if u.per_log else learner.parameter_time) for u in setup.estimated_unknowns]
+        ),
         settings=learner.relinearisation,
     )

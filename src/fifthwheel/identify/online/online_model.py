@@ -1,15 +1,21 @@
-"""The model of a learner: the yaw-roll model with the unknowns as parameters, and a discrepancy for each channel."""
+"""Setup and model of a learner: the yaw-roll model with the unknowns as parameters, and discrepancies of channels."""
 
 import functools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
+from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import YAW_RATE, is_of
 from fifthwheel.dynamics import ChainModel
+from fifthwheel.errors import SignalError
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.setup import Setup, simplified
 from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,18 +54,45 @@ class OnlineModel:
         return _values(self.chain, self.own, self.given, self.slopes, p, c)
 
 
-def chain_parameters(unknowns: Sequence[Unknown], parameters: Sequence[str]) -> tuple[str, ...]:
-    """Those of the parameters that unknowns change, each once."""
-    return tuple(dict.fromkeys(name for u in unknowns for name in u.slopes if name in parameters))
+def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
+    """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
+    if settings.tyres == "auto":  # at small slip angles tyres that saturate are linear
+        settings = replace(settings, tyres="saturating")
+    if "speed" not in signals:
+        raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
+    vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")
+    units = [unit.name for unit in vehicle.units]
+    usable = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
+    usable += [f"roll_rate.{u}" for u in units]
+    outputs = tuple(name for name in usable if name in signals)
+    if not any(is_of(name, YAW_RATE) for name in outputs):
+        raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
+    setup = Setup.of(vehicle, outputs, settings)
+    setup = setup.considering(setup.without_roll_rate)
+    if not setup.estimated_unknowns:
+        raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
+    return replace(setup, unknowns=(*setup.estimated_unknowns, *setup.considered_unknowns))
+
+
+def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> OnlineModel:
+    """The model with some outputs; with the bank of the road as a state if sensor errors are estimated."""
+    parameters = setup.given_to_model(outputs)
+    chain = dynamics.model(
+        setup.vehicle,
+        outputs,
+        roll=True,
+        bank=setup.settings.nuisances,
+        extended=True,
+        free=tuple(dict.fromkeys(name for u in setup.unknowns for name in u.slopes if name in parameters)),
+        tyres=setup.settings.tyre_law,
+    )
+    return online_model(chain, setup.unknowns, discrepancies=discrepancies)
 
 
 def online_model(chain: ChainModel, unknowns: Sequence[Unknown], *, discrepancies: bool) -> OnlineModel:
     """The model with unknowns as parameters; the same object for the same structure.
 
-    Args:
-        chain: with the `chain_parameters` of the unknowns free.
-        unknowns: those that change no parameter of the chain have no effect.
-        discrepancies: whether every channel has one.
+    Free parameters of the chain are those that the unknowns change; unknowns that change none have no effect.
     """
     structure = tuple((bool(u.moves), tuple(name for name in u.slopes if name in chain.free)) for u in unknowns)
     return _online_model(chain, structure, discrepancies)

@@ -14,36 +14,41 @@ from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.identify.online.online_model import OnlineModel
-from fifthwheel.identify.online.problem import OnlineProblem
 from fifthwheel.identify.online.settings import LearnerSettings
+from fifthwheel.identify.setup import Setup
 from fifthwheel.native import Scan, compiled
 
 
 def start_state(
-    problem: OnlineProblem, learner: LearnerSettings, z: Array, first: Mapping[str, float]
+    setup: Setup, model: OnlineModel, learner: LearnerSettings, z: Array, first: Mapping[str, float]
 ) -> tuple[Array, Array, Array]:
     """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
-    vehicle, unknowns, model = problem.vehicle, problem.unknowns, problem.model
-    p = problem.scaling.to_p(np.append(z, np.zeros(len(unknowns) - len(z))))
-    values = problem.given(problem.outputs)
+    vehicle, unknowns = setup.vehicle, setup.unknowns
+    p = setup.scaling.to_p(with_prior_means(z, len(unknowns)))
+    values = setup.given_to_model(setup.outputs)
     values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
-    bank = problem.settings.bank_prior if model.chain.bank else None
+    bank = setup.settings.bank_prior if model.chain.bank else None
     x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
     _, m = steady_initial_state(vehicle, first, values, roll=True)
-    n, inputs = len(m.A) - 1, [first[name] for name in problem.inputs]
+    n, inputs = len(m.A) - 1, [first[name] for name in setup.inputs]
     constant = np.append(p, model.constant(values, unknowns, learner.discrepancy_time))
     _, output = steady_slopes(model)(np.zeros(0), np.append(inputs, x[:n])[None], constant)
     slopes = equilibrium(m, np.linalg.solve(m.E[:n, :n], output[0].reshape(n, -1, order="F")))
     V = np.zeros((len(x) + model.discrepancies, len(p)))
-    V[:n] = slopes * problem.scaling.slope(p)
-    discrepancies = discrepancy_variances(problem, learner)
+    V[:n] = slopes * setup.scaling.slope(p)
+    discrepancies = discrepancy_variances(setup, learner)
     return np.pad(x, (0, len(discrepancies))), block_diagonal(P, np.diag(discrepancies)), V
 
 
-def discrepancy_variances(problem: OnlineProblem, learner: LearnerSettings) -> Array:
+def discrepancy_variances(setup: Setup, learner: LearnerSettings) -> Array:
     """Of each discrepancy among the states, SI squared."""
-    names = problem.outputs if problem.model.discrepancies else ()
+    names = setup.outputs if setup.settings.nuisances else ()
     return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
+
+
+def with_prior_means(z: Array, count: int) -> Array:
+    """z (count,) of all unknowns from that of the estimated ones, which come first."""
+    return np.append(z, np.zeros(count - len(z)))
 
 
 def block_diagonal(first: Array, second: Array) -> Array:

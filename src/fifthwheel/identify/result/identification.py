@@ -1,43 +1,31 @@
 """The result of an identification: values, sigmas and verdicts, and the data to judge or repeat it."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
-
-import numpy as np
 
 from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
-from fifthwheel._types import Array
-from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError, printable, suggestion
-from fifthwheel.filters.initial_state import INITIAL_SIGMA
-from fifthwheel.identify.doubts import Doubt
-from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
-from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
-from fifthwheel.identify.settings import CommonSettings, OneStage, settings_class
-from fifthwheel.identify.unknowns.parameters import TIME_BASE
+from fifthwheel.identify.result.parts import Estimate, IdentificationData
+from fifthwheel.identify.result.sensor_settings import friction, sensor_settings
+from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
-from fifthwheel.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_FIT = ("time", "measured", "predicted")
-_HISTORY = ("time", "values", "sigma")
-
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Identification:
+class Identification(IdentificationData):
     """The result of an identification.
 
     Example:
@@ -54,27 +42,6 @@ class Identification:
         Plot('cheng_cebon_2011, one-stage method', 4 panels)
         >>> states = result.observer().batch(record, result.uncertainty())
     """
-
-    method: str
-    vehicle: Vehicle  # as identified, for the next command
-    initial_vehicle: Vehicle
-    signals: tuple[str, ...]  # inputs and measured signals that were used
-    parameters: tuple[Estimate, ...]
-    derived: tuple[Estimate, ...]
-    sensors: tuple[SensorError, ...]
-    uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
-    covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
-    doubts: tuple[Doubt, ...] = ()
-    """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
-    variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Of each parameter: the fraction of its variance that each considered unknown causes, the largest first."""
-    histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
-    logs: tuple[LogSummary, ...]
-    fits: tuple[Fit, ...]
-    settings: CommonSettings
-    rounds: int  # of both stages; one stage: steps
-    notes: tuple[str, ...]
-    version: str
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of a parameter or derived quantity by name; KeyError if there is none."""
@@ -96,7 +63,7 @@ class Identification:
     @property
     def friction(self) -> float | None:
         """Peak friction of the road; None with linear tyres."""
-        return _friction(self)
+        return friction(self)
 
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
         """Sensor errors, noise, and friction and bank of the road, as arguments of `ObserverSettings`.
@@ -105,10 +72,7 @@ class Identification:
             log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
                 latter only, the noise of the first log, and the priors of steering offset and bank.
         """
-        sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
-        errors = {error.name: error.value for error in sensors if error.log in (None, log)}
-        noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return {"sensor_errors": errors, "noise": noise, "friction": _friction(self)} | _unknowns(self, log)
+        return sensor_settings(self, log)
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
@@ -117,31 +81,7 @@ class Identification:
 
     def as_dict(self) -> dict[str, Any]:
         """The content of identification.json: everything but time series."""
-        return {
-            "version": self.version,
-            "method": self.method,
-            "preset": self.settings.preset,
-            "vehicle": self.initial_vehicle.name,
-            "vehicle_file": self.vehicle.model_dump(mode="json"),
-            "initial_vehicle_file": self.initial_vehicle.model_dump(mode="json"),
-            "signals": list(self.signals),
-            "parameters": [asdict(estimate) for estimate in self.parameters],
-            "derived": [asdict(estimate) for estimate in self.derived],
-            "uncertain": [asdict(estimate) for estimate in self.uncertain],
-            "uncertainty": None if self.covariance is None else self.covariance.as_dict(),
-            "doubts": [asdict(doubt) for doubt in self.doubts],
-            "variance_budget": {name: dict(terms) for name, terms in self.variance_budget.items()},
-            "sensors": [asdict(error) for error in self.sensors],
-            "logs": [asdict(log) for log in self.logs],
-            "fit": [
-                {name: getattr(fit, name) for name in ("log", "signal", "explained", "rms", "identified_on")}
-                for fit in self.fits
-            ],
-            "histories": {title: {"names": h.names, "starts": h.starts} for title, h in self.histories.items()},
-            "rounds": self.rounds,
-            "notes": list(self.notes),
-            "settings": self.settings.as_dict(),
-        }
+        return storage.contents_of(self)
 
     def to_json(self) -> str:
         """`as_dict` as JSON; a number that is not finite becomes null."""
@@ -227,7 +167,7 @@ class Identification:
         with atomic_write(folder / storage.CONTENTS) as temporary:
             temporary.write_text(self.to_json() + "\n", encoding="utf-8")
         self.vehicle.save(folder / "vehicle.toml")
-        storage.write_series(folder / storage.SERIES, self._series())
+        storage.write_series(folder / storage.SERIES, storage.series_of(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -244,7 +184,9 @@ class Identification:
         contents = storage.read_contents(path)
         series = storage.read_series(path.with_name(storage.SERIES))
         try:
-            return cls._of(contents, series)
+            identification = cls(**storage.fields_of(contents, series))
+            for name in (None, *[log.name for log in identification.logs]):
+                identification.observer_settings(name)  # checks sensor errors and noise
         except SignalError as error:
             raise SignalError(f"{path}: {error}") from None
         except (ValueError, LookupError, TypeError, AttributeError) as error:
@@ -253,57 +195,7 @@ class Identification:
                 f"{path}: not an identification.json of this version ({reason}); give the file that "
                 "`fifthwheel identify` wrote, or identify again"
             ) from None
-
-    @classmethod
-    def _of(cls, contents: Mapping[str, Any], series: Mapping[str, Array]) -> Self:
-        """The inverse of `as_dict` and `_series`."""
-        uncertainty = contents["uncertainty"]
-        covariance = None if uncertainty is None else Uncertainty.from_dict(uncertainty)
-        estimates = {key: storage.parts(Estimate, contents[key]) for key in ("parameters", "derived", "uncertain")}
-        identification = cls(
-            **estimates,
-            method=str(contents["method"]),
-            vehicle=Vehicle(**contents["vehicle_file"]),
-            initial_vehicle=Vehicle(**contents["initial_vehicle_file"]),
-            signals=tuple(map(str, contents["signals"])),
-            sensors=storage.parts(SensorError, contents["sensors"]),
-            covariance=covariance,
-            doubts=storage.parts(Doubt, contents["doubts"]),
-            variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
-            histories={
-                title: ParameterHistory(
-                    names=tuple(history["names"]),
-                    starts=tuple(history["starts"]),
-                    **{part: series[f"history/{title}/{part}"] for part in _HISTORY},
-                )
-                for title, history in contents["histories"].items()
-                if f"history/{title}/time" in series
-            },
-            logs=storage.parts(LogSummary, contents["logs"]),
-            fits=storage.parts(
-                Fit,
-                [
-                    fit | {part: series.get(f"fit/{k}/{part}", np.zeros(0)) for part in _FIT}
-                    for k, fit in enumerate(contents["fit"])
-                ],
-            ),
-            settings=storage.parts(settings_class(contents["method"]), [contents["settings"]])[0],
-            rounds=int(contents["rounds"]),
-            notes=tuple(map(str, contents["notes"])),
-            version=str(contents["version"]),
-        )
-        for name in (None, *[log.name for log in identification.logs]):
-            identification.observer_settings(name)  # checks sensor errors and noise
         return identification
-
-    def _series(self) -> dict[str, Array]:
-        """Time series of fits and histories by name."""
-        fits = {f"fit/{k}/{part}": getattr(fit, part) for k, fit in enumerate(self.fits) for part in _FIT}
-        return fits | {
-            f"history/{title}/{part}": getattr(history, part)
-            for title, history in self.histories.items()
-            for part in _HISTORY
-        }
 
     @property
     def _title(self) -> str:
@@ -322,38 +214,3 @@ class Identification:
     def _document(self) -> pages.Document:
         estimates = display.estimates_table((*self.parameters, *self.derived))
         return pages.Document(self._title, [estimates, display.fits_table(self.fits), pages.Items(self.notes)])
-
-
-def _unknowns(identification: Identification, log: str | None) -> dict[str, float]:
-    """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
-
-    If there is a joint covariance, it contains the offsets of a log, so that they are exact for the observer of that
-    log.
-    """
-    settings = identification.settings
-    if not settings.nuisances:
-        return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
-    prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
-    mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
-    own = [error for error in identification.sensors if error.log is not None and error.log == log]
-
-    def offset(channel: Channel, prior: float) -> float:
-        offsets = [error for error in own if is_sensor_error(error.name, "offset")]
-        sigmas = [error.sigma for error in offsets if is_of(error.name, channel)]
-        known = identification.covariance is not None and sigmas
-        return 0.0 if known else max(sigmas, default=prior)
-
-    acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)
-    return {
-        "bank_mean": mean,
-        "bank": bank,
-        "steer_offset": offset(STEER, settings.steer_offset_prior),
-        "acceleration_offset": offset(LATERAL_ACCELERATION, acceleration),
-    }
-
-
-def _friction(identification: Identification) -> float | None:
-    settings = identification.settings
-    if not isinstance(settings, OneStage) or settings.tyre_law == "linear":
-        return None
-    return next((e.value for e in identification.parameters if e.name == FRICTION), settings.friction)

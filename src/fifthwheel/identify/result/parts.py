@@ -1,14 +1,20 @@
 """The parts of a result: estimates, sensor errors, fits, and what was used of each log."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
 from pydantic import BeforeValidator, PlainValidator, Strict
 
 from fifthwheel._types import Array
+from fifthwheel.identify.doubts import Doubt
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.vehicle import Vehicle
 
 Real = Annotated[float, Strict()]
 """A number; a text with a number is refused."""
@@ -72,3 +78,29 @@ class LogSummary:
     noise: dict[str, Number]  # estimated noise variance of each channel, SI squared
     notes: tuple[str, ...]
     bank: tuple[Real, Real] | None = None  # of the road in the first segment and sigma, rad, left edge higher
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class IdentificationData:
+    """The data of a result."""
+
+    method: str
+    vehicle: Vehicle  # as identified, for the next command
+    initial_vehicle: Vehicle
+    signals: tuple[str, ...]  # inputs and measured signals that were used
+    parameters: tuple[Estimate, ...]
+    derived: tuple[Estimate, ...]
+    sensors: tuple[SensorError, ...]
+    uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
+    covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
+    doubts: tuple[Doubt, ...] = ()
+    """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
+    variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Of each parameter: the fraction of its variance that each considered unknown causes, the largest first."""
+    histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
+    logs: tuple[LogSummary, ...]
+    fits: tuple[Fit, ...]
+    settings: CommonSettings
+    rounds: int  # of both stages; one stage: steps
+    notes: tuple[str, ...]
+    version: str

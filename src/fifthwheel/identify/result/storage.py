@@ -4,6 +4,7 @@ import json
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,13 +14,99 @@ from pydantic import TypeAdapter, ValidationError
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.identify.doubts import Doubt
+from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.result.parts import Estimate, Fit, IdentificationData, LogSummary, SensorError
+from fifthwheel.identify.settings import settings_class
 from fifthwheel.input_files import read_json, require_regular
+from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.vehicle import Vehicle
 
 T = TypeVar("T")
 
 CONTENTS, SERIES = "identification.json", "series.npz"
+FIT, HISTORY = ("time", "measured", "predicted"), ("time", "values", "sigma")
+"""Time series of each fit and of each history."""
 MAX_SERIES = 1_000_000_000
 """Bytes of all time series together."""
+
+
+def contents_of(identification: IdentificationData) -> dict[str, Any]:
+    """The contents of identification.json."""
+    return {
+        "version": identification.version,
+        "method": identification.method,
+        "preset": identification.settings.preset,
+        "vehicle": identification.initial_vehicle.name,
+        "vehicle_file": identification.vehicle.model_dump(mode="json"),
+        "initial_vehicle_file": identification.initial_vehicle.model_dump(mode="json"),
+        "signals": list(identification.signals),
+        "parameters": [asdict(estimate) for estimate in identification.parameters],
+        "derived": [asdict(estimate) for estimate in identification.derived],
+        "uncertain": [asdict(estimate) for estimate in identification.uncertain],
+        "uncertainty": None if identification.covariance is None else identification.covariance.as_dict(),
+        "doubts": [asdict(doubt) for doubt in identification.doubts],
+        "variance_budget": {name: dict(terms) for name, terms in identification.variance_budget.items()},
+        "sensors": [asdict(error) for error in identification.sensors],
+        "logs": [asdict(log) for log in identification.logs],
+        "fit": [
+            {name: getattr(fit, name) for name in ("log", "signal", "explained", "rms", "identified_on")}
+            for fit in identification.fits
+        ],
+        "histories": {title: {"names": h.names, "starts": h.starts} for title, h in identification.histories.items()},
+        "rounds": identification.rounds,
+        "notes": list(identification.notes),
+        "settings": identification.settings.as_dict(),
+    }
+
+
+def series_of(identification: IdentificationData) -> dict[str, Array]:
+    """Time series of fits and histories by name."""
+    fits = {f"fit/{k}/{part}": getattr(fit, part) for k, fit in enumerate(identification.fits) for part in FIT}
+    return fits | {
+        f"history/{title}/{part}": getattr(history, part)
+        for title, history in identification.histories.items()
+        for part in HISTORY
+    }
+
+
+def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[str, Any]:
+    """The fields of an `Identification`: the inverse of `contents_of` and `series_of`."""
+    uncertainty = contents["uncertainty"]
+    covariance = None if uncertainty is None else Uncertainty.from_dict(uncertainty)
+    estimates = {key: parts(Estimate, contents[key]) for key in ("parameters", "derived", "uncertain")}
+    return dict(
+        **estimates,
+        method=str(contents["method"]),
+        vehicle=Vehicle(**contents["vehicle_file"]),
+        initial_vehicle=Vehicle(**contents["initial_vehicle_file"]),
+        signals=tuple(map(str, contents["signals"])),
+        sensors=parts(SensorError, contents["sensors"]),
+        covariance=covariance,
+        doubts=parts(Doubt, contents["doubts"]),
+        variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
+        histories={
+            title: ParameterHistory(
+                names=tuple(history["names"]),
+                starts=tuple(history["starts"]),
+                **{part: series[f"history/{title}/{part}"] for part in HISTORY},
+            )
+            for title, history in contents["histories"].items()
+            if f"history/{title}/time" in series
+        },
+        logs=parts(LogSummary, contents["logs"]),
+        fits=parts(
+            Fit,
+            [
+                fit | {part: series.get(f"fit/{k}/{part}", np.zeros(0)) for part in FIT}
+                for k, fit in enumerate(contents["fit"])
+            ],
+        ),
+        settings=parts(settings_class(contents["method"]), [contents["settings"]])[0],
+        rounds=int(contents["rounds"]),
+        notes=tuple(map(str, contents["notes"])),
+        version=str(contents["version"]),
+    )
 
 
 def as_json(contents: Mapping[str, Any]) -> str:

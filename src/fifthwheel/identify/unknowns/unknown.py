@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from types import MappingProxyType
 
 import numpy as np
 
@@ -64,6 +63,10 @@ class Unknown:
         """The model parameters that it changes, each with its derivative with respect to p; by default its own."""
         return self.moves or {self.name: 1.0}
 
+    def sigma(self, value: float, sigma_z: float) -> float:
+        """Standard deviation of p, SI, at a value of p: sigma_z dp/dz."""
+        return sigma_z * self.slope(value)
+
     def slope(self, value: float) -> float:
         """dp/dz at a value of p."""
         return value * self.scale if self.logarithmic else self.scale
@@ -80,7 +83,7 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
 def considered_unknown(
     name: str,
     sigma: float,
-    moves: Mapping[str, float] = MappingProxyType({}),
+    moves: Mapping[str, float] | None = None,
     kind: UnknownKind = UnknownKind.CONSIDERED,
 ) -> Unknown:
     """A considered unknown, or a suspect, that is 0 in the model."""
@@ -91,7 +94,7 @@ def considered_unknown(
         lower=-BOUND_SIGMAS * sigma,
         upper=BOUND_SIGMAS * sigma,
         kind=kind,
-        moves=moves,
+        moves=moves or {},
     )
 
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.channels import si_unit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.online import LearnedValue
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.node import Output
-from fifthwheel.live.status import Fault, NodeStatus
+from fifthwheel.live.status import LiveFault, NodeStatus
 from fifthwheel.logs.can.decoder import Frame
-from fifthwheel.record.signal_names import si_unit
 
 SCALE = 1e-4
 """Resolution of states and sigmas, SI."""
@@ -31,15 +31,9 @@ _PARAMETER = "Parameters"
 
 
 class FrameEncoder:
-    """Frames of the outputs of a node.
+    """Frames of the states and the learned parameters of a node, given by their names.
 
-    Args:
-        first: id of the status message; above 0x7FF, or with `extended`, of 29 bits.
-        states: names of the states.
-        parameters: names of the learned parameters.
-
-    Raises:
-        FifthwheelError: the ids do not fit.
+    `first` is the id of the status message, above 0x7FF of 29 bits; a FifthwheelError if the ids do not fit.
     """
 
     def __init__(self, first: int, states: Sequence[str], parameters: Sequence[str] = ()) -> None:
@@ -57,12 +51,7 @@ class FrameEncoder:
         self._counter = 0
 
     def encode(self, output: Output, *, known: int = 0) -> list[Frame]:
-        """The frames of status and states.
-
-        Args:
-            output: of the node.
-            known: number of parameters with the verdict converged.
-        """
+        """The frames of status and states; `known` is the number of parameters with the verdict converged."""
         self._counter = (self._counter + 1) % 256
         nis = output.states.get("nis", math.nan)
         learning = output.states.get("learning", 0.0) > 0
@@ -104,7 +93,7 @@ class FrameEncoder:
         number = [i | 0x80000000 if self.extended else i for i in self.ids]
         statuses = " ".join(f'{s.value} "{s.name}"' for s in NodeStatus)
         verdicts = " ".join(f'{i} "{v.value}"' for i, v in enumerate(_VERDICTS))
-        bits = ", ".join(f"{fault.value} {fault.name}" for fault in Fault)
+        bits = ", ".join(f"{fault.value} {fault.name}" for fault in LiveFault)
         lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: fifthwheel", f"BO_ {number[0]} Status: 8 fifthwheel"]
         lines += [
             _signal("status", 0, 8),

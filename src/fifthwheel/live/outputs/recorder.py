@@ -1,13 +1,16 @@
-"""The record of a live run: pieces that are complete files, joined at the end.
+"""Writing files beside the node, and the record of a live run: pieces that are complete files, joined at the end.
 
 The pieces are in the folder NAME.parts beside the file. Each appears complete or not at all, so a process that is
 killed leaves the pieces; the next run with the same file adds to them.
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +19,9 @@ import numpy as np
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.outputs.background import BackgroundWriter
 
+WAITING = 8
+"""Jobs that may wait; more, and the disk does not keep up."""
 PIECE = 1000
 """Rows of a piece: 10 s."""
 KIND = "record"
@@ -26,16 +30,42 @@ KIND = "record"
 Rows = Sequence[Mapping[str, float]]
 
 
+class BackgroundWriter:
+    """Runs jobs one after the other in a thread, so that a slow disk does not delay the node; an error is kept."""
+
+    def __init__(self) -> None:
+        self.errors: dict[str, str] = {}
+        """Why the last job of a kind failed; empty while all is well."""
+        self._jobs: queue.Queue[tuple[str, Callable[[], object]] | None] = queue.Queue(WAITING)
+        self._thread = threading.Thread(target=self._run, name="fifthwheel writer", daemon=True)
+        self._thread.start()
+
+    def submit(self, kind: str, job: Callable[[], object], *, wait: bool = False) -> bool:
+        """Run a job soon; False if too many are pending, unless it may `wait` for them."""
+        try:
+            self._jobs.put((kind, job), block=wait)
+        except queue.Full:
+            self.errors[kind] = "the disk does not keep up; use a faster one"
+            return False
+        return True
+
+    def close(self) -> None:
+        """Wait until all jobs are done."""
+        self._jobs.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (item := self._jobs.get()) is not None:
+            kind, job = item
+            try:
+                job()
+                self.errors.pop(kind, None)
+            except Exception as error:  # whatever it is, the node must go on; the status says it
+                self.errors[kind] = str(error)
+
+
 class Recorder:
-    """Writes rows of numbers to a Parquet or MCAP file.
-
-    Args:
-        path: ends in .parquet or .mcap.
-        writer: writes the pieces.
-
-    Raises:
-        FifthwheelError: the ending is another one, or a package is missing.
-    """
+    """Writes rows of numbers to a file, .parquet or .mcap; any other ending is a FifthwheelError."""
 
     def __init__(self, path: Path, writer: BackgroundWriter) -> None:
         if path.suffix not in _FORMATS:
@@ -101,57 +131,47 @@ def _join_parquet(pieces: Iterable[Path], path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    schemas = [parquet.read_schema(piece) for piece in pieces]
-    schema = pa.unify_schemas(schemas)
+    schema = pa.unify_schemas([parquet.read_schema(piece) for piece in pieces])
     with parquet.ParquetWriter(path, schema) as writer:
         for piece in pieces:
-            table = parquet.read_table(piece)
-            for field in schema:
-                if field.name not in table.column_names:
-                    table = table.append_column(field, pa.nulls(len(table), field.type))
-            writer.write_table(table.select(schema.names))
+            writer.write_table(parquet.read_table(piece, schema=schema))  # columns that it does not have are empty
 
 
 def _write_mcap(rows: Rows, path: Path) -> None:
-    with path.open("wb") as file:
-        writer, channel = _mcap_writer(file, rows[0])
-        for row in rows:
-            _add_message(writer, channel, row)
-        writer.finish()
+    def message(row: Mapping[str, float]) -> tuple[int, bytes]:
+        text = json.dumps({name: value if np.isfinite(value) else None for name, value in row.items()})
+        return max(0, round(row["bus_time"] * 1e9)), text.encode()
+
+    _write_messages(map(message, rows), path)
 
 
 def _join_mcap(pieces: Iterable[Path], path: Path) -> None:
     from mcap.reader import make_reader
 
-    with path.open("wb") as file:
-        writer, channel = None, 0
+    def messages() -> Iterator[tuple[int, bytes]]:
         for piece in pieces:
             with piece.open("rb") as source:
-                for _, _, message in make_reader(source).iter_messages():
-                    row = json.loads(message.data)
-                    if writer is None:
-                        writer, channel = _mcap_writer(file, row)
-                    writer.add_message(channel, message.log_time, message.data, message.publish_time)
-        if writer is not None:
-            writer.finish()
+                yield from ((message.log_time, message.data) for *_, message in make_reader(source).iter_messages())
+
+    _write_messages(messages(), path)
 
 
-def _mcap_writer(file: Any, row: Mapping[str, float]) -> tuple[Any, int]:
+def _write_messages(messages: Iterator[tuple[int, bytes]], path: Path) -> None:
+    """Write JSON messages with their times in ns; the names of the first one are those of all."""
     from mcap.writer import Writer
 
-    writer = Writer(file)
-    writer.start(profile="", library="fifthwheel")
-    properties = {name: {"type": ["number", "null"]} for name in row}
-    schema = writer.register_schema(
-        "fifthwheel.States", "jsonschema", json.dumps({"type": "object", "properties": properties}).encode()
-    )
-    return writer, writer.register_channel("/fifthwheel/states", "json", schema)
-
-
-def _add_message(writer: Any, channel: int, row: Mapping[str, float]) -> None:
-    stamp = max(0, round(row["bus_time"] * 1e9))
-    text = json.dumps({name: value if np.isfinite(value) else None for name, value in row.items()})
-    writer.add_message(channel, stamp, text.encode(), stamp)
+    with path.open("wb") as file:
+        if (first := next(messages, None)) is None:
+            return
+        writer: Any = Writer(file)
+        writer.start(profile="", library="fifthwheel")
+        properties = {name: {"type": ["number", "null"]} for name in json.loads(first[1])}
+        described = json.dumps({"type": "object", "properties": properties}).encode()
+        schema = writer.register_schema("fifthwheel.States", "jsonschema", described)
+        channel = writer.register_channel("/fifthwheel/states", "json", schema)
+        for stamp, data in chain([first], messages):
+            writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
 
 
 _FORMATS: Mapping[str, tuple[Callable[[Rows, Path], None], Callable[[Iterable[Path], Path], None]]] = {

@@ -38,15 +38,10 @@ _FILES = {
 
 
 class Page:
-    """Serves the page while a node runs.
+    """Serves the page of a session, with drawings of the vehicle.
 
-    Args:
-        address: "8080", for this computer only, or "HOST:PORT".
-        vehicle: for the drawings.
-        session: what the page shows.
-
-    Raises:
-        FifthwheelError: the address has another form, or cannot be used.
+    The address is "8080", for this computer only, or "HOST:PORT"; a FifthwheelError for another form, or one that
+    cannot be used.
     """
 
     def __init__(self, address: str, vehicle: Vehicle, session: Session) -> None:

@@ -16,11 +16,7 @@ HISTORY = 600
 
 
 class Snapshots:
-    """The newest snapshots; readers wait for the next one.
-
-    Args:
-        session: for words and parameters.
-    """
+    """The newest snapshots; readers wait for the next one. The session gives words and parameters."""
 
     def __init__(self, session: Session) -> None:
         self._session = session

@@ -25,22 +25,20 @@ class Arrival(NamedTuple):
     """A frame and when it was read."""
 
     frame: Frame
-    at: float
-    """By `time.monotonic`, s."""
+    at: float  # by `time.monotonic`, s
+
+
+def frame_queue() -> "queue.Queue[Arrival]":
+    """A queue for the frames of all buses."""
+    return queue.Queue(LONGEST_QUEUE)
 
 
 class LiveBus:
-    """Reads the frames of one bus in a thread.
+    """Reads the frames of one bus in a thread, those that a filter of python-can accepts.
 
-    Args:
-        name: INTERFACE:CHANNEL as in python-can, such as "socketcan:can0", "virtual:truck", "udp_multicast:239.0.0.1".
-        number: of the bus, where the channel has none at its end.
-        filters: of python-can; frames that no filter accepts are not read.
-        frames: receives the frames.
-        options: further arguments of `can.Bus`, such as bitrate.
-
-    Raises:
-        FifthwheelError: the name has another form, or python-can has no such interface or is not installed.
+    The name is INTERFACE:CHANNEL as in python-can, such as "socketcan:can0", "virtual:truck" or
+    "udp_multicast:239.0.0.1"; any other is a FifthwheelError. `number` counts where the channel has none at its end.
+    `options` are further arguments of `can.Bus`, such as bitrate.
     """
 
     def __init__(
@@ -72,11 +70,7 @@ class LiveBus:
         self._thread = threading.Thread(target=self._run, name=f"fifthwheel {name}", daemon=True)
 
     def start(self) -> None:
-        """Open the bus and read.
-
-        Raises:
-            FifthwheelError: the bus cannot be opened at the start; later errors are repaired by opening it again.
-        """
+        """Open the bus, or raise a FifthwheelError, and read; later errors are repaired by opening it again."""
         try:
             self._open()
         except Exception as error:  # drivers raise many kinds
