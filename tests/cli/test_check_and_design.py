@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.identify.design import design_experiment
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
