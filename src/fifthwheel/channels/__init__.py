@@ -1,7 +1,7 @@
 """Channels: the quantities that signals have. Each is one object with all that the package knows of it.
 
 Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write its `Channel` in
-a module of this room and add it to `_ALL`, and to `MEASURED` if estimators compare it with the model.
+a module of this room and add it to `_ALL`; to `MEASURED` and `IDENTIFIED` if observers and identifications use it.
 """
 
 import re
@@ -50,6 +50,8 @@ MEASURED = (YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION)
 """Measurements that an observer compares with the model, in its order."""
 IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION)
 """Those that an identification compares with the model, in its order."""
+USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
+"""Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
 MODELLED = tuple(channel for channel in _ALL if channel.model and channel.of == "unit")
 """What the model gives for a sensor on a unit."""
 PLACE_KINDS = ("position", "height")
@@ -216,6 +218,7 @@ __all__ = [
     "SIDESLIP",
     "SPEED",
     "STEER",
+    "USUAL",
     "WHEEL_SPEED",
     "YAW",
     "YAW_RATE",

@@ -177,7 +177,9 @@ class ErrorKind:
     """offset, gain, delay, misalignment, play, position or height."""
     setting: str
     """Its prior standard deviation is the field <setting>_prior of the settings; settings without it have no such
-    error."""
+    error, unless it has a `prior`."""
+    prior: float | None = None
+    """Prior standard deviation, SI, where the settings have no such field."""
     per_log: bool = False
     """Whether each log has its own."""
     positive: bool = False
@@ -220,6 +222,12 @@ class Channel:
     fits (`identify.noise_model`)."""
     shows_clock: bool = False
     """Whether the drift of its clock is measured (`time_bases.rates`)."""
+    accelerometer: bool = False
+    """Whether the vibration of the truck is part of its noise. Its offset would decide if nothing else were measured,
+    so estimators use it only beside other channels."""
+    of_roll: bool = False
+    """Whether it contains the roll of the body: an observer then uses the yaw-roll model. An uneven road moves it on a
+    vehicle that drives straight."""
     exchange: Exchange | None = None
     state: StateNoise | None = None
     model: SensorModel | None = None

@@ -97,6 +97,7 @@ def _in_turn(turn: Turn) -> Array:
 
 ROLL_RATE = Channel(
     quantity="roll_rate",
+    of_roll=True,
     unit="rad/s",
     patterns=(
         NamePattern(pattern="roll_?(rate|vel)|wank_?(rate|geschw|winkelgeschw)|_phi_?(p|dot)_"),
@@ -124,6 +125,7 @@ ROLL_RATE = Channel(
 
 ROLL = Channel(
     quantity="roll",
+    of_roll=True,
     unit="rad",
     patterns=(NamePattern(pattern="_roll(_?angle)?_|wank_?winkel|_phi_", excluded="_[alr]\\d_"),),
     proposed="signal",

@@ -9,8 +9,9 @@ import numpy as np
 
 from fifthwheel.channels import (
     ARTICULATION,
-    LATERAL_ACCELERATION,
+    IDENTIFIED,
     ROLL_RATE,
+    USUAL,
     YAW_RATE,
     SignalName,
     is_input,
@@ -78,15 +79,15 @@ class Dataset:
     """Measured yaw rates and articulation angles."""
     roll: tuple[str, ...]
     """Measured roll rates."""
-    lateral: tuple[str, ...]
-    """Measured lateral accelerations, which two stages do not use."""
+    others: tuple[str, ...]
+    """Measured signals that are not `USUAL`, such as lateral accelerations; two stages do not use them."""
     notes: tuple[str, ...]
     """For the user."""
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Measured signals that one stage compares with the model."""
-        return (*self.yaw, *self.roll, *self.lateral)
+        return (*self.yaw, *self.roll, *self.others)
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -156,7 +157,9 @@ def prepare_dataset(
         vehicle=steered,
         yaw=yaw,
         roll=roll,
-        lateral=measured_signals(logged, [unit.name for unit in steered.units], (LATERAL_ACCELERATION,)),
+        others=measured_signals(
+            logged, [unit.name for unit in steered.units], [c for c in IDENTIFIED if c not in USUAL]
+        ),
         notes=tuple(notes),
     )
 

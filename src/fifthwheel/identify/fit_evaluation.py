@@ -17,7 +17,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import LATERAL_ACCELERATION, ROLL, ROLL_RATE, is_of, is_sensor_error
+from fifthwheel.channels import CHANNELS, SignalName, is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
@@ -86,10 +86,11 @@ def evaluate_fits(
 def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> bool:
     """Whether the model explains too little of a clear signal."""
     noise = variances.sensor_variance(vehicle, fit.signal, settings.noise)
-    if is_of(fit.signal, LATERAL_ACCELERATION):  # vibration is part of its noise, and different on every truck
+    channel = CHANNELS[SignalName.of(fit.signal).quantity]
+    if channel.accelerometer:  # vibration is part of its noise, and different on every truck
         noise = max(noise, estimate_noise_variance(fit.time, fit.measured) or 0.0)
     ratio = float(np.nanvar(fit.measured)) / noise
-    if is_of(fit.signal, ROLL, ROLL_RATE, LATERAL_ACCELERATION):
+    if channel.of_roll:
         return ratio > CLEAR_ROLL and not fit.explained > LEAST_EXPLAINED
     return ratio > CLEAR_SIGNAL and not fit.explained > LEAST_EXPLAINED * (1 - 1 / ratio)
 

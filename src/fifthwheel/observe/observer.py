@@ -14,7 +14,7 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import LATERAL_ACCELERATION, MEASURED, ROLL, ROLL_RATE, is_of, measured_signals, names_of
+from fifthwheel.channels import CHANNELS, MEASURED, SignalName, measured_signals
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.variances import require_units
 from fifthwheel.native import Scan
@@ -69,14 +69,14 @@ class Observer:
             raise SignalError("speed: not among the signals; map the forward speed in m/s to it")
         units = [unit.name for unit in vehicle.units]
         self.outputs = measured_signals(available, units, MEASURED)
-        accelerometers = names_of(LATERAL_ACCELERATION, self.outputs)
-        if len(accelerometers) == len(self.outputs):  # its offset alone would decide
+        channels = [CHANNELS[SignalName.of(name).quantity] for name in self.outputs]
+        if all(channel.accelerometer for channel in channels):  # their offsets would decide
             raise SignalError(
                 f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate, roll rate, roll "
                 "angle or articulation angle of a unit of the vehicle"
             )
         self.inputs = ("speed", *self.vehicle.steer_signals())
-        self.roll = any(is_of(name, ROLL_RATE, ROLL, LATERAL_ACCELERATION) for name in self.outputs)
+        self.roll = any(channel.of_roll for channel in channels)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.estimate_bank)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):

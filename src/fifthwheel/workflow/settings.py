@@ -18,7 +18,11 @@ from fifthwheel.settings import options_of
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
-SENSOR_PRIORS: Mapping[str, str] = sensor_error_settings() | {"time_base_delay": "s", "bank": "rad"}
+SENSOR_PRIORS: Mapping[str, str] = {
+    name: unit
+    for name, unit in (sensor_error_settings() | {"time_base_delay": "s", "bank": "rad"}).items()
+    if hasattr(OneStage, f"{name}_prior")
+}
 """Sensor errors, and the bank of the road, whose prior sigma can be chosen, with the SI unit."""
 
 _NONE: Mapping[str, float] = MappingProxyType({})

@@ -152,7 +152,7 @@ def assess_information(
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
     speed = max(float(np.median(speeds)), assessment.min_speed)
     predictor = InformationPredictor.of(
-        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.lateral
+        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.others
     )
     logs = [replace(log, noise={**log.noise, **_noise_variances(predictor, log)}) for log in dataset.logs]
     runs = [predictor.run_information(log) for log in logs]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import IDENTIFIED, LATERAL_ACCELERATION, measured_signals
+from fifthwheel.channels import USUAL, measured_signals
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.posterior import Posterior
@@ -88,10 +88,10 @@ class PredictedPosterior:
 
 
 def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str, ...]:
-    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, and those lateral
-    accelerations that are logged."""
+    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, and those others
+    that are logged."""
     units = [unit.name for unit in vehicle.units]
-    usual = {f"{c.quantity}.{u}" for c in IDENTIFIED if c is not LATERAL_ACCELERATION for u in units}
+    usual = {f"{c.quantity}.{u}" for c in USUAL for u in units}
     return measured_signals({*usual, *logged}, units)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import YAW_RATE, is_of
+from fifthwheel.channels import USUAL, YAW_RATE, is_of, measured_signals
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
@@ -62,9 +62,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
         raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
     vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")
     units = [unit.name for unit in vehicle.units]
-    usable = [f"yaw_rate.{u}" for u in units] + [f"articulation.{u}" for u in units[1:]]
-    usable += [f"roll_rate.{u}" for u in units]
-    outputs = tuple(name for name in usable if name in signals)
+    outputs = measured_signals(signals, units, USUAL)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)

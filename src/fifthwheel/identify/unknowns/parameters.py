@@ -191,7 +191,7 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     error = SensorErrorName.of(name)
     channel = channel_of(error.signal) if error else None
     kind = channel.error(error.kind) if error and channel else None
-    sigma = getattr(settings, f"{kind.setting}_prior", None) if kind else None
+    sigma = getattr(settings, f"{kind.setting}_prior", kind.prior) if kind else None
     if error is None or sigma is None:
         return None
     if error.kind in PLACE_KINDS:
