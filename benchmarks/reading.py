@@ -37,7 +37,7 @@ RECORD = "from fifthwheel.logs import SignalMap, read_log; read_log(path, Signal
 FRAMES = """
     from fifthwheel.logs.readers import open_log
     with open_log(path) as log:
-        [0 for piece in log.pieces(log.columns)]
+        [0 for chunk in log.chunks(log.columns)]
 """
 MAT_MAP = "[signals]\n" + "".join(f"'{name}' = '{column}'\n" for name, column in MAT_NAMES.items())
 LIBRARIES = {
@@ -87,7 +87,7 @@ from fifthwheel.logs.readers import open_log
 for _ in range(5):
     start = time.perf_counter()
     with open_log({path!r}) as log:
-        [0 for piece in log.pieces(log.columns)]
+        [0 for chunk in log.chunks(log.columns)]
     print(time.perf_counter() - start)
 """
 

@@ -18,13 +18,13 @@ TIME = np.arange(600_000) / 1000.0
 
 
 class _Table(LogSource):
-    """Ten minutes at 1 kHz, in pieces, with a spike of one sample, a gap, and a damaged timestamp."""
+    """Ten minutes at 1 kHz, in chunks, with a spike of one sample, a gap, and a damaged timestamp."""
 
     def __init__(self):
         columns = {"t": Column(name="t", unit="ms"), "y": Column(name="y", unit="V"), "text": Column(name="text")}
         super().__init__("run.csv", columns)
 
-    def pieces(self, columns):
+    def chunks(self, columns):
         time, values = 1000 * TIME, np.sin(TIME)
         time[50_000], values[123_456], values[300_000:310_000] = np.nan, 7.0, np.nan
         table = {"t": time, "y": values, "text": np.full(time.size, np.nan)}
@@ -90,7 +90,7 @@ def test_time_is_in_seconds_and_never_decreases(long_log):
 
 def test_a_span_gives_the_samples_in_it(long_log):
     part = StoredLog(long_log._folder, (10.0, 12.0))
-    values = np.concatenate([chunk.values["y"] for chunk in part.pieces(["y"])])
+    values = np.concatenate([chunk.values["y"] for chunk in part.chunks(["y"])])
     np.testing.assert_array_equal(values, np.sin(TIME[10_000:12_001]))
 
 
@@ -122,12 +122,12 @@ def test_an_incomplete_folder_is_refused(tmp_path):
     with pytest.raises(OSError, match="index"):
         StoredLog(tmp_path)
     with pytest.raises(SignalError, match="no column 'x'"):
-        next(StoredLog(_empty(tmp_path)).pieces(["x"]))
+        next(StoredLog(_empty(tmp_path)).chunks(["x"]))
 
 
 def _empty(folder):
     log = _Table()
-    log.pieces = lambda columns: iter(())
+    log.chunks = lambda columns: iter(())
     store_log(log, folder)
     assert StoredLog(folder).span() == (0.0, 1.0)
     return folder

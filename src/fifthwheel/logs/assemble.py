@@ -70,7 +70,7 @@ def assemble(
         timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
     }
     needed = {column for timestamps, names in columns.items() for column in (timestamps.column, *names) if column}
-    for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.pieces(needed):
+    for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.chunks(needed):
         for timestamps, time_base in time_bases.items():
             if timestamps.clock == chunk.clock:
                 time_base.push(chunk)
@@ -109,7 +109,7 @@ def _outside(
     """The samples outside the windows; a SignalError if there are none."""
     named = signal_map.time.column if signal_map.time else None
     rows, left = log.find(named) if named else time_column(log.columns), False
-    for chunk in log.pieces({*columns, rows or ""} - {""}):
+    for chunk in log.chunks({*columns, rows or ""} - {""}):
         time = log.times(chunk, rows)
         if time is None:
             yield chunk

@@ -121,7 +121,7 @@ class LogSource(ABC):
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
 
     @abstractmethod
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of the requested columns in the order of time, one time base in each chunk.
 
         May be called again. A damaged file gives its intact samples, and a note that says where the damage begins.

@@ -33,7 +33,7 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
     clocks = {clock: k for k, clock in enumerate(dict.fromkeys(column.clock for column in log.columns.values()))}
     rows = dict.fromkeys(clocks, 0)
     timed = set()
-    for chunk in log.pieces(list(log.columns)):
+    for chunk in log.chunks(list(log.columns)):
         for name, values in chunk.values.items():
             _append(folder / f"column{numbers[name]}", values)
         if chunk.time is not None:
@@ -65,7 +65,7 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
 class StoredLog(LogSource):
     """A log in a folder that `store_log` has written, and that may not be changed while it is used.
 
-    `pieces` gives the samples in the span, s; default: all. An OSError if the folder is incomplete.
+    `chunks` gives the samples in the span, s; default: all. An OSError if the folder is incomplete.
     """
 
     def __init__(self, folder: Path, span: tuple[float, float] | None = None) -> None:
@@ -78,7 +78,7 @@ class StoredLog(LogSource):
         self._clock_numbers = {clock: k for k, clock in enumerate(self._clocks)}
         self.notes, self.unusable = index["notes"], index["unusable"]
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns, one time base after the other."""
         groups = self.by_clock(columns)
         limits = {clock: self._rows(clock) for clock in groups}

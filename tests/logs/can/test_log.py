@@ -16,9 +16,9 @@ VDC2_0B, VDC2_3E, VW = 0x18F0090B, 0x0CF0093E, 0x18FEEA03
 def samples(log: LogSource, *columns: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Times and values of some columns."""
     found = {}
-    for piece in log.pieces(columns):
-        for name, values in piece.values.items():
-            found.setdefault(name, []).append((piece.time, values))
+    for chunk in log.chunks(columns):
+        for name, values in chunk.values.items():
+            found.setdefault(name, []).append((chunk.time, values))
     return {name: tuple(np.concatenate(part) for part in zip(*parts, strict=True)) for name, parts in found.items()}
 
 
@@ -175,7 +175,7 @@ def test_what_no_database_knows_is_told():
     with pytest.raises(SignalError, match=r"a\.log: 2 CAN frames, but no database has .* 123, 18FECA00; give the DBC"):
         log_of((0.1, 0x18FECA00, bytes(8)), (0.2, 0x123, bytes(8)))
     with pytest.raises(SignalError, match=r"no column 'VDC2\.jaw_rate@0B'"):
-        list(log.pieces(["VDC2.jaw_rate@0B"]))
+        list(log.chunks(["VDC2.jaw_rate@0B"]))
 
 
 def test_a_log_without_a_frame_is_refused(tmp_path):

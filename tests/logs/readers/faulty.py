@@ -37,7 +37,7 @@ def act(command: str) -> None:
 
 
 def open_log(path: Path, databases=(), progress=lambda done: None) -> LogSource:
-    """The first line acts on opening, the second in the third piece; both processes' numbers go to a file."""
+    """The first line acts on opening, the second in the third chunk; both processes' numbers go to a file."""
     opening, reading = path.read_text().split("\n")[:2]
     path.with_suffix(".pid").write_text(f"{os.getpid()} {os.getppid()}")
     progress(0.5)
@@ -50,7 +50,7 @@ def open_log(path: Path, databases=(), progress=lambda done: None) -> LogSource:
 
 
 class FaultyLog(LogSource):
-    """Ten pieces of a thousand rows of x = 2 t, and a table y without time."""
+    """Ten chunks of a thousand rows of x = 2 t, and a table y without time."""
 
     def __init__(self, name: str, reading: str, unit: str) -> None:
         columns = {"x": Column(name="x", unit=unit, clock="c", about="ä\n" * 900), "y": Column(name="y")}
@@ -58,7 +58,7 @@ class FaultyLog(LogSource):
         self.reading = reading
         self.notes.append("opened")
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         for k in range(10):
             time = np.arange(1000.0 * k, 1000.0 * (k + 1))
             if k == 3:

@@ -32,7 +32,7 @@ def log(tmp_path):
 
 
 def rows(source, *names):
-    return sum(len(next(iter(piece.values.values()))) for piece in source.pieces(names or ("x", "y")))
+    return sum(len(next(iter(chunk.values.values()))) for chunk in source.chunks(names or ("x", "y")))
 
 
 def gone(pid: int, seconds: float = 5.0) -> bool:
@@ -74,20 +74,20 @@ def test_samples_columns_and_notes_come_through(log):
         assert told[-1] == 1.0
         assert (source.columns["x"].unit, source.columns["x"].about) == ("m", "ä\n" * 500)  # cut
         assert source.notes == ["opened"]
-        pieces = list(source.pieces(["x"]))
-        assert [piece.done for piece in pieces] == [k / 10 for k in range(1, 11)]
-        assert all(piece.clock == "c" for piece in pieces)
-        time = np.concatenate([piece.time for piece in pieces])
+        chunks = list(source.chunks(["x"]))
+        assert [chunk.done for chunk in chunks] == [k / 10 for k in range(1, 11)]
+        assert all(chunk.clock == "c" for chunk in chunks)
+        time = np.concatenate([chunk.time for chunk in chunks])
         assert (time == np.arange(10_000.0)).all()
-        assert (np.concatenate([piece.values["x"] for piece in pieces]) == 2 * time).all()
-        pieces[0].values["x"][0] = 1.0  # not read-only
+        assert (np.concatenate([chunk.values["x"] for chunk in chunks]) == 2 * time).all()
+        chunks[0].values["x"][0] = 1.0  # not read-only
         assert source.notes == ["opened", "read"]
         assert source.unusable == {"y": "no numbers"}
-        table = next(source.pieces(["y"]))
+        table = next(source.chunks(["y"]))
         assert table.time is None
         assert np.isnan(table.values["y"]).all()
         with pytest.raises(SignalError, match="no column 'z'"):
-            list(source.pieces(["z"]))
+            list(source.chunks(["z"]))
 
 
 FAULTS = {
@@ -152,10 +152,10 @@ def test_the_program_may_take_its_time(log, monkeypatch):
     monkeypatch.setattr(limits, "_TOTAL", 1)
     monkeypatch.setenv(limits.SECONDS, "2")
     with log() as source:
-        pieces = source.pieces(["x"])
-        next(pieces)
+        chunks = source.chunks(["x"])
+        next(chunks)
         time.sleep(2.1)
-        assert len(list(pieces)) == 9
+        assert len(list(chunks)) == 9
 
 
 def test_more_samples_than_permitted(log, monkeypatch):
@@ -189,27 +189,27 @@ def test_what_a_library_prints_is_no_message(log):
 
 def test_a_reading_that_is_not_finished(log):
     with log() as source:
-        first = source.pieces(["x"])
+        first = source.chunks(["x"])
         next(first)
         assert rows(source, "x") == 10_000
         with pytest.raises(SignalError, match="read again before this reading was finished"):
             next(first)
     with log() as source:
-        next(source.pieces(["x"]))  # closed in the middle
+        next(source.chunks(["x"]))  # closed in the middle
     assert rows(log(), "x") == 10_000
 
 
 @pytest.mark.parametrize("fault", ["", "crash", "refuse"])
 def test_a_log_that_is_closed_or_has_failed_is_not_read(log, fault):
     source = log("", fault)
-    unfinished = source.pieces(["x"])
+    unfinished = source.chunks(["x"])
     next(unfinished)
     with suppress(SignalError):
         rows(source)
     if not fault:
         source.close()
     with log() as other:  # in the same process, unless that crashed
-        for reading in (unfinished, source.pieces(["x"])):
+        for reading in (unfinished, source.chunks(["x"])):
             with pytest.raises(SignalError, match="closed"):
                 next(reading)
         assert rows(other) == 10_030

@@ -102,7 +102,7 @@ def test_vectors_beside_a_time(save: Any) -> None:
         np.testing.assert_array_equal(found["wide(3)"][1], np.arange(100, 150))
         assert log.notes == ["1 vectors left out, no time of their length: other"]
         with pytest.raises(SignalError, match="no column 'sped'"):
-            list(log.pieces(["sped"]))
+            list(log.chunks(["sped"]))
 
 
 def test_structs(save: Any) -> None:
@@ -226,12 +226,12 @@ def test_complex_and_text_are_left_out(tmp_path: Path) -> None:
         assert list(log.columns) == ["a", "x(2)"]
 
 
-def test_pieces_are_pieces(save: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mat, "_PIECE_ROWS", 20)
+def test_chunks_are_bounded(save: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mat, "_CHUNK_ROWS", 20)
     with open_log(save({"t": np.r_[T[:-1], T[-2]], "a": T})) as log:
-        pieces = list(log.pieces(["a"]))
-        assert [piece.values["a"].size for piece in pieces] == [20, 20, 9]
-        assert [piece.done for piece in pieces] == [0.4, 0.8, 1.0]
+        chunks = list(log.chunks(["a"]))
+        assert [chunk.values["a"].size for chunk in chunks] == [20, 20, 9]
+        assert [chunk.done for chunk in chunks] == [0.4, 0.8, 1.0]
         assert log.notes == ["1 sample of 't' left out: timestamps must increase"]
 
 

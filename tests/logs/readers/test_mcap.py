@@ -83,7 +83,7 @@ def test_json(tmp_path: Path, compression: CompressionType, chunked: bool) -> No
         np.testing.assert_array_equal(found["few.x"][1], np.r_[np.arange(250.0), np.full(50, np.nan)])
         assert list(read(log, "few.x")) == ["few.x"]
         with pytest.raises(SignalError, match="no column 'few'"):
-            list(log.pieces(["few"]))
+            list(log.chunks(["few"]))
 
 
 def ros2(path: Path, stamp: Callable[[int], float], count: int = 300) -> Path:
@@ -155,10 +155,10 @@ def test_messages_a_little_late_are_put_in_order(tmp_path: Path) -> None:
         assert log.notes == []
 
 
-def test_pieces_are_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mcap, "_PIECE_ROWS", 120)
+def test_chunks_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap, "_CHUNK_ROWS", 120)
     with open_log(save(tmp_path / "a.mcap", {"/x": lambda k: {"k": k}}, stamps=lambda k: min(k, 298) * STEP)) as log:
-        assert [piece.values["x.k"].size for piece in log.pieces(["x.k"])] == [120, 120, 59]
+        assert [chunk.values["x.k"].size for chunk in log.chunks(["x.k"])] == [120, 120, 59]
         assert log.notes == ["1 sample of 'x' left out: timestamps must increase"]
 
 

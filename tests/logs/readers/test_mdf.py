@@ -122,19 +122,19 @@ def test_a_name_in_several_groups(tmp_path: Path) -> None:
         with pytest.raises(SignalError, match="several sources"):
             log.find("yaw_rate")
         with pytest.raises(SignalError, match="no column 'speed'"):
-            list(log.pieces(["speed"]))
+            list(log.chunks(["speed"]))
 
 
 @pytest.mark.parametrize("version", ["3.30", "4.10"])
-def test_pieces_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str) -> None:
+def test_chunks_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str) -> None:
     groups = ([Signal(T, T, name="a"), Signal(-T, T, name="b")], "g"), ([Signal(T, T, name="c")], "h")
     monkeypatch.setattr(mdf, "_FRAGMENT", 150 * 24)
     with open_log(save(tmp_path / "a.mf4", *groups, version=version)) as log:
-        pieces = list(log.pieces(["a", "b"]))
-        assert [piece.values["a"].size for piece in pieces] == [150, 150, 100]
-        assert [list(piece.values) for piece in pieces] == [["a", "b"]] * 3
-        assert [piece.done for piece in pieces] == [0.375, 0.75, 1.0]
-        done = [piece.done for piece in log.pieces(log.columns)]
+        chunks = list(log.chunks(["a", "b"]))
+        assert [chunk.values["a"].size for chunk in chunks] == [150, 150, 100]
+        assert [list(chunk.values) for chunk in chunks] == [["a", "b"]] * 3
+        assert [chunk.done for chunk in chunks] == [0.375, 0.75, 1.0]
+        done = [chunk.done for chunk in log.chunks(log.columns)]
         assert done == sorted(done)
         found = read(log)
         np.testing.assert_array_equal(found["a"][1], T)

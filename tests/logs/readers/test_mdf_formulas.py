@@ -70,7 +70,7 @@ def test_a_formula_in_a_file_runs_no_code(tmp_path: Path, version: str, formula:
         path = mdf.save(tmp_path / "log.mf4", overwrite=True)
         mdf.close()
     with open_log(path) as log:
-        assert not list(log.pieces(["speed"]))
+        assert not list(log.chunks(["speed"]))
         assert "formula" in log.notes[0]
-        assert sum(piece.values["other"].size for piece in log.pieces(["other"])) == X.size
+        assert sum(chunk.values["other"].size for chunk in log.chunks(["other"])) == X.size
     assert not witness.exists()

@@ -16,8 +16,8 @@ def opened(tmp_path, content):
 
 
 def columns(log):
-    pieces = [piece.values for piece in log.pieces(list(log.columns))]
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in log.columns}
+    chunks = [chunk.values for chunk in log.chunks(list(log.columns))]
+    return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in log.columns}
 
 
 PREAMBLE = """Sample rate: 100 Hz
@@ -117,17 +117,17 @@ def test_what_is_packed_is_called_so(tmp_path, head):
         opened(tmp_path, head + bytes(100))
 
 
-def test_a_large_table_comes_in_pieces_that_fit_together(tmp_path, monkeypatch):
+def test_a_large_table_comes_in_chunks_that_fit_together(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_BLOCK", 4000)
     rows = np.column_stack([np.arange(5000) * 0.01, np.random.default_rng(0).normal(size=5000)]).round(6)
     (tmp_path / "log.csv").write_text("t,r\n" + "".join(f"{t},{r}\n" for t, r in rows))
     log = module.open_log(tmp_path / "log.csv")
-    pieces = list(log.pieces(["t", "r"]))
-    assert len(pieces) > 10
-    assert [piece.done for piece in pieces] == sorted(piece.done for piece in pieces)
-    assert pieces[-1].done == 1.0
-    assert np.concatenate([piece.values["r"] for piece in pieces]) == pytest.approx(rows[:, 1])
-    assert list(next(log.pieces(["r"])).values) == ["r"]
+    chunks = list(log.chunks(["t", "r"]))
+    assert len(chunks) > 10
+    assert [chunk.done for chunk in chunks] == sorted(chunk.done for chunk in chunks)
+    assert chunks[-1].done == 1.0
+    assert np.concatenate([chunk.values["r"] for chunk in chunks]) == pytest.approx(rows[:, 1])
+    assert list(next(log.chunks(["r"])).values) == ["r"]
 
 
 def test_binary_rubbish_within_a_table_costs_its_lines_only(tmp_path):

@@ -120,10 +120,10 @@ class CanLog(LogSource):
         super().__init__(name, {name: column for name, (column, _, _) in columns.items()})
         self._batches, self._streams, self._decoded = batches, streams, columns
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Samples of some columns, in the unit of the database; NaN for error and not available.
 
-        One piece for each batch of frames and clock; frames that are not later than the one before are left out.
+        One chunk for each batch of frames and clock; frames that are not later than the one before are left out.
         """
         wanted: dict[_Stream, dict[str, list[tuple[str, CanSignal]]]] = {}
         for clock, names in self.by_clock(columns).items():

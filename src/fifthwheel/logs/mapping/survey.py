@@ -55,7 +55,7 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
     steps: dict[str, list[float]] = {}
     start, stop = np.inf, -np.inf
     rows = time_column(log.columns)
-    for chunk in log.pieces(list(log.columns)):
+    for chunk in log.chunks(list(log.columns)):
         time = log.times(chunk, rows)
         time = np.empty(0) if time is None else time[np.isfinite(time)]
         if time.size:

@@ -78,7 +78,7 @@ def date_style(cells: Sequence[str]) -> DateStyle | None:
 
 @dataclass(kw_only=True)
 class Cells:
-    """Converter of one column, piece by piece."""
+    """Converter of one column, chunk by chunk."""
 
     source: str
     """File name, for messages."""

@@ -102,14 +102,14 @@ def _read_log(request: Mapping[str, Any], incoming: "queue.SimpleQueue[Any]", re
     described, omitted = _described(log)
     _reply(replies, {"columns": described, "notes": [*log.notes, *omitted]})
     while "close" not in (asked := incoming.get()):
-        head, pieces = {"number": asked["number"]}, log.pieces(asked["pieces"])
+        head, chunks = {"number": asked["number"]}, log.chunks(asked["chunks"])
         _arm(seconds)
-        for piece in pieces:
+        for chunk in chunks:
             if not incoming.empty():
                 break
-            columns = dict(piece.values) | ({} if piece.time is None else {None: piece.time})
-            head_of_piece = head | {"names": list(columns), "clock": piece.clock, "done": piece.done}
-            _reply(replies, head_of_piece, columns.values())
+            columns = dict(chunk.values) | ({} if chunk.time is None else {None: chunk.time})
+            head_of_chunk = head | {"names": list(columns), "clock": chunk.clock, "done": chunk.done}
+            _reply(replies, head_of_chunk, columns.values())
             _arm(seconds)
         _reply(replies, head | {"notes": [*log.notes, *omitted], "unusable": log.unusable})
     if not _FORK:  # a fork ends now

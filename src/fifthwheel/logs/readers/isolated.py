@@ -84,14 +84,14 @@ class IsolatedLog(LogSource):
         self._finalizer = weakref.finalize(self, child.end)
         self.notes += notes
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns; a second reading ends the first."""
         wanted = [name for names in self.by_clock(columns).values() for name in names]
         if self._child.ended or not self._finalizer.alive:
             raise SignalError(f"{self.name}: closed, or its reading has failed; open it again")
         self._readings += 1
         number = self._readings
-        self._child.send({"pieces": wanted, "number": number})
+        self._child.send({"chunks": wanted, "number": number})
         while number == self._readings:
             head, samples = self._child.receive()
             if head.get("number") != number:

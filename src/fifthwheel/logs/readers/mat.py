@@ -24,7 +24,7 @@ try:
 except ModuleNotFoundError:  # only needed for version 7.3
     h5py = None
 
-_PIECE_ROWS = 100_000
+_CHUNK_ROWS = 100_000
 _KEPT_BYTES = 1 << 20
 """A variable of version 5 that is larger is read again when its samples are asked for."""
 _DEEPEST = 16
@@ -64,7 +64,7 @@ class MatLog(LogSource):
         super().__init__(name, columns)
         self._close = close
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         return self.increasing(self._rows(self.by_clock(columns)))
 
     def _rows(self, clocks: Mapping[str, Sequence[str]]) -> Iterator[Chunk]:
@@ -75,7 +75,7 @@ class MatLog(LogSource):
             with damage(troubles.append):
                 seconds, arrays = _seconds(time), [signal.values.load() for signal in signals]
                 while first < time.length:
-                    last = min(first + _PIECE_ROWS, time.length)
+                    last = min(first + _CHUNK_ROWS, time.length)
                     stamps, values = seconds(first, last), {}
                     for name, signal, array in zip(names, signals, arrays, strict=True):
                         rows = signal.values.rows(array, signal.column, first, last)

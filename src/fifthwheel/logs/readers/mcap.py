@@ -19,7 +19,7 @@ from fifthwheel.record.timestamps import MAX_BACKWARD_STEP
 
 _FIRST = 100
 """Messages of a topic that decide which fields it has, and whether its own timestamps can be used."""
-_PIECE_ROWS = 20_000
+_CHUNK_ROWS = 20_000
 _SAME_CLOCK = 60.0
 """s between a message's own timestamp and its recording; more, and they come from two time bases."""
 _LONGEST = 16
@@ -107,7 +107,7 @@ class McapLog(LogSource):
         super().__init__(path.name, columns)
         self._path, self._topics = path, topics
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         trouble: list[str] = []
         yield from self.increasing(self._rows(columns, trouble))
         self.note(*trouble)
@@ -133,12 +133,12 @@ class McapLog(LogSource):
             own = rows[channel.topic]
             time = _stamp(values) if topic.stamped else last
             own.append([time, *(values.get(key, math.nan) for key in wanted[channel.topic])])
-            if len(own) >= _PIECE_ROWS:
-                yield _piece(channel.topic, wanted[channel.topic].values(), own, done)
+            if len(own) >= _CHUNK_ROWS:
+                yield _chunk(channel.topic, wanted[channel.topic].values(), own, done)
                 own.clear()
         for title, own in rows.items():
             if own:
-                yield _piece(title, wanted[title].values(), own, done)
+                yield _chunk(title, wanted[title].values(), own, done)
         at = f", at {last:.1f} s" if count else ""
         trouble += [f"broken after {count} messages{at}: {why}" for why in broken]
         trouble += [f"{n} messages of {title!r} left out, they cannot be decoded" for title, n in failed.items()]
@@ -238,8 +238,8 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     return {name: item for name, item in own.items() if not name.startswith("_")} if own is not None else None
 
 
-def _piece(topic: str, names: Collection[str], rows: list[list[float]], done: float) -> Chunk:
-    """Rows of a topic as a piece; messages that are a little late are put in order."""
+def _chunk(topic: str, names: Collection[str], rows: list[list[float]], done: float) -> Chunk:
+    """Rows of a topic as a chunk; messages that are a little late are put in order."""
     table = np.array(rows, dtype=np.float64)
     if -MAX_BACKWARD_STEP < np.diff(table[:, 0]).min(initial=0.0) < 0:
         table = table[table[:, 0].argsort(kind="stable")]

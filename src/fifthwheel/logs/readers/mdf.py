@@ -81,18 +81,18 @@ class MdfLog(LogSource):
         super().__init__(name, columns)
         self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}
         groups = (
-            replace(piece, done=(number + piece.done) / len(clocks))
+            replace(chunk, done=(number + chunk.done) / len(clocks))
             for number, (clock, names) in enumerate(clocks.items())
-            for piece in self._group(clock, names)
+            for chunk in self._group(clock, names)
         )
         yield from self.increasing(groups)
         decoded = {self._decoded[name]: name for name in columns if name in self._decoded}
-        for piece in self._can.pieces(decoded) if self._can and decoded else ():
-            values = {decoded[name]: column for name, column in piece.values.items()}
-            yield replace(piece, values=values, clock=self.columns[next(iter(values))].clock)
+        for chunk in self._can.chunks(decoded) if self._can and decoded else ():
+            values = {decoded[name]: column for name, column in chunk.values.items()}
+            yield replace(chunk, values=values, clock=self.columns[next(iter(values))].clock)
 
     def _group(self, clock: str, names: Sequence[str]) -> Iterator[Chunk]:
         """The samples of one group; where it is damaged, those before and a note."""

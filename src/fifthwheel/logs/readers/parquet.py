@@ -49,7 +49,7 @@ class ParquetLog(LogSource):
         super().__init__(name, columns)
         self._file, self._headers = file, headers
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         self.notes = []
         cells = {name: Cells(source=self.name, name=name) for name in self.columns if name in columns}
         rows, total = 0, self._file.metadata.num_rows

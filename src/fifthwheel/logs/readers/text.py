@@ -52,7 +52,7 @@ class TextLog(LogSource):
         self._path, self._layout = path, layout
         self.notes += layout.notes
 
-    def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Rows of some columns; dates and times of day in s.
 
         Lines with another number of cells are left out and counted; where they are the most, that is a SignalError
@@ -145,10 +145,10 @@ class _Lines(io.RawIOBase):
     def read(self, size: int = -1) -> bytes:
         """About `size` bytes, at least one; b"" at the end."""
         while len(self._ready) < max(size, 1) or size < 0:
-            piece = self._text.read(_BLOCK)
-            if not piece:
+            chunk = self._text.read(_BLOCK)
+            if not chunk:
                 break
-            lines, end, self.unfinished = (self.unfinished + piece).rpartition("\n")
+            lines, end, self.unfinished = (self.unfinished + chunk).rpartition("\n")
             if len(self.unfinished) > _LONGEST_LINE:
                 lines, self.unfinished = lines + end + self.unfinished, ""
             self._ready += self._plain((lines + end).encode())
