@@ -214,6 +214,8 @@ def test_import_is_light() -> None:
         "fifthwheel._callable",
         "fifthwheel.errors",
         "fifthwheel.names",
+        "fifthwheel.options",
+        "fifthwheel.settings",
         "fifthwheel.units",
         "fifthwheel._atomic",
         "fifthwheel._atomic.files",

@@ -19,7 +19,7 @@ LOWEST_SPEED = 1.0
 
 
 @dataclass(frozen=True)
-class Frame:
+class BodyFrame:
     """The frame of a body over time: each array (N, 3) in world axes."""
 
     position: Array
@@ -29,7 +29,7 @@ class Frame:
     angular_velocity: Array
 
     @classmethod
-    def of(cls, sensed: Array) -> "Frame":
+    def of(cls, sensed: Array) -> "BodyFrame":
         """The frame by the first 15 sensed values of a body, (N, 15 or more)."""
         return cls(*(sensed[:, 3 * k : 3 * k + 3] for k in range(5)))
 
@@ -69,7 +69,7 @@ def true_signals(
     headings: list[Array] = []
     for i, unit in enumerate(vehicle.units):
         of_body = sensed[:, BODY_SENSORS * i : BODY_SENSORS * (i + 1)]
-        frame, acceleration = Frame.of(of_body), of_body[:, 15:18]
+        frame, acceleration = BodyFrame.of(of_body), of_body[:, 15:18]
         heading, z_axis = frame.heading, frame.z_axis
         headings.append(heading)
         u, v, position = frame.horizontal_motion(unit.cog, unit.roll_axis_height)

@@ -22,7 +22,7 @@ from typing import Any
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.child import CURE
-from fifthwheel.logs.readers.limits import MEMORY, SAMPLES, SECONDS, Limits, limit
+from fifthwheel.logs.readers.limits import MEMORY, SAMPLES, SECONDS, FileLimits, limit
 from fifthwheel.logs.readers.messages import TooMuchError, receive, send
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress
 
@@ -57,7 +57,7 @@ def open_isolated(
     A SignalError if the reader refuses the file, crashes, makes no progress within the time limit or needs more memory
     than the limit, or if its library is not installed.
     """
-    limits = Limits.of_file(path.stat().st_size)
+    limits = FileLimits.of_file(path.stat().st_size)
     child = _idle_child() or _started_child()
     child.name, child.format_name, child.ended = path.name, format_name, False
     child.limits, child.folder = limits, tempfile.mkdtemp(prefix="fifthwheel-")
@@ -123,7 +123,7 @@ class _Child:
     """Process that has started it; a fork of that one leaves it alone."""
     name: str = ""
     format_name: str = ""
-    limits: Limits = field(init=False)
+    limits: FileLimits = field(init=False)
     """Those of the file."""
     waited: float = 0.0
     """Time in which this process has waited for replies to the request, s."""

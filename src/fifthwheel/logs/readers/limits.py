@@ -29,7 +29,7 @@ _EXPANSION = 50
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class FileLimits:
     """Limits for one file."""
 
     seconds: float
