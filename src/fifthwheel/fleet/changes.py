@@ -40,7 +40,7 @@ class Kind:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class TruckChange:
     """A change before one trip; an outlier is that trip itself."""
 
     kind: Kind
@@ -48,11 +48,10 @@ class Change:
     probability: float  # of this kind at this trip, among all kinds and dates
     statistic: float  # normalised innovation squared of the alarm
     threshold: float  # that it exceeds without a change by the false-alarm probability of one test
-    alarm: int  # trip after which it was found
 
 
 @dataclass(frozen=True, kw_only=True)
-class Truck:
+class TruckTrips:
     """The trips of one truck in the order of time, and what its unknowns are."""
 
     start: State
@@ -63,14 +62,14 @@ class Truck:
     widening: Array  # factors (n,) of model error
 
 
-def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, list[float]]:
+def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TruckChange], Walk, list[float]]:
     """The changes, the walk with their resets, and the normalised innovation squared of each trip as its p-value.
 
     `false_alarm` is the probability of a false alarm in one test.
     """
     from scipy.special import chdtrc, chdtri
 
-    changes, walk, skipped = list[Change](), truck.walk, set[int]()
+    changes, walk, skipped = list[TruckChange](), truck.walk, set[int]()
     states, p_values, last, n = list[State](), list[float](), 0, 0
     while n < len(truck.trips):
         before = walk.predict(states[n - 1] if n else truck.start, truck.trips, n)
@@ -92,13 +91,12 @@ def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, 
         if alarm and found:
             kind, trip, probability = found
             changes.append(
-                Change(
+                TruckChange(
                     kind=kind,
                     trip=trip,
                     probability=probability,
                     statistic=alarm[0],
                     threshold=alarm[1],
-                    alarm=n,
                 )
             )
             if kind.name == OUTLIER:
@@ -114,7 +112,7 @@ def find_changes(truck: Truck, false_alarm: float) -> tuple[list[Change], Walk, 
 
 
 def _statistic(
-    truck: Truck, states: Sequence[State], walk: Walk, window: range, skipped: set[int]
+    truck: TruckTrips, states: Sequence[State], walk: Walk, window: range, skipped: set[int]
 ) -> tuple[float, int]:
     """Normalised innovation squared of consecutive trips and its degrees of freedom.
 
@@ -140,7 +138,7 @@ def _statistic(
 
 
 def _dated(
-    truck: Truck, states: Sequence[State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
+    truck: TruckTrips, states: Sequence[State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
 ) -> tuple[Kind, int, float] | None:
     """The most probable kind and trip of a change with its probability; None if no change is more probable than none.
 

@@ -37,7 +37,7 @@ _KEYS = (
 
 
 @dataclass(frozen=True)
-class Dataset:
+class FleetDataset:
     """The data set at a path."""
 
     path: str

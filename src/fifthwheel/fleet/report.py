@@ -10,7 +10,7 @@ import fifthwheel
 from fifthwheel import pages
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.changes import OUTLIER
-from fifthwheel.fleet.dataset import Dataset
+from fifthwheel.fleet.dataset import FleetDataset
 from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.formatting import percent, shown, with_sigma
 from fifthwheel.pages import page
@@ -37,7 +37,7 @@ def report(dataset: str | Path, out: str | Path) -> list[Attention]:
         FifthwheelError: the data set is missing or damaged.
         OSError: the file cannot be written.
     """
-    source = Dataset(str(dataset))
+    source = FleetDataset(str(dataset))
     settings = FleetSettings(**source.settings()["fleet"])
     rows: dict[str, Sequence[Row]] = {
         name: source.table(name).to_pylist() for name in ("trucks", "trailers", "changes")

@@ -12,11 +12,11 @@ from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import Lost, connected, run_here, run_on
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
-from fifthwheel.fleet.dataset import Dataset, batches
+from fifthwheel.fleet.dataset import FleetDataset, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
 from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
-from fifthwheel.fleet.trips import Outcome, TripJob, process_trip
+from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.settings import Progress
 
@@ -51,7 +51,7 @@ class FleetRun:
         """All fields by name."""
         return {**vars(self), "errors": [list(pair) for pair in self.errors]}
 
-    def count(self, trip: Trip, outcome: Outcome | Lost) -> None:
+    def count(self, trip: Trip, outcome: TripOutcome | Lost) -> None:
         """Add the outcome of a trip."""
         if isinstance(outcome, Lost):
             self.lost += 1
@@ -99,7 +99,7 @@ def run(
             or no scheduler answers.
     """
     trips = read_manifest(str(manifest)) if isinstance(manifest, str | Path) else list(manifest)
-    dataset, settings, fleet = Dataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
+    dataset, settings, fleet = FleetDataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
     result = FleetRun(path=dataset.path, trips=len(trips))
     with ExitStack() as stack:
         if not storage.is_remote(dataset.path):
@@ -122,7 +122,7 @@ def run(
     return result
 
 
-def _combine(dataset: Dataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
+def _combine(dataset: FleetDataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
     """Combine all trips, and replace the tables of trucks, trailers, histories and changes."""
     index = dataset.index()
     groups = list(batches(index))

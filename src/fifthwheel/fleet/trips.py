@@ -79,7 +79,7 @@ length of the log; `error` and `notes` are about this log, without its name."""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TripOutcome:
     """What became of a trip: "new", "unchanged" or "failed", with its error."""
 
     state: str
@@ -97,7 +97,7 @@ class TripJob:
     done: Any  # sorted digests of the trips that are done, an array of bytes
 
 
-def process_trip(job: TripJob, trip: Trip) -> Outcome:
+def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
     """Process a trip and write its row; an error becomes part of the row."""
     start, date = time.process_time(), trip.date
     digest = log_digest = error = ""
@@ -109,7 +109,7 @@ def process_trip(job: TripJob, trip: Trip) -> Outcome:
             map_text = _text(trip.signals) if trip.signals else ""
             digest = _digest(trip, job.settings, log_digest, vehicle_text, map_text)
             if _contains(job.done, digest):
-                return Outcome("unchanged", seconds=time.process_time() - start)
+                return TripOutcome("unchanged", seconds=time.process_time() - start)
             record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
         content = {"notes": list(record.notes)}
         with threadpool_limits(limits=1, user_api="blas"):
@@ -132,7 +132,7 @@ def process_trip(job: TripJob, trip: Trip) -> Outcome:
         **content,
     }
     write_row(job.folder, row)
-    return Outcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
+    return TripOutcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
 
 
 def _without_name(message: str, log: str) -> str:

@@ -14,7 +14,7 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import Learning
-from fifthwheel.live.node import Estimator, Node, Output
+from fifthwheel.live.node import LiveEstimator, Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
 from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.session import Session
@@ -27,9 +27,6 @@ from fifthwheel.logs.signal_map import TimeColumn
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import exported_observer, read_vehicle
-
-RATE = 100.0
-"""Of the outputs, Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,16 +154,16 @@ def _report(session: Session, say: Callable[[str], object]) -> None:
         say(f"Written: {session.recorder.path}")
 
 
-def make_node(signal_map: SignalMap, estimator: Estimator, *, extra: tuple[str, ...] = (), rate: float = RATE) -> Node:
+def make_node(signal_map: SignalMap, estimator: LiveEstimator, *, extra: tuple[str, ...] = ()) -> Node:
     """The node of a vehicle, with a map as `completed_map` gives it.
 
-    The values of the `extra` columns of the databases are kept in `Node.extra`; `rate` is that of the outputs, Hz. A
-    SignalError if a column is in no database, or has timestamps of its own.
+    The values of the `extra` columns of the databases are kept in `Node.extra`. A SignalError if a column is in no
+    database, or has timestamps of its own.
     """
     columns = list(dict.fromkeys(text for channel in signal_map.signals.values() for text in channel.columns))
     decoder = FrameDecoder(load(signal_map.databases), [*columns, *extra])
     mapped = LiveMap(signal_map, ["time", *decoder.columns])
-    return Node(estimator, decoder, mapped, rate=rate, extra=decoder.columns[len(columns) :])
+    return Node(estimator, decoder, mapped, extra=decoder.columns[len(columns) :])
 
 
 def completed_map(signal_map: SignalMap) -> SignalMap:
