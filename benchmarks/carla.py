@@ -23,6 +23,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,6 +147,26 @@ def read(path: Path) -> Run:
         name=f"{length:g} m",
     )
     return Run(record=record, geometry=geometry, truck=assumed_truck(geometry, length))
+
+
+def path_errors(run: Run, path: Path) -> dict[str, float]:
+    """Largest error across the road of the integral of yaw rate, speed and sideslip, from the logged position, m."""
+    table, record = np.genfromtxt(path, delimiter=",", names=True), run.record
+    steps = np.flatnonzero(np.abs(np.diff(table["delta"])) > STEER_STEP)
+    first = int(steps[0]) + round(record.time[0] / TIME_STEP)
+    rows, errors = slice(first, first + len(record)), dict[str, float]()
+    for k, unit in enumerate(UNITS, 1):
+        motion = Motion.of(table, k)
+        truth = (motion.position + run.geometry.cog[unit] * motion.direction)[rows]  # at the road below the CoG
+        yaw = motion.yaw[first] + integral(record.signals[f"yaw_rate.{unit}"])
+        speed = record.signals["speed"] * (1 + 1j * np.tan(record.reference[f"sideslip.{unit}"]))
+        errors[unit] = float(np.abs((truth[0] + integral(speed * np.exp(1j * yaw)) - truth).imag).max())
+    return errors
+
+
+def integral(values: NDArray[Any]) -> NDArray[Any]:
+    """Over the rows, from zero, by the trapezoidal rule."""
+    return np.append(0, np.cumsum((values[1:] + values[:-1]) / 2 * TIME_STEP))
 
 
 def measure_geometry(tractor: Motion, trailer: Motion, length: float, rows: slice, before_seam: slice) -> Geometry:
@@ -279,13 +300,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     folder = parser.parse_args().folder
-    if not (runs := [read(path) for path in sorted(folder.glob("vehicle_dataLateral_*.csv"))]):
+    paths = sorted(folder.glob("vehicle_dataLateral_*.csv"))
+    if not (runs := [read(path) for path in paths]):
         parser.error(
             f"{folder}: expected files vehicle_dataLateral_*.csv, got none; give their folder, or set FIFTHWHEEL_DATA"
         )
     results = {run.record.name: identify([run.record], run.truck, SETTINGS) for run in runs}
-    for run in runs:
+    for run, path in zip(runs, paths, strict=True):
         print(f"{run.record.name}: {run.record.span[1]:.2f} s from the start of steering; {run.geometry}")
+        errors = ", ".join(f"{unit} {error:.3f}" for unit, error in path_errors(run, path).items())
+        print(f"  error of the integrated path across the road: {errors} m")
+        fits = ", ".join(f"{fit.signal} {100 * fit.explained:.1f}" for fit in results[run.record.name].fits)
+        print(f"  explained by the identification: {fits} %")
         for e in results[run.record.name].parameters:
             print(f"  {e.name:35s} {e.value:9.3g} +- {e.sigma or np.nan:7.2g}, assumed {e.initial:8.3g}, {e.verdict}")
     title = "sideslip, deg: rms error (sigma of truth), coverage of 90 % intervals"

@@ -3,6 +3,7 @@
     python benchmarks/trust.py [--runs one five everyday] [--only CATEGORY ...] [--every N] [--seeds 1] [--jobs 1]
     python benchmarks/trust.py --false-alarms [--seeds 20]
     python benchmarks/trust.py --coverage [--seeds 20]
+    python benchmarks/trust.py --check
 
 Each case corrupts a log of the nonlinear truck, its run, or the vehicle file by one fault of `trust_corruptions`, and
 identifies the truck with the default settings. Every stiffness and yaw inertia starts at 80 or 120 % of the value in
@@ -17,6 +18,8 @@ outcome of a case is
     flagged   each wrong parameter has another verdict than `converged`, or a message names the cause
     silent    a wrong parameter has the verdict `converged`, and no message names the cause
     crashed   another exception
+
+`--check` applies every corruption once, without an identification. `--cases` takes single corruptions by their names.
 
 The messages are the cautions and notes that `fifthwheel identify` prints. A message that also appears without the
 corruption, with any numbers, does not count. Next steps do not count: they are advice that always holds.
@@ -36,15 +39,17 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from fifthwheel.diagnose.run_summary import summarise_runs
 
 from fifthwheel.diagnose.cautions import Caution, identification_cautions
-from fifthwheel.diagnose.run_summary import summarise_runs
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, identify
 from fifthwheel.observe import Observer, States
-from fifthwheel.plant import article_sensors
+from fifthwheel.plant import Properties, article_sensors
+from fifthwheel.plant.properties import with_changes
 from fifthwheel.record import Record
 from fifthwheel.report import conclude_identification
+from fifthwheel.simulate import simulate
 from fifthwheel.studies.scenarios import initial_guess
 from trust_corruptions import CORRUPTIONS, Corruption
 from trust_coverage import coverage_tables
@@ -323,6 +328,29 @@ def alarm_section(title: str, alarms: Sequence[Alarm]) -> list[str]:
     return [f"## {title}: false alarms", "", *count, "", *table(("seed", "doubtful", "cautions", "wrong, z"), rows), ""]
 
 
+def corruption_counts() -> list[str]:
+    """The number of corruptions by category, as lines of Markdown, after a check of each.
+
+    Raises:
+        ValueError: a corruption changes nothing, more than one input, the number of samples, or gives another log each
+            time; or no message could name it.
+    """
+    record = simulate(TRUCK, count=1)
+    signals = {name: 4 * values for name, values in record.signals.items()}  # so large that each corruption acts
+    record = record.with_signals(signals | {"speed": 20 + np.sin(record.time)})
+    for corruption in CORRUPTIONS.values():
+        log, vehicle = corruption.record(record), corruption.vehicle(TRUCK)
+        runs = [with_changes(Properties(), dict(changes)) for changes in corruption.runs]
+        changed = [log != record, vehicle != TRUCK, runs != [Properties()]]
+        if changed.count(True) != 1 or changed[1] != corruption.category.startswith("file"):
+            raise ValueError(f"{corruption.name}: expected a change of the log, the file or the truck, got {changed}")
+        if len(log) != len(record) or log != corruption.record(record):
+            raise ValueError(f"{corruption.name}: expected the same log each time, with as many samples as before")
+        if not corruption.words:
+            raise ValueError(f"{corruption.name}: expected words of a message that names it, got none")
+    return table(("category", "corruptions"), Counter(c.category for c in CORRUPTIONS.values()).items())
+
+
 # Command line
 
 
@@ -344,8 +372,10 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--runs", nargs="+", choices=RUNS, default=["one", "five"])
     categories = sorted({corruption.category for corruption in CORRUPTIONS.values()})
     parser.add_argument("--only", nargs="+", choices=categories, metavar="CATEGORY", help=", ".join(categories))
+    parser.add_argument("--cases", nargs="+", choices=CORRUPTIONS, metavar="CORRUPTION", help="single corruptions")
     parser.add_argument("--every", type=int, default=1, help="take one of so many corruptions of each category")
     parser.add_argument("--quick", action="store_true", help=f"--runs one --every {QUICK_STEP}, below a minute")
+    parser.add_argument("--check", action="store_true", help="of the corruptions, without an identification")
     parser.add_argument("--false-alarms", action="store_true", help="uncorrupted logs only")
     parser.add_argument("--coverage", action="store_true", help="coverage of the intervals with random errors only")
     parser.add_argument("--seeds", type=int, help="default 1; 20 for false alarms and coverage")
@@ -366,6 +396,8 @@ def selected(categories: Sequence[str] | None, step: int) -> list[str]:
 
 def tables(options: argparse.Namespace) -> list[str]:
     """All tables that the options demand, as lines of Markdown."""
+    if options.check:
+        return corruption_counts()
     repeated = options.coverage or options.false_alarms
     seeds = range(options.seeds or (20 if repeated else 1))
     if options.coverage:
@@ -377,7 +409,7 @@ def tables(options: argparse.Namespace) -> list[str]:
             with multiprocessing.Pool(options.jobs) as pool:
                 lines += alarm_section(RUNS[run], pool.map(alarm, clean))
             continue
-        names = selected(options.only, QUICK_STEP if options.quick else options.every)
+        names = options.cases or selected(options.only, QUICK_STEP if options.quick else options.every)
         cases = [Case(run=run, corruption=n, seed=s, duration=options.duration) for s, n in product(seeds, names)]
         lines += section(RUNS[run], judged(cases, options.jobs))
     return lines
@@ -390,8 +422,8 @@ def main() -> None:
     lines = ["# Trust", "", "Written by `python benchmarks/trust.py`; its docstring explains the outcomes.", ""]
     lines += tables(options)
     print("\n".join(lines))
-    partial = options.quick or options.only or options.every > 1
-    complete = not (partial or options.coverage or options.false_alarms)
+    partial = options.quick or options.only or options.cases or options.every > 1
+    complete = not (partial or options.check or options.coverage or options.false_alarms)
     file = options.output or (Path(__file__).with_suffix(".md") if complete else None)
     if file:
         file.write_text("\n".join(lines), encoding="utf-8")

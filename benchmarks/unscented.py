@@ -6,7 +6,7 @@ covariance P = S S' (Van der Merwe and Wan 2001): it triangularises and shrinks 
 covariances, so that P is positive semidefinite whatever the rounding, also if P is singular.
 
 Noise is additive. Points are drawn again after the prediction, and measurements correct the state channel by channel,
-as in `fifthwheel.filters.update`. A considered bank is a further column of the joint square root, which measurements do
+as in `fifthwheel.filters.kalman`. A considered bank is a further column of the joint square root, which measurements do
 not weigh.
 """
 
@@ -21,8 +21,8 @@ import numpy as np
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.filters.kalman import ChannelUpdate, gate
 from fifthwheel.filters.model import pack, pack_array, packed_size, split, unpack, unpack_array
-from fifthwheel.filters.update import ChannelUpdate, gate
 from fifthwheel.native import Scan
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel

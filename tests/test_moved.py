@@ -5,10 +5,12 @@ import importlib
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.cheng_cebon_2011.reproduce import reproduce
 
 MOVED = {
     ("fifthwheel.identify", "TwoStage"): fw.TwoStage,
     ("fifthwheel.identify", "article"): fw.article,
+    ("fifthwheel.studies.cheng_cebon_2011", "reproduce"): reproduce,
     ("fifthwheel.filters", "dual"): importlib.import_module("fifthwheel.cheng_cebon_2011.dual"),
 }
 

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.channels import CHANNELS
+from fifthwheel.channels import CHANNELS, header, si_unit, split_header
 from fifthwheel.errors import UnitError
-from fifthwheel.record.signal_names import header, si_unit, split_header
 from fifthwheel.units import _SYMBOLS, base_units, factor, is_unit, quantity, uncertain_quantity
 
 DIFFERENT = {"g", "-", "%", "degC", "C", "kn", "gon", "rev", "bit"} | {

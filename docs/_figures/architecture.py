@@ -2,46 +2,60 @@
 
 from svg import box, label, path, picture
 
-BOXES = {  # name: (x, y, what it holds)
+ROOMS = {  # name: (x, y, what it does)
     "logs": (20, 30, "files to records"),
-    "checks, time_bases": (210, 30, "faults of signals"),
-    "vehicle": (20, 130, "parameters, sigmas"),
-    "dynamics": (210, 130, "equations of motion"),
-    "filters, native": (400, 130, "Kalman steps, compiled"),
-    "identify": (590, 80, "parameters, verdicts"),
-    "observe": (590, 180, "states"),
-    "diagnose": (780, 80, "findings, advice"),
-    "report, pages": (780, 180, "tables, plots, words"),
-    "manoeuvres": (20, 230, "what is driven"),
-    "simulate": (210, 230, "linear, with noise"),
-    "plant": (400, 230, "nonlinear truck"),
+    "checks, time_bases": (360, 30, "faults of signals"),
+    "vehicle": (20, 120, "files, published values"),
+    "dynamics": (360, 120, "equations of motion"),
+    "filters, native": (530, 120, "Kalman steps, compiled"),
+    "stream, observe": (700, 120, "states"),
+    "report, pages": (870, 120, "tables, plots, words"),
+    "manoeuvres": (20, 210, "what is driven"),
+    "simulate, plant": (190, 210, "linear, nonlinear truck"),
+    "identify": (530, 210, "parameters, verdicts"),
+    "diagnose, assess": (870, 210, "advice, performance"),
+}
+DATA = {  # what crosses the borders
+    "Record": (190, 30, "signals, one time base"),
+    "Vehicle": (190, 120, "numbers and sigmas"),
+    "Setup": (360, 210, "unknowns and model"),
+    "Identification": (700, 210, "the result, data only"),
 }
 FLOWS = [
-    [(170, 55), (210, 55)],
-    [(360, 55), (665, 55), (665, 80)],
-    [(170, 155), (210, 155)],
-    [(360, 155), (400, 155)],
-    [(550, 155), (570, 155), (570, 105), (590, 105)],
-    [(570, 155), (570, 205), (590, 205)],
-    [(740, 105), (780, 105)],
-    [(740, 205), (780, 205)],
-    [(855, 130), (855, 180)],
-    [(170, 255), (210, 255)],
-    [(285, 180), (285, 230)],
-    [(95, 280), (95, 296), (475, 296), (475, 280)],
+    [(160, 55), (190, 55)],
+    [(330, 55), (360, 55)],
+    [(345, 55), (345, 235), (360, 235)],
+    [(160, 145), (190, 145)],
+    [(330, 145), (360, 145)],
+    [(430, 120), (430, 80)],
+    [(430, 170), (430, 210)],
+    [(500, 145), (530, 145)],
+    [(600, 170), (600, 210)],
+    [(670, 145), (700, 145)],
+    [(840, 145), (870, 145)],
+    [(160, 235), (190, 235)],
+    [(190, 222), (175, 222), (175, 68), (190, 68)],
+    [(500, 235), (530, 235)],
+    [(670, 235), (700, 235)],
+    [(770, 210), (770, 170)],
+    [(840, 235), (870, 235)],
+    [(940, 210), (940, 170)],
+]
+BARS = [
+    "channels: of each measured quantity its unit, model, limits, noise, sensor errors and words; every room reads it",
+    "workflow joins the steps for live, app, fleet and cli; studies, cheng_cebon_2011 and export use the rooms directly",
 ]
 
 
 def draw() -> str:
     shapes = [path(flow, "flow") for flow in FLOWS]
-    for name, (x, y, content) in BOXES.items():
-        shapes += [
-            box(x, y, 150, 50),
-            label(x + 75, y + 22, name, "middle"),
-            label(x + 75, y + 40, content, "small middle"),
-        ]
-    shapes += [
-        box(20, 310, 910, 34, "load"),
-        label(475, 332, "workflow joins these steps; cli reads arguments, calls workflow and prints", "middle"),
-    ]
-    return picture(950, 360, "Data flow between the packages of fifthwheel", shapes)
+    for boxes, kind in ((ROOMS, "box"), (DATA, "load")):
+        for name, (x, y, content) in boxes.items():
+            shapes += [
+                box(x, y, 140, 50, kind),
+                label(x + 70, y + 22, name, "middle"),
+                label(x + 70, y + 40, content, "small middle"),
+            ]
+    for i, bar in enumerate(BARS):
+        shapes += [box(20, 285 + 42 * i, 990, 32), label(515, 306 + 42 * i, bar, "middle")]
+    return picture(1030, 380, "Data flow between the packages of fifthwheel", shapes)

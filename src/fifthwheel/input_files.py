@@ -4,6 +4,7 @@ import json
 import re
 import stat
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,17 @@ def parse_toml(text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise FifthwheelError(_reason(error)) from None
     return table
+
+
+def flat_tables(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables by dotted name: TOML reads the header [yaw_rate.tractor] without quotes as a table in a table."""
+    flat: dict[str, Any] = {}
+    for name, table in tables.items():
+        if isinstance(table, Mapping) and table and all(isinstance(inner, Mapping) for inner in table.values()):
+            flat |= {f"{name}.{inner}": entry for inner, entry in flat_tables(table).items()}
+        else:
+            flat[name] = table
+    return flat
 
 
 def _read_text(path: Path, max_size: int) -> str:

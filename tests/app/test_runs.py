@@ -120,6 +120,14 @@ def test_the_command_line_of_a_run(workspace):
     ]  # fmt: skip
 
 
+def test_the_command_line_names_the_result_with_the_suspension(workspace):
+    choices = Choices(identify={"suspension_from": "a", "passes": 3, "method": "two-stage"})
+    (workspace.folder / "runs" / "a").mkdir(parents=True)
+    assert runs.command(workspace, choices, "b")[-3:] == [
+        "--method=two-stage", "--suspension-from=runs/a/identification.json", "--passes=3",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("name", ["", " ", "..", "../up", "a/b", "a\\b", ".hidden", "x" * 81])
 def test_a_name_that_leads_elsewhere_is_refused(name):
     with pytest.raises(FifthwheelError, match="name: expected"):

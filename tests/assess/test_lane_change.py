@@ -74,7 +74,7 @@ def test_the_nonlinear_truck_agrees():
     """An independent model: at 0.15 g its tyres are almost linear, but its driver rounds off the course."""
     pytest.importorskip("mujoco")
     from fifthwheel.assess.nonlinear import measures as nonlinear_measures
-    from fifthwheel.assess.steady_turn import measure as measure_turn
+    from fifthwheel.assess.steady_motion import measure_turn
 
     values, runs, notes = nonlinear_measures(TRUCK)
     assert notes == ()

@@ -15,7 +15,7 @@ from fifthwheel.vehicle import Vehicle, get
 def test_a_drawbar_is_no_part_of_the_body_of_a_dolly():
     truck = Truck(vehicle=get("a_double"))
     dolly = truck.vehicle.unit("dolly")
-    assert truck.front_ends() == [1.4, 0.0, dolly.axles[0].position, 0.0]
+    assert [front for _, front in truck.ends()] == [1.4, 0.0, dolly.axles[0].position, 0.0]
 
 
 def test_a_short_full_trailer_amplifies_most():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fifthwheel.assess.low_speed_turn import RADIUS, equivalent_length, measure, turn
+from fifthwheel.assess.low_speed_turn import FRICTION, RADIUS, equivalent_length, measure, turn
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get
@@ -69,6 +69,33 @@ def test_friction_demand_comes_from_bogies():
     bogie = Truck(vehicle=get("auburn_6x4"))
     wide = bogie.changed({"tractor.drive_rear.position": -7.0})
     assert 0.02 < measure(bogie)["friction_demand"] < measure(wide)["friction_demand"] < 1
+
+
+def test_friction_demand_is_that_of_two_equal_axles():
+    """A rigid truck with a tandem: the side force of each axle, C alpha / sqrt(1 + (C alpha / (mu N))^2), and the
+    aligning moment of its tyres, balanced about the point of the unit without side force."""
+    vehicle = get("auburn_6x4")
+    path, trail = "tractor.drive", 0.08
+    fields = vehicle.model_dump()
+    group = fields["units"][0]["axle_groups"][1]
+    fields |= {"units": fields["units"][:1], "couplings": (), "stated": {}}
+    plain = Truck(vehicle=type(vehicle)(**fields))
+    group["pneumatic_trail"] = trail
+    truck = Truck(vehicle=type(vehicle)(**fields))
+    run, unit = turn(truck), truck.vehicle.units[0]
+    tandem, front = unit.axle_groups[1], unit.axle_groups[0]
+    loads = truck.vehicle.axle_loads()
+    limit, stiffness = FRICTION * loads[path] / 2, tandem.cornering_stiffness / 2
+    reference = front.position - equivalent_length(unit, front.position)
+    moment = 0.0
+    for axle, slip in zip(tandem.axles, run.slips[:, 1:].T, strict=True):
+        sliding = 1 + (stiffness * slip / limit) ** 2
+        force = stiffness * slip / np.sqrt(sliding)
+        moment = moment + (axle.position - reference - trail / sliding) * force
+    expected = np.max(np.abs(moment) / (front.position - reference) / np.cos(run.steer))
+    demand = measure(truck)["friction_demand"]
+    assert demand == pytest.approx(expected / (FRICTION * loads["tractor.front"]), rel=1e-9)
+    assert demand != pytest.approx(measure(plain)["friction_demand"], rel=1e-3)
 
 
 def test_a_unit_needs_an_axle_behind_its_first():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.assess.propagation import DRAWS, Neighbourhood, samples
+from fifthwheel.assess.propagation import DRAWS, Neighbourhood, Spread, samples
 from fifthwheel.assess.truck import HALF_TRACK, Body, Truck
 from fifthwheel.assess.uncertainty import ASSUMED, assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import VehicleError
@@ -67,7 +67,7 @@ def test_a_truck_without_a_measure_does_not_meet_its_threshold():
         return {"m": 1.0}
 
     computed = samples(Neighbourhood(TRUCK, known()), half)
-    assert computed.spread(lambda values: values["m"]) is None
+    assert computed.spread(lambda values: values["m"]) == Spread()
     assert computed.probability(lambda values: values["m"] - 0.5) == 0.5
 
 

@@ -180,7 +180,7 @@ def test_design_refuses(run):  # noqa: F811
     refused(
         run("design", "-v", TRUCK, "--target", f"{INERTIA}=0"), r"semitrailer\.yaw_inertia: expected a target sigma"
     )
-    refused(run("design", "-v", TRUCK, "--speed", "fast"), r"--speed: expected a number with a unit")
+    refused(run("design", "-v", TRUCK, "--speed", "fast"), r"--speed fast: expected a number with a unit")
     refused(run("design", "-v", TRUCK, "--speed", "200"), r"speed: expected 18 to 144 km/h")
     refused(run("design", "-v", TRUCK, "--channels", "sideslip.tractor"), r"sideslip\.tractor: not a channel")
     refused(run("design", "-v", TRUCK, *FAST, "--out", "drive.txt"), r"drive\.txt: no format")

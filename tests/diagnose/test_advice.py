@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.diagnose.advice import LANE_CHANGE, describe_remedy, next_steps
+from fifthwheel.diagnose.advice import LANE_CHANGE, next_steps
 from fifthwheel.diagnose.cautions import describe_cause
-from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.diagnose.information_summary import describe_remedy
+from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.identify import Verdict
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.doubts import Cause

@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import white_noise_sigma
-from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.identify import SensorError
 from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
 from tests.report.conftest import NASTY

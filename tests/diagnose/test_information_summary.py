@@ -7,9 +7,8 @@ import pytest
 
 from fifthwheel import vehicle
 from fifthwheel.diagnose.advice import next_steps
-from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
-from fifthwheel.diagnose.run_summary import summarise_runs
-from fifthwheel.diagnose.variance_budget import VarianceTerm
+from fifthwheel.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
+from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.identify import SensorError, Verdict, identify
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.design.assess import assess_information

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fifthwheel.diagnose.advice import describe_remedy
+from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.identify.design import Remedy
 
 

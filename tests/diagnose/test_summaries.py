@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality, predicted_logs, white_noise_sigma
-from fifthwheel.diagnose.run_summary import summarise_records, summarise_runs
-from fifthwheel.diagnose.state_summary import innovation_size, summarise_states, valid_fraction
+from fifthwheel.diagnose.summaries import (
+    innovation_size,
+    summarise_records,
+    summarise_runs,
+    summarise_states,
+    valid_fraction,
+)
 from fifthwheel.identify import SensorError
 from fifthwheel.observe import States
 from fifthwheel.record import Record

@@ -9,9 +9,8 @@ from fifthwheel.diagnose import whiteness
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import FitQuality, predicted_logs
-from fifthwheel.diagnose.information_summary import information_summary
-from fifthwheel.diagnose.run_summary import RunSummary
-from fifthwheel.diagnose.variance_budget import dominant_terms
+from fifthwheel.diagnose.information_summary import dominant_terms, information_summary
+from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.identify import Estimate, SensorError, Verdict
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.diagnose.variance_budget import dominant_terms, variance_budget
+from fifthwheel.diagnose.information_summary import dominant_terms, variance_budget
 from fifthwheel.identify import identify
 
 HEIGHT, AXIS = "semitrailer.payload.height", "semitrailer.roll_axis_height"

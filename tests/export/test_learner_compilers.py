@@ -57,7 +57,7 @@ def test_without_undefined_behaviour(
 def test_tyres_that_saturate(lane: Record, tmp_path: Path) -> None:
     """The friction is one more estimate."""
     learner = Learner(vehicle.get("cheng_cebon_2011"), lane.signals, OneStage(tyres="saturating"))
-    states, found = replayed(compiled(learner, tmp_path, "-O1"), learner, lane, str(tmp_path / "learned.bin"))
+    states, found = replayed(compiled(learner, tmp_path), learner, lane, str(tmp_path / "learned.bin"))
     expected, estimates = pushed(learner, lane)
     assert "road.friction" in found
     assert largest_difference(states, expected) < 1e-11
@@ -66,7 +66,7 @@ def test_tyres_that_saturate(lane: Record, tmp_path: Path) -> None:
 
 def test_refusals_without_undefined_behaviour(learner: Learner, lane: Record, tmp_path: Path) -> None:
     shutil.copy(Path(__file__).parent / "storage.c", tmp_path)
-    sanitizers = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     compiled(learner, tmp_path, *sanitizers)
     storage = linked(tmp_path, "storage.c", *sanitizers)
     subprocess.run([storage], input=csv_text(learner, lane), capture_output=True, text=True, check=True)

@@ -6,7 +6,7 @@ import pytest
 
 from fifthwheel._types import Array
 from fifthwheel.filters import Noise, joint
-from fifthwheel.filters.joint_equations import JointLayout
+from fifthwheel.filters.joint import JointLayout
 from fifthwheel.filters.model import pack_array, unpack_array
 from fifthwheel.filters.scaling import Scaling
 from tests.filters.examples import example

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from fifthwheel._types import Array
 from fifthwheel.filters import Noise
-from fifthwheel.filters.relinearised import Estimate, RelinearisationSettings, RelinearisedFilter
+from fifthwheel.filters.relinearised import JointEstimate, RelinearisationSettings, RelinearisedFilter
 from fifthwheel.filters.scaling import Scaling
 from tests.filters.examples import example
 from tests.filters.test_joint import MODEL, NOISE, SCALING, C, kalman
@@ -103,7 +103,7 @@ def pause(made: RelinearisedFilter, count: int) -> bool:
     return restart
 
 
-def nonlinear(inputs: Array, y: Array, *, later: int = 0, **settings: float) -> Estimate:
+def nonlinear(inputs: Array, y: Array, *, later: int = 0, **settings: float) -> JointEstimate:
     """The estimate after one segment of a model that is nonlinear in its parameters, whose state is known.
 
     With samples after it, during which the passes are finished one sample at a time.
@@ -149,7 +149,7 @@ def test_repetition_reaches_the_most_probable_parameters() -> None:
 def test_inflation_of_the_variance() -> None:
     """At most to the variance of the prior; correlations stay, and the scores contain so much less information."""
     Pz = np.array([[0.1, 0.12], [0.12, 0.4]])
-    estimate = Estimate(
+    estimate = JointEstimate(
         z=np.ones(2), Pz=Pz, B=np.ones((2, 1)), gradient=np.array([6.0]), information=np.array([8.0])
     )  # fmt: skip
     wider = estimate.with_variance_inflation(4.0)

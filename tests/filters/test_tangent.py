@@ -37,7 +37,7 @@ def setting() -> Setting:
 
 
 def outputs(
-    run: Callable[..., Iterator[tangent.Chunk]],
+    run: Callable[..., Iterator[tangent.TangentChunk]],
     start: np.ndarray,
     p: np.ndarray,
     starts: np.ndarray,
@@ -74,7 +74,7 @@ def test_derivatives(setting: Setting, form: str, monkeypatch) -> None:
     directions = 0.02 * np.maximum(np.abs(p), 1e-3) * rng.normal(size=(count, len(p)))
     directions[0] = 0.0  # along the initial state alone; its effect decays
 
-    def run(*, p: np.ndarray, **arguments: Any) -> Iterator[tangent.Chunk]:
+    def run(*, p: np.ndarray, **arguments: Any) -> Iterator[tangent.TangentChunk]:
         return tangent.run_in_chunks(scan, rows, constant=np.concatenate([p, others]), **arguments)
 
     values, slopes = outputs(run, start, p, starts, directions)

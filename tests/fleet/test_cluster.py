@@ -13,7 +13,7 @@ import pytest
 from fifthwheel.cluster import AHEAD, Lost, connected, run_on
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import report, run
-from fifthwheel.fleet.dataset import FleetDataset
+from fifthwheel.fleet.dataset import TripDataset
 from tests.fleet.make import FAST, make_fleet
 
 pytestmark = pytest.mark.slow
@@ -85,9 +85,9 @@ def test_a_killed_run_loses_only_running_trips(tmp_path) -> None:
     process.kill()
     process.wait()
     time.sleep(3)
-    kept = len(FleetDataset(str(out)).index())
+    kept = len(TripDataset(str(out)).index())
     time.sleep(1)
-    assert kept == len(FleetDataset(str(out)).index()), "workers end with the run"
+    assert kept == len(TripDataset(str(out)).index()), "workers end with the run"
     assert 4 <= kept < 20
     result = run(manifest, out, settings=FAST, jobs=1)
     assert (result.unchanged, result.new, result.failed) == (kept, 20 - kept, 0)

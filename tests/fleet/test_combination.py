@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.fleet.changes import WINDOWS
 from fifthwheel.fleet.combination import combine, owner
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.options import FleetSettings
 from tests.fleet.synthetic import NAMES, PARAMETERS, SCALES, Synthetic, value
 
 WALK = 0.004

@@ -6,7 +6,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import FleetSettings, report, run
-from fifthwheel.fleet.dataset import FleetDataset
+from fifthwheel.fleet.dataset import TripDataset
 from tests.fleet.make import DRIVE, FAST, TRUCK, make_fleet, write_manifest
 
 
@@ -37,10 +37,10 @@ def test_estimates_and_the_change_of_tyres(fleet) -> None:
 
 def test_a_trip_that_is_done_is_not_done_again(fleet, tmp_path) -> None:
     folder, manifest, _ = fleet
-    before = FleetDataset(str(folder / "out")).index()
+    before = TripDataset(str(folder / "out")).index()
     again = run(manifest, folder / "out", settings=FAST, jobs=1)
     assert (again.new, again.unchanged) == (0, 6)
-    assert FleetDataset(str(folder / "out")).index().equals(before)
+    assert TripDataset(str(folder / "out")).index().equals(before)
 
 
 def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> None:
@@ -49,7 +49,7 @@ def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> Non
     first = rows(out, "trucks")
     other = run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
     assert other.new == 2
-    assert len(FleetDataset(str(out)).index()) == 2
+    assert len(TripDataset(str(out)).index()) == 2
     assert rows(out, "trucks")[0]["trips"] == 2
     assert rows(out, "trucks")[0]["sigma"] == pytest.approx(first[0]["sigma"], rel=0.02)
 
@@ -73,7 +73,7 @@ def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
         assert sum(message.count(name) for message in messages) == 1, "a log is named once"
     findings = [item.text for item in report(out, tmp_path / "fleet.html") if item.kind == "not processed"]
     assert [text.partition(";")[0] for text in findings] == ["1 trip was not processed"] * 3, "each kind is named"
-    errors = [row["error"] for row in FleetDataset(str(out)).index().to_pylist() if row["error"]]
+    errors = [row["error"] for row in TripDataset(str(out)).index().to_pylist() if row["error"]]
     assert len(errors) == 3
     (tmp_path / "none.csv").write_bytes((tmp_path / given[0]["log"]).read_bytes())
     again = run(manifest, out, settings=FAST, jobs=1)
@@ -135,5 +135,5 @@ def test_settings_are_checked(wrong) -> None:
 
 def test_a_fleet_without_trips(tmp_path):
     assert run([], tmp_path, jobs=1).changes == 0
-    assert FleetDataset(str(tmp_path)).index().num_rows == 0
+    assert TripDataset(str(tmp_path)).index().num_rows == 0
     assert report(tmp_path, tmp_path / "fleet.html") == []

@@ -6,9 +6,9 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.fleet.combination import combine
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.trips import trip_content
 from fifthwheel.identify.one_stage.shared_information import identify_with_information
+from fifthwheel.options import FleetSettings
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})

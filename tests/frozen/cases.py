@@ -13,10 +13,10 @@ import numpy as np
 import fifthwheel as fw
 from fifthwheel.diagnose.comparison import compare
 from fifthwheel.fleet.combination import combine
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.manoeuvres.catalogue import course
 from fifthwheel.manoeuvres.open_loops import single_sine
+from fifthwheel.options import FleetSettings
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.plant.properties import with_changes
 from fifthwheel.workflow import run_identification

@@ -26,8 +26,9 @@ def test_it_is_considered_and_fixed() -> None:
         unknowns = one_stage_unknowns(truck, ["yaw_rate.tractor"], settings)
         return [(u.name, u.scale, not u.is_estimated) for u in unknowns if "trail" in u.name.rpartition(".")[2]]
 
-    considered = fw.OneStage(consider={"pneumatic_trail": 0.2})
-    assert trails(considered) == [(PATH, 0.2, True)]
-    assert trails(fw.OneStage(consider=considered.consider, fixed=(PATH,))) == []
+    assert trails(fw.OneStage()) == [(PATH, 0.2, True)]
+    assert trails(fw.OneStage(), fw.vehicle("cheng_cebon_2011")) == []
+    assert trails(fw.OneStage(consider={"pneumatic_trail": 0.1})) == [(PATH, 0.1, True)]
+    assert trails(fw.OneStage(fixed=(PATH,))) == []
     assert trails(fw.OneStage(free=(PATH,))) == [(PATH, 0.3, False)]
-    assert trails(fw.OneStage(), TRUCK.with_stated({PATH: 0.01})) == [(PATH, 1.0, True)]  # a change of the file
+    assert trails(fw.OneStage(), TRUCK.with_stated({PATH: 0.02})) == [(PATH, pytest.approx(0.4), True)]

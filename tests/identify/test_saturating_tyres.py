@@ -17,10 +17,10 @@ from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.record import Record
+from fifthwheel.settings import arguments
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.vehicle.parameters import COMBINED_SLIP, FRICTION
-from fifthwheel.workflow import run_states
-from fifthwheel.workflow.settings import IdentifyOptions
+from fifthwheel.workflow import IdentifyOptions, identification_settings, run_states
 
 TRUCK = get("cheng_cebon_2011")
 GYROS = [f"{quantity}.{unit}" for quantity in ("yaw_rate", "roll_rate") for unit in ("tractor", "semitrailer")]
@@ -203,7 +203,7 @@ def test_axle_loads_are_needed() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tyres": "brush"}, "tyres: expected linear, saturating or auto"),
+        ({"tyres": "brush"}, "tyres: expected 'linear', 'saturating' or 'auto'"),
         ({"friction": 0.0}, "friction: expected between"),
         ({"friction": 80.0}, "friction: expected between"),
         ({"friction_prior": 0.0}, "friction_prior: expected a number above 0"),
@@ -215,14 +215,14 @@ def test_settings(changes, message: str) -> None:
 
 
 def test_options() -> None:
-    _, settings = IdentifyOptions(tyres="saturating", friction=0.3).settings(TRUCK)
+    _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="saturating", friction=0.3))
     assert (settings.tyres, settings.friction) == ("saturating", 0.3)
-    assert IdentifyOptions(tyres="auto", friction=0.3).arguments() == ["--tyres=auto", "--friction=0.3"]
+    assert arguments(IdentifyOptions(tyres="auto", friction=0.3)) == ["--tyres=auto", "--friction=0.3"]
     with pytest.raises(Exception, match="--friction: linear tyres have none"):
-        IdentifyOptions(friction=0.3).settings(TRUCK)
+        identification_settings(TRUCK, IdentifyOptions(friction=0.3))
     with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
-        IdentifyOptions(method="article", tyres="auto").settings(TRUCK)
-    _, settings = IdentifyOptions(tyres="auto", fix=("road.friction",)).settings(TRUCK)
+        identification_settings(TRUCK, IdentifyOptions(method="article", tyres="auto"))
+    _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", fix=("road.friction",)))
     assert settings.fixed == ("road.friction",)
 
 

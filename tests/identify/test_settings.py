@@ -7,21 +7,32 @@ import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import CommonSettings, OneStage
-from fifthwheel.identify.online import LearnerSettings
+from fifthwheel.identify import CommonSettings, OneStage, identify
+from fifthwheel.identify.online import Learner, LearnerSettings
+from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get
 
 
 @pytest.mark.parametrize(
     ("kind", "changes", "message"),
     [
-        (TwoStage, {"passes": 0}, "passes: expected a number above 0, got 0"),
+        (TwoStage, {"passes": 0}, "passes: expected a number of 1 or more, got 0; correct it"),
         (TwoStage, {"prior": 0.0}, "prior: expected a number above 0"),
         (TwoStage, {"forgetting": 0.0}, "forgetting: expected a number above 0 and at most 1, got 0"),
-        (TwoStage, {"noise": {"yaw_rate.tractor": 0.0}}, "yaw_rate.tractor: expected a finite variance above 0, got 0"),
+        (TwoStage, {"noise": {"yaw_rate.tractor": 0.0}}, "yaw_rate.tractor: expected a finite number above 0, got 0"),
         (OneStage, {"tolerance": float("nan")}, "tolerance: expected a number above 0, got nan"),
-        (OneStage, {"iterations": 0}, "iterations: expected a number above 0, got 0"),
-        (OneStage, {"priors": {"mass": -0.1}}, "mass: expected a standard deviation above 0"),
-        (OneStage, {"consider": {"mass": float("inf")}}, "mass: expected a standard deviation above 0"),
+        (OneStage, {"iterations": 0}, "iterations: expected a number of 1 or more, got 0"),
+        (
+            OneStage,
+            {"priors": {"mass": -0.1}},
+            "mass: expected a finite number above 0, got .*; give a standard deviation as a fraction",
+        ),
+        (
+            OneStage,
+            {"consider": {"mass": float("inf")}},
+            "mass: expected a finite number above 0, got .*; give a standard deviation as a fraction",
+        ),
     ],
 )
 def test_refused(kind: type[CommonSettings], changes: dict[str, object], message: str) -> None:
@@ -38,13 +49,13 @@ def test_article() -> None:
 
 
 BOTH = "prior height_prior tolerance gate min_speed correlation_time"
-ONE_STAGE = f"{BOTH} roll_inertia_prior rate_gain_prior bank_prior outlier iterations"
+ONE_STAGE = f"{BOTH} roll_inertia_prior rate_gain_prior bank_prior outlier"
 LEARNER = (
     "excitation_window high_pass_time max_lateral_acceleration discrepancy_time offset_time parameter_time "
     "max_innovation_ratio max_autocorrelation innovation_window max_steer max_steer_rate max_speed_change coast "
     "max_gap stop_excitation"
 )
-POSITIVE = {OneStage: ONE_STAGE, TwoStage: f"{BOTH} passes rounds", LearnerSettings: LEARNER}
+POSITIVE = {OneStage: ONE_STAGE, TwoStage: BOTH, LearnerSettings: LEARNER}
 
 
 @pytest.mark.parametrize(
@@ -60,7 +71,7 @@ def test_numbers_that_must_be_above_zero(method: type, name: str) -> None:
 @pytest.mark.parametrize("name", ["settling_time", "max_steer_dropout", "hold"])
 def test_times_of_a_learner_may_be_zero(name: str) -> None:
     assert getattr(LearnerSettings(**{name: 0.0}), name) == 0.0
-    with pytest.raises(SignalError, match=f"^{name}: expected 0 or more"):
+    with pytest.raises(SignalError, match=f"^{name}: expected a number of 0 or more"):
         LearnerSettings(**{name: -1e-9})
 
 
@@ -69,9 +80,9 @@ def test_limits_of_other_settings() -> None:
         (TwoStage, {"forgetting": 1.0}, True),
         (TwoStage, {"forgetting": 1.0 + 1e-9}, False),
         (TwoStage, {"forgetting": 0.0}, False),
-        (OneStage, {"noise": {"a": 1e-12}}, True),
-        (OneStage, {"noise": {"a": 0.0}}, False),
-        (OneStage, {"noise": {"a": math.inf}}, False),
+        (OneStage, {"noise": {"yaw_rate.tractor": 1e-12}}, True),
+        (OneStage, {"noise": {"yaw_rate.tractor": 0.0}}, False),
+        (OneStage, {"noise": {"yaw_rate.tractor": math.inf}}, False),
         (OneStage, {"priors": {"a": 1e-9}}, True),
         (OneStage, {"priors": {"a": 0.0}}, False),
         (OneStage, {"consider": {"a": math.inf}}, False),
@@ -99,3 +110,56 @@ def test_the_settings_of_the_article() -> None:
     assert not any(getattr(settings, name) for name in switched_off)
     assert settings.gate >= 1e6
     assert article(rounds=3) == replace(settings, rounds=3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "message"),
+    [
+        (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
+        (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating' or 'auto', got 'round'"),
+        (OneStage, {"friction": 3.0}, "friction: expected between 0.05 and 1.5, got 3.0; a dry road has 0.75"),
+        (OneStage, {"prior": "0.3"}, "prior: expected a number above 0, got '0.3'"),
+        (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),
+        (TwoStage, {"noise": {"yaw_rat.tractor": 1e-4}}, "noise, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),
+        (ObserverSettings, {"noise": {"speed.tractor": 1e-4}}, "noise, speed.tractor: .* belongs to the whole vehicle"),
+        (ObserverSettings, {"sensor_errors": {"steer.tractor.front.ofset": 0.1}}, "not the name of a sensor error"),
+        (ObserverSettings, {"positions": {"sidelip.semitrailer": -2.0}}, "did you mean 'sideslip.semitrailer'"),
+    ],
+)
+def test_a_wrong_choice_type_or_name_is_refused(kind: type, changes: dict[str, object], message: str) -> None:
+    with pytest.raises(SignalError, match=message):
+        kind(**changes)
+
+
+def test_every_refused_setting_has_a_line() -> None:
+    with pytest.raises(SignalError, match=r"(?s)tolerance: expected.*\niterations: expected"):
+        OneStage(tolerance=-1.0, iterations=0)
+
+
+def test_a_fixed_parameter_is_not_free() -> None:
+    with pytest.raises(SignalError, match=r"free, tractor\.yaw_inertia: expected a parameter that is not fixed"):
+        OneStage(free=("tractor.yaw_inertia",), fixed=("yaw_inertia",))
+    kept = OneStage(free=("cornering_stiffness",), fixed=("tractor.front.cornering_stiffness",))
+    assert kept.fixed == ("tractor.front.cornering_stiffness",)  # all but one
+
+
+def test_noise_of_a_unit_that_the_vehicle_does_not_have_is_refused() -> None:
+    truck, noise = get("cheng_cebon_2011"), {"yaw_rate.tracto": 0.1}
+    record, message = (
+        simulate(truck, count=1),
+        "noise, yaw_rate.tracto: .* has no unit 'tracto'; did you mean 'tractor'",
+    )
+    for refused in (
+        lambda: identify([record], truck, OneStage(noise=noise)),
+        lambda: identify([record], truck, TwoStage(noise=noise)),
+        lambda: Learner(truck, record.signals, OneStage(noise=noise)),
+        lambda: Observer(truck, record.signals, ObserverSettings(noise=noise)),
+    ):
+        with pytest.raises(SignalError, match=message):
+            refused()
+
+
+def test_lists_and_whole_numbers_are_accepted() -> None:
+    settings = OneStage(fixed=["tractor.mass"], prior=1)
+    assert settings == OneStage(fixed=("tractor.mass",), prior=1.0)
+    assert isinstance(settings.prior, float)

@@ -10,7 +10,7 @@ from fifthwheel.identify.online import LearnedValue
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.node import Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
-from fifthwheel.live.status import Fault, NodeStatus
+from fifthwheel.live.status import LiveFault, NodeStatus
 
 STATES = ("sideslip.tractor", "sideslip.semitrailer", "yaw_rate.semitrailer")
 PARAMETERS = (
@@ -26,7 +26,7 @@ VALUES = {
 }
 
 
-def output(status=NodeStatus.OK, faults=Fault.NONE, values=VALUES):
+def output(status=NodeStatus.OK, faults=LiveFault.NONE, values=VALUES):
     sigma = {f"{name}.sigma": 0.002 for name in STATES}
     states = {**sigma, **values} if values else dict.fromkeys((*STATES, *sigma, "nis"), math.nan)
     return Output(time=1.0, bus_time=1.0, status=status, faults=faults, problems={}, states=states, samples=())
@@ -45,13 +45,13 @@ def decoded(encoder, frames):
 @pytest.mark.parametrize("first", [0x500, 0x18FF0080])
 def test_frames_decode_to_the_states(first):
     encoder = FrameEncoder(first, STATES, PARAMETERS)
-    found = decoded(encoder, encoder.encode(output(NodeStatus.DEGRADED, Fault.SIGNAL_MISSING), known=2))
+    found = decoded(encoder, encoder.encode(output(NodeStatus.DEGRADED, LiveFault.SIGNAL_MISSING), known=2))
     assert found["sideslip_tractor"] == pytest.approx(0.0123, abs=5e-5)
     assert found["sideslip_semitrailer"] == pytest.approx(-0.0567, abs=5e-5)
     assert found["sideslip_semitrailer_sigma"] == pytest.approx(0.002)
     assert found["yaw_rate_semitrailer"] == pytest.approx(3.2767)
     assert found["status"] == NodeStatus.DEGRADED
-    assert found["faults"] == Fault.SIGNAL_MISSING
+    assert found["faults"] == LiveFault.SIGNAL_MISSING
     assert found["nis"] == pytest.approx(1.23)
     assert found["known_parameters"] == 2
 

@@ -11,7 +11,7 @@ from fifthwheel.live.learning import STANDSTILL, Learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.live.session import Session
 from fifthwheel.live.setup import completed_map, make_node
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 from fifthwheel.logs.can.decoder import Frame
 from fifthwheel.simulate import simulate
 from tests.live.truck_bus import SIGNALS, TRUCK, frames, write_files
@@ -58,7 +58,7 @@ def test_a_changed_load_is_found_after_a_standstill_and_not_averaged_in(state):
     start = push(learning, standstill(0.0, STANDSTILL + 5))
     push(learning, samples(soft, 5, start, seed=2))
     assert learning.learner.trailer == "depot 1 (load 2)"
-    assert learning.faults & Fault.CHANGED
+    assert learning.faults & LiveFault.CHANGED
     assert STIFF in learning.change
     after = learning.learner[STIFF]
     assert abs(after.value - soft.parameters()[STIFF]) < 3 * after.sigma
@@ -169,7 +169,7 @@ def test_a_number_on_the_bus_names_the_trailer(tmp_path):
         name = Frame(frame.time, 259, (4711 if k < 300 else 12).to_bytes(4, "little"))
         for output in (*node.receive(name), *node.receive(frame)):
             session.handle(output)
-            assert output.faults & ~Fault.CHANGED == 0  # the name is no signal whose absence is a fault
+            assert output.faults & ~LiveFault.CHANGED == 0  # the name is no signal whose absence is a fault
         if k == 290:
             assert learning.learner.trailer == "4711"
         if k > 600:

@@ -10,10 +10,11 @@ import cantools
 import pytest
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.live.setup import Inputs, Outputs, opened
+from fifthwheel.live.setup import opened
 from fifthwheel.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.live.sources.feed import listen
-from fifthwheel.live.status import Fault, NodeStatus
+from fifthwheel.live.status import LiveFault, NodeStatus
+from fifthwheel.options import LiveOptions, ObserverOptions
 from tests.live.truck_bus import driven, frames, observer_node, write_files
 
 RECORD = driven()
@@ -60,7 +61,7 @@ def run(name, folder, action, seconds=1.5, **options):
 def test_states_arrive_at_100_hz_from_a_virtual_bus(tmp_path):
     outputs = run("virtual:test", tmp_path, lambda sender, bus: play(sender, RECORD, 1.5))
     settled = [output for _, output in outputs][-100:]
-    late = Fault.OVERLOAD  # on a busy computer
+    late = LiveFault.OVERLOAD  # on a busy computer
     assert sum(output.status is NodeStatus.OK or output.faults == late for output in settled) > 80
     assert 100 < len(outputs) < 200
     times = [output.time for _, output in outputs]
@@ -82,7 +83,7 @@ def test_a_silent_bus_is_reported_within_100_ms(tmp_path):
         time.sleep(0.4)
 
     outputs = run("virtual:silent", tmp_path, action)
-    first = next(at for at, output in outputs if at > stopped[0] and output.faults & Fault.SILENT)
+    first = next(at for at, output in outputs if at > stopped[0] and output.faults & LiveFault.SILENT)
     assert first - stopped[0] < 0.1
     assert all(output.status is not NodeStatus.OK for at, output in outputs if at > first)
 
@@ -106,7 +107,7 @@ def test_a_bus_that_goes_off_is_reported_and_opened_again(tmp_path):
     outputs = run("virtual:off", tmp_path, action)
     assert events["reported"]
     assert events["again"]
-    first = next(at for at, output in outputs if output.faults & Fault.BUS_OFF)
+    first = next(at for at, output in outputs if output.faults & LiveFault.BUS_OFF)
     assert first - events["off"] < 0.25  # the virtual bus ends a call of recv first
     assert outputs[-1][1].status is NodeStatus.OK
 
@@ -142,18 +143,20 @@ def test_a_node_that_does_not_keep_up_says_so(tmp_path):
         outputs = list(listen(node, [bus], queue, ended.is_set))
         thread.join()
         bus.close()
-    late = [output for output in outputs if output.faults & Fault.OVERLOAD]
+    late = [output for output in outputs if output.faults & LiveFault.OVERLOAD]
     assert late
     assert {output.status for output in late} == {NodeStatus.DEGRADED}
 
 
 def test_the_states_are_sent_on_the_bus(tmp_path):
     write_files(tmp_path)
-    inputs = Inputs(vehicle="cheng_cebon_2011", signals=tmp_path / "signals.toml", buses=("virtual:send",))
-    destinations = Outputs(send=0x500, dbc=tmp_path / "states.dbc")
+    chosen = LiveOptions(bus=("virtual:send",), send="0x500", dbc=tmp_path / "states.dbc")
     stop = threading.Event()
+    run = opened(
+        "cheng_cebon_2011", tmp_path / "signals.toml", chosen, ObserverOptions(), stop=stop, say=lambda text: None
+    )
     with can.Bus(interface="virtual", channel="send") as other:
-        with opened(inputs, destinations, stop, lambda text: None) as (session, outputs):
+        with run as (session, outputs):
             thread = threading.Thread(target=lambda: (play(other, RECORD, 0.5), stop.set()))
             thread.start()
             last = None
@@ -168,4 +171,4 @@ def test_the_states_are_sent_on_the_bus(tmp_path):
             found |= database.decode_message(message.arbitration_id, message.data, decode_choices=False)
     assert found["status"] == last.status
     assert found["sideslip_semitrailer"] == pytest.approx(last.states["sideslip.semitrailer"], abs=1e-4)
-    assert not session.node.faults & Fault.NOT_SENT
+    assert not session.node.faults & LiveFault.NOT_SENT

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.live.setup import completed_map, make_observer
-from fifthwheel.live.status import Fault, NodeStatus
+from fifthwheel.live.status import LiveFault, NodeStatus
 from fifthwheel.logs.can.decoder import Frame
 from tests.live.truck_bus import TRUCK, driven, frames, observer_node, write_files
 
@@ -56,10 +56,10 @@ def empty(frame):
 
 
 FAULTS = {
-    "silent": (silent, Fault.SILENT),
-    "a message is missing": (missing, Fault.SIGNAL_MISSING),
-    "short frames": (short, Fault.WRONG_LENGTH),
-    "empty frames": (empty, Fault.WRONG_LENGTH),
+    "silent": (silent, LiveFault.SILENT),
+    "a message is missing": (missing, LiveFault.SIGNAL_MISSING),
+    "short frames": (short, LiveFault.WRONG_LENGTH),
+    "empty frames": (empty, LiveFault.WRONG_LENGTH),
 }
 
 
@@ -94,14 +94,14 @@ def test_a_signal_that_is_not_available_is_reported(tmp_path):
         if k % 10 == 0:
             found += node.receive(Frame(0.01 * k, 0x18FEF100, speed, True))
     assert found[150].status is NodeStatus.OK
-    assert 2.0 <= first(found, Fault.NOT_AVAILABLE) < 2.1
+    assert 2.0 <= first(found, LiveFault.NOT_AVAILABLE) < 2.1
     assert any("VDC2.yaw_rate" in column for column in found[-1].problems)
 
 
 def test_a_single_wrong_timestamp_changes_nothing(node):
     wrong = (frame._replace(time=frame.time + 1e4) if k == 1000 else frame for k, frame in enumerate(stream()))
     found = outputs(node, wrong)
-    assert any(output.faults & Fault.TIME_JUMP for output in found)
+    assert any(output.faults & LiveFault.TIME_JUMP for output in found)
     assert found[-1].status is NodeStatus.OK
     assert found[-1].time < 8.0
 
@@ -113,7 +113,7 @@ def test_the_states_return_after_a_jump_of_the_clock(node, jump):
     assert found[-1].bus_time == pytest.approx(RECORD.time[-1] + jump, abs=0.05)
     if jump < 0:
         after = next(output for output in found if output.bus_time < AT + jump / 2)
-        assert after.faults & Fault.TIME_JUMP
+        assert after.faults & LiveFault.TIME_JUMP
         assert after.status is not NodeStatus.OK
 
 
@@ -213,8 +213,8 @@ def test_frames_that_arrive_late_in_their_order_are_no_jump_of_the_clock(node):
             continue
         found += node.advance(frame.time + 0.2)  # the clock of the computer goes on, the frames come later
         found += node.receive(frame)
-    assert not any(output.faults & Fault.TIME_JUMP for output in found)
-    assert any(output.faults & Fault.OVERLOAD for output in found)
+    assert not any(output.faults & LiveFault.TIME_JUMP for output in found)
+    assert any(output.faults & LiveFault.OVERLOAD for output in found)
     assert found[-1].status is NodeStatus.OK
 
 
@@ -237,7 +237,7 @@ def test_a_wheel_that_is_about_to_lift(node, ratio):
     node.estimator = Lifting(ratio)
     found = [output for frame in stream() for output in node.receive(frame)][50:]
     assert {output.status for output in found} == {NodeStatus.OK}
-    assert {bool(output.faults & Fault.WHEEL_LIFT) for output in found} == {abs(ratio) > 0.9}
+    assert {bool(output.faults & LiveFault.WHEEL_LIFT) for output in found} == {abs(ratio) > 0.9}
 
 
 def test_settings_of_the_observer(tmp_path):

@@ -96,6 +96,12 @@ def test_text_cells_are_missing_and_noted(tmp_path):
         read_content(tmp_path, GOOD.replace("36", "fast"))
 
 
+def test_a_column_of_text_is_refused_also_with_windows_left_out(tmp_path):
+    rows = "".join(f"{k / 10},word\n" for k in range(20))
+    with pytest.raises(SignalError, match="column 'speed' is mostly text"):
+        read_content(tmp_path, "time,speed\n" + rows, exclude=[(0.5, 1.0)])
+
+
 def test_incomplete_lines_and_lines_without_time_are_left_out_and_noted(tmp_path):
     record = read_content(tmp_path, GOOD + "0.3,36\n,36,3,0.3,c\n0.4,36,3,0.3,c")
     assert len(record) == 3

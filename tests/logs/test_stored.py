@@ -1,7 +1,5 @@
 """Stored samples: the same as those of the file, plotted at any zoom with all extremes, and without some windows."""
 
-from typing import ClassVar
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,9 @@ from fifthwheel.errors import SignalError
 from fifthwheel.logs.files import record_of
 from fifthwheel.logs.mapping.survey import survey_log
 from fifthwheel.logs.readers import open_log
+from fifthwheel.logs.signal_map import SignalMap
 from fifthwheel.logs.source import Chunk, Column, LogSource
 from fifthwheel.logs.stored import StoredLog, store_log
-from fifthwheel.logs.windows import WithoutWindows
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 from tests.logs.formats import FORMATS, stored
@@ -22,7 +20,9 @@ TIME = np.arange(600_000) / 1000.0
 class _Table(LogSource):
     """Ten minutes at 1 kHz, in pieces, with a spike of one sample, a gap, and a damaged timestamp."""
 
-    columns: ClassVar = {"t": Column(name="t", unit="ms"), "y": Column(name="y", unit="V"), "text": Column(name="text")}
+    def __init__(self):
+        columns = {"t": Column(name="t", unit="ms"), "y": Column(name="y", unit="V"), "text": Column(name="text")}
+        super().__init__("run.csv", columns)
 
     def pieces(self, columns):
         time, values = 1000 * TIME, np.sin(TIME)
@@ -37,7 +37,7 @@ class _Table(LogSource):
 @pytest.fixture(scope="module")
 def long_log(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored")
-    store_log(_Table("run.csv"), folder)
+    store_log(_Table(), folder)
     return StoredLog(folder)
 
 
@@ -101,9 +101,8 @@ def test_the_most_active_window_has_the_spike_or_the_whole_log(long_log):
 
 
 def test_windows_are_left_out_by_the_time_of_the_log(long_log):
-    source = WithoutWindows(long_log, [(1.0, 599.0), (-5.0, 0.25)], "t")
-    times = np.concatenate([chunk.values["t"] for chunk in source.pieces(["y", "t"])]) / 1000
-    kept = times[np.isfinite(times)]
+    signal_map = SignalMap.parse('time = {column = "t", rate = 1000}\nsignals = {speed = {column = "y", unit = "m/s"}}')
+    kept = record_of(long_log, signal_map, name="run", exclude=[(1.0, 599.0), (-5.0, 0.25)]).time
     assert (kept.min(), kept.max()) == (0.251, 599.999)
     assert not ((kept >= 1.0) & (kept <= 599.0)).any()
     assert kept.size == 749 + 999
@@ -113,7 +112,7 @@ def test_windows_are_left_out_of_channels_with_their_own_time(tmp_path):
     record = simulate(get("cheng_cebon_2011"), count=1, seed=1)
     path, signal_map = stored(record, tmp_path, "drive.mf4")
     with open_log(path, signal_map.databases) as log:
-        left = record_of(WithoutWindows(log, [(2.0, 4.0)]), signal_map, name="run")
+        left = record_of(log, signal_map, name="run", exclude=[(2.0, 4.0)])
     inside = (left.time > 2.05) & (left.time < 3.95)
     assert not any(np.isfinite(values[inside]).any() for values in left.signals.values())
     assert np.isfinite(left.signals["speed"]).sum() > 100
@@ -127,7 +126,7 @@ def test_an_incomplete_folder_is_refused(tmp_path):
 
 
 def _empty(folder):
-    log = _Table("run.csv")
+    log = _Table()
     log.pieces = lambda columns: iter(())
     store_log(log, folder)
     assert StoredLog(folder).span() == (0.0, 1.0)

@@ -184,7 +184,7 @@ def test_the_offset_of_the_steering_is_estimated():
 
 @pytest.mark.parametrize("bank", [-0.1, 2.0, float("nan")])
 def test_implausible_bank_is_refused(bank):
-    with pytest.raises(SignalError, match=r"^bank: expected between 0 and 1 rad"):
+    with pytest.raises(SignalError, match=r"^bank: expected between 0 and 1, got .*; convert degrees to rad"):
         ObserverSettings(bank=bank)
 
 

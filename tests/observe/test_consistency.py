@@ -172,7 +172,7 @@ def test_largest_nis(change: dict[str, float], expected: int) -> None:
 
 @pytest.mark.parametrize("name", ["max_nis", "nis_window", "max_steer_rate", "max_acceleration"])
 def test_settings_out_of_range(name: str) -> None:
-    with pytest.raises(SignalError, match=f"^{name}: expected above 0"):
+    with pytest.raises(SignalError, match=f"^{name}: expected a number above 0"):
         ObserverSettings(**{name: 0.0})
 
 

@@ -144,13 +144,13 @@ def test_brakes_of_an_unknown_group_or_without_a_force() -> None:
     with pytest.raises(SignalError, match=r"brakes, tractor\.driv: .* did you mean 'tractor\.drive'"):
         Observer(TRUCK, SIGNALS, ObserverSettings(friction=0.8, brakes={"tractor.driv": 1.0}))
     for brakes in ({"semitrailer": -1.0}, {"semitrailer": 0.0}, {"semitrailer": np.nan}):
-        with pytest.raises(SignalError, match="brakes, semitrailer: expected fractions of 0 or more"):
+        with pytest.raises(SignalError, match=r"brakes(, semitrailer)?: expected a "):
             ObserverSettings(brakes=brakes)
 
 
 @pytest.mark.parametrize("smoothing", [0.0, -0.2, float("nan")])
 def test_smoothing_out_of_range(smoothing: float) -> None:
-    with pytest.raises(SignalError, match="speed_smoothing: expected above 0"):
+    with pytest.raises(SignalError, match="speed_smoothing: expected a number above 0"):
         ObserverSettings(speed_smoothing=smoothing)
 
 

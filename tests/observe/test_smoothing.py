@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fifthwheel.observe import Observer, ObserverSettings, Status, offline
+from fifthwheel.filters import smoother
+from fifthwheel.observe import Observer, ObserverSettings, Status
 from tests.observe.conftest import EXACT, STEER, assert_same
 from tests.observe.exact import OUTPUTS, TRUCK, exact_system, lane_change_steer, simulate_exact
 from tests.observe.test_stream import LANE_CHANGES, SCENARIOS, observer
@@ -132,7 +133,7 @@ def test_stretches_know_nothing_of_each_other():
 def test_result_does_not_depend_on_the_chunks(monkeypatch):
     batch_result = columns(observer().smooth(LANE_CHANGES))
     for chunk in (37, 100_000):
-        monkeypatch.setattr(offline, "CHUNK", chunk)
+        monkeypatch.setattr(smoother, "CHUNK", chunk)
         assert_same(columns(observer().smooth(LANE_CHANGES)), batch_result)
 
 

@@ -67,7 +67,7 @@ def test_a_page_links_its_sections_and_has_places_for_its_figures(html):
     assert parsed.links == [("a", "#first")]
     assert {"verdict", "first", "plot0"} <= set(parsed.ids)
     assert "yaw_<wbr/>rate.<wbr/>tractor</code>: explained<small>rms</small>" in html
-    assert "not shown twice" not in page.decompressed(parsed.scripts["figures"].encode()).decode()
+    assert "not shown twice" not in parsed.data("figures").decode()
     assert "figures" not in Page(page.page(pages.Document("t", []))[0].decode()).scripts
 
 

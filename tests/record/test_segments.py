@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.record import Record
-from fifthwheel.record.segments import segments_above
+from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 from tests.observe.conftest import put, rows

@@ -1,6 +1,8 @@
 """One short identification and its variants, for the tests of diagnosis and report."""
 
+import base64
 import itertools
+import zlib
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 
@@ -81,6 +83,10 @@ class Page(HTMLParser):
         self.feed(text)
         self.close()
         assert not self.open, f"not closed: {self.open}"
+
+    def data(self, script: str) -> bytes:
+        """The decompressed data of a script."""
+        return zlib.decompress(base64.b64decode(self.scripts[script]))
 
     def handle_starttag(self, tag, attrs):
         named = dict(attrs)

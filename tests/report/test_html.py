@@ -14,7 +14,6 @@ from fifthwheel.identify.result import display
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Status
 from fifthwheel.observe.states import SHADES
-from fifthwheel.pages import page
 from fifthwheel.plots import Plot, downsample, plotly_figure
 from fifthwheel.plots.palette import rgba
 from fifthwheel.report import write_report, write_states_report
@@ -43,7 +42,7 @@ def plots(parsed) -> list:
 
 def drawn(parsed: Page) -> list:
     """The plots of the page."""
-    return json.loads(page.decompressed(parsed.scripts["figures"].encode()), parse_constant=pytest.fail)
+    return json.loads(parsed.data("figures"), parse_constant=pytest.fail)
 
 
 def over_time(plots: list) -> list:
@@ -77,7 +76,7 @@ def test_opens_without_a_network(text, parsed):
     assert not re.search(r"https?://|url\(|@import", own)
     assert "default-src &#x27;none&#x27;" in text
     assert any("Plotly.newPlot" in script for script in parsed.scripts.values())
-    assert b"plotly.js v" in page.decompressed(parsed.scripts["library"].encode())[:200]
+    assert b"plotly.js v" in parsed.data("library")[:200]
 
 
 def test_links_lead_somewhere(parsed):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.record import Record
-from fifthwheel.time_bases.exchanged import exchanged_pairs
+from fifthwheel.time_bases.findings import exchanged_pairs
 from fifthwheel.time_bases.lags import RATE, lag_curve
 from fifthwheel.time_bases.offsets import TimeOffset, common_offsets, offsets_of
 from fifthwheel.time_bases.predictions import Prediction

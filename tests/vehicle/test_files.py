@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from fifthwheel.dynamics.model import topology
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import Vehicle, catalogue, unit_of
+from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.vehicle.toml_format import read_quantity
 from fifthwheel.vehicle.uncertainty import changes
 
@@ -141,6 +142,32 @@ def test_place_of_an_accelerometer() -> None:
     )
     with pytest.raises(VehicleError, match="reserved"):
         Vehicle.loads(TEXT.replace('name = "drive"', 'name = "accelerometer"'))
+
+
+def test_places_of_several_accelerometers() -> None:
+    """Each has a table of its own by its name; one without a table is at the place of the unit's accelerometer."""
+    table = '[unit.accelerometers.rear]\nposition = "-4.1 +- 0.2 m"\nheight = "1.1 m"\n'
+    text = TEXT.replace("[[unit.axle_group]]", table + "[[unit.axle_group]]", 1)
+    vehicle = Vehicle.loads(text)
+    assert vehicle.parameters()["tractor.accelerometers.rear.position"] == -4.1
+    assert vehicle.stated == {"tractor.accelerometers.rear.position": 0.2}
+    assert Vehicle.loads(vehicle.to_toml()) == vehicle
+    assert hash(Vehicle.loads(vehicle.to_toml())) == hash(vehicle)
+    assert changes(vehicle) == changes(Vehicle.loads(TEXT))
+    tractor = vehicle.units[0]
+    assert tractor.place_of_accelerometer("rear") == tractor.accelerometers["rear"]
+    assert tractor.place_of_accelerometer("front") == tractor.accelerometer_place
+    moved = vehicle.replace({"tractor.accelerometers.rear.height": 0.7})
+    assert moved.units[0].accelerometers["rear"].height == 0.7
+    assert 'height = "0.7 m"' in edited(text, moved)
+    with pytest.raises(VehicleError, match=r"tractor\.accelerometers\.rear\.x: no such key"):
+        Vehicle.loads(text.replace('height = "1.1 m"\n', "x = 1\n"))
+    with pytest.raises(VehicleError, match=r"tractor\.accelerometers\.rear\.height: expected a value, got none"):
+        Vehicle.loads(text.replace('height = "1.1 m"\n', ""))
+    with pytest.raises(VehicleError, match=r"tractor\.accelerometers\.rear: expected a table"):
+        Vehicle.loads(text.replace(table, '[unit.accelerometers]\nrear = "-4.1 m"\n'))
+    with pytest.raises(VehicleError, match="expected a name of lower-case letters"):
+        Vehicle.loads(text.replace("accelerometers.rear", "accelerometers.Rear"))
 
 
 def test_pneumatic_trail() -> None:

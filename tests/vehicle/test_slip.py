@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import catalogue
-from fifthwheel.vehicle.weighing.slip import Lengths, Slip, weigh
+from fifthwheel.vehicle.weighing import Lengths, Slip, weigh
 
 TRUCK = catalogue.get("cheng_cebon_2011")
 GROUPS = ("tractor.front", "tractor.drive", "semitrailer")

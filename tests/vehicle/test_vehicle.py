@@ -216,7 +216,6 @@ def test_import_is_light() -> None:
         "fifthwheel.names",
         "fifthwheel.units",
         "fifthwheel._atomic",
-        "fifthwheel._atomic.cleanup",
         "fifthwheel._atomic.files",
         "fifthwheel._atomic.locks",
         "fifthwheel._atomic.results",

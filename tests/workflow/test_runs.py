@@ -165,5 +165,5 @@ def test_a_stored_value_that_is_not_a_number_is_refused(run, tmp_path, value, pl
         error = next(error for error in contents["sensors"] if error["name"] == name)
         error |= {"value": value, "log": "run" if place == "sensor error of a log" else None}
     path.write_text(json.dumps(contents))
-    with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: {name}: expected "):
+    with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: (sensor_errors, |noise, )?{name}: expected "):
         Identification.load(path)

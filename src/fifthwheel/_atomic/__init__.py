@@ -1,7 +1,7 @@
 """Files that appear complete or not at all, and folders of results that are replaced as a whole."""
 
-from fifthwheel._atomic.cleanup import clean_up
 from fifthwheel._atomic.files import atomic_write, reserved
+from fifthwheel._atomic.locks import clean_up
 from fifthwheel._atomic.results import MANIFEST, one_run, recover, result_folder
 
 __all__ = ["MANIFEST", "atomic_write", "clean_up", "one_run", "recover", "reserved", "result_folder"]

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from fifthwheel._atomic.cleanup import cleaned_up
-from fifthwheel._atomic.locks import held, try_lock
+from fifthwheel._atomic.locks import cleaned_up, held, try_lock
 from fifthwheel.errors import FifthwheelError
+
+_SUFFIX = ".part"
 
 
 @contextmanager
@@ -45,15 +46,10 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
-    """Reserve the names of files that are written in the block, so that no other file is lost.
+    """Reserve the names of files that are written in the block, so that no other file is lost; None is no file.
 
-    Args:
-        paths: files; None for a file that is not requested.
-        force: replace files that exist.
-
-    Raises:
-        FifthwheelError: a file exists, or another process has reserved it.
-        OSError: its folder cannot be written to; `filename` is the file.
+    A FifthwheelError if a file exists (without `force`), or another process has reserved it. An OSError, whose
+    `filename` is the file, if its folder cannot be written to.
     """
     with ExitStack() as stack:
         for path in filter(None, paths):
@@ -69,7 +65,7 @@ def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
 def _temporary_file(path: Path) -> tuple[Path, int]:
     """A new file beside `path`, and the descriptor that locks it."""
     while True:
-        temporary = path.with_name(f"{_prefix(path)}{secrets.token_hex(4)}{_SUFFIX}")
+        temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{_SUFFIX}")
         if (lock := try_lock(temporary)) is not None:
             return temporary, lock
 
@@ -77,13 +73,6 @@ def _temporary_file(path: Path) -> tuple[Path, int]:
 def _remove_leftovers(path: Path) -> None:
     """Remove the temporary files of processes that were killed while they wrote `path`."""
     for left in path.parent.iterdir():
-        if left.name.startswith(_prefix(path)) and left.suffix == _SUFFIX and (lock := try_lock(left)) is not None:
+        if left.name.startswith(f".{path.name}.") and left.suffix == _SUFFIX and (lock := try_lock(left)) is not None:
             left.unlink()
             os.close(lock)
-
-
-_SUFFIX = ".part"
-
-
-def _prefix(path: Path) -> str:
-    return f".{path.name}."

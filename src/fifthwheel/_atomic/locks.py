@@ -1,14 +1,15 @@
-"""Advisory locks on files. A lock ends with its process, however that ends."""
+"""What ends with its process: advisory locks on files, however it ends, and temporary files, also after a signal."""
 
 import os
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fifthwheel._atomic.cleanup import cleaned_up
 from fifthwheel.errors import FifthwheelError
+
+_pending: list[Callable[[], None]] = []
 
 if sys.platform == "win32":
     import msvcrt
@@ -28,12 +29,29 @@ else:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+@contextmanager
+def cleaned_up(action: Callable[[], None]) -> Iterator[None]:
+    """Call `action` when the block ends, or when `clean_up` is called within it; it must be harmless to repeat."""
+    _pending.append(action)
+    try:
+        yield
+    finally:
+        try:
+            action()
+        finally:
+            _pending.remove(action)
+
+
+def clean_up() -> None:
+    """Remove the temporary files of all blocks, innermost first; for a process that exits within them."""
+    for action in reversed(_pending):
+        with suppress(Exception):
+            action()
+
+
 def try_lock(path: Path) -> int | None:
     """Create or open a file and lock it; its descriptor, which holds the lock until it is closed, or None if another
-    process holds it.
-
-    Raises:
-        OSError: the file cannot be created, or the file system has no locks.
+    process holds it. An OSError if the file cannot be created, or the file system has no locks.
     """
     while True:
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -54,13 +72,9 @@ def try_lock(path: Path) -> int | None:
 
 @contextmanager
 def held(path: Path, *, subject: Path) -> Iterator[None]:
-    """Hold the lock file `path`, which is removed at the end.
+    """Hold the lock file `path`, which is removed at the end; a FifthwheelError if another process holds it.
 
-    Args:
-        subject: what the lock protects, for the message.
-
-    Raises:
-        FifthwheelError: another process holds it.
+    The message names the `subject` that the lock protects.
     """
     file = try_lock(path)
     if file is None:

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
-from fifthwheel._atomic.cleanup import cleaned_up
 from fifthwheel._atomic.files import atomic_write
-from fifthwheel._atomic.locks import held
+from fifthwheel._atomic.locks import cleaned_up, held
 from fifthwheel.errors import FifthwheelError
 
 MANIFEST = "run.json"
@@ -41,19 +40,12 @@ def result_folder(
     """A temporary folder to write results to; when the block ends without an error, they appear in `folder` as a whole.
 
     Results of an earlier run of the same command are replaced, and those that the new run does not write are removed.
-    Other files stay.
+    Other files stay. The folder is made if it is missing, and then removed if the block fails.
 
-    Args:
-        folder: made if it is missing, and removed if the block fails.
-        command: name of the command that writes.
-        names: results that are known before the run, by their path in the folder; they are checked first.
-        inputs: files that the run reads.
-        force: replace also files that were not written by an earlier run of the command, have changed since, or are
-            an input.
-
-    Raises:
-        FifthwheelError: another process writes to the folder, or a file would be replaced without `force`.
-        OSError: a file cannot be written; `filename` is its name in `folder`.
+    Results whose `names`, paths in the folder, are known before the run are checked first. Without `force`, a
+    FifthwheelError refuses to replace a file that an earlier run of the command did not write, that has changed since,
+    or that is one of the `inputs`; also if another process writes to the folder. An OSError if a file cannot be
+    written; `filename` is its name in `folder`.
     """
     inputs = [path for path in inputs if path.exists()]
     created = not folder.exists()
@@ -71,8 +63,7 @@ def result_folder(
 def recover(folder: Path) -> None:
     """Finish putting the results of a killed run in place.
 
-    Raises:
-        FifthwheelError: another process writes to the folder, or a file of it has changed since.
+    A FifthwheelError if another process writes to the folder, or a file of it has changed since.
     """
     if (folder / _JOURNAL).exists():
         with _named_in(folder), held(folder / _LOCK, subject=folder):

@@ -40,12 +40,7 @@ def show(*blocks: pages.Block) -> None:
 
 
 def show_plot(plot: Plot, *, height: int = 300, label: str = "") -> ui.plotly:
-    """Show a plot in the width of the page.
-
-    Args:
-        height: pixels.
-        label: for screen readers; by default the title.
-    """
+    """Show a plot in the width of the page; the label is for screen readers, by default the title."""
     element = ui.plotly(drawn(plot, height=height)).classes("w-full").style(f"height: {height}px")
     element.props["role"] = "img"
     element.props["aria-label"] = label or plot.title

@@ -10,7 +10,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from fifthwheel._atomic.locks import try_lock
 from fifthwheel.app.workspace import HIDDEN, Workspace
@@ -19,9 +20,8 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.files import record_of
 from fifthwheel.logs.mapping.name_rules import classify_columns
-from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey, survey_log
+from fifthwheel.logs.mapping.survey import LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
-from fifthwheel.logs.source import Column
 from fifthwheel.logs.stored import StoredLog, store_log
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -53,14 +53,7 @@ def is_stored(workspace: Workspace, name: str) -> bool:
 def store(folder: Path, name: str, progress: Progress = _silent) -> None:
     """Read a log, and store its samples and its survey, unless they are there already.
 
-    Args:
-        folder: of the workspace.
-        name: of the log.
-        progress: called with a title, the work done and the total.
-
-    Raises:
-        SignalError: the log cannot be read.
-        OSError: there is no space.
+    A SignalError if the log cannot be read, an OSError if there is no space.
     """
     workspace = Workspace(folder)
     final = stored_folder(workspace, name)
@@ -115,23 +108,11 @@ def opened(workspace: Workspace, name: str, span: tuple[float, float] | None = N
 
 def survey(workspace: Workspace, name: str) -> LogSurvey:
     path = stored_folder(workspace, name) / _SURVEY
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    contents = {
-        column: ColumnContent(**{**part, "column": Column(**part["column"])})
-        for column, part in content["contents"].items()
-    }
-    return LogSurvey(**{**content, "contents": contents, "notes": tuple(content["notes"])})
+    return TypeAdapter(LogSurvey).validate_json(path.read_bytes())
 
 
 def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[float, float] | None = None) -> Record:
-    """The record of a log by signals.toml, without the excluded windows; errors as in `read_log`.
-
-    Args:
-        folder: of the workspace.
-        name: of the log.
-        progress: called with a title, the work done and the total.
-        span: first and last instant by the timestamps of the log, s; default: all.
-    """
+    """The record of a log by signals.toml, without the excluded windows, within a span, s; errors as in `read_log`."""
     workspace = Workspace(folder)
     store(folder, name, progress)
     signal_map = workspace.signal_map()
@@ -189,13 +170,7 @@ def used_logs(workspace: Workspace) -> list[str]:
 def records(folder: Path, names: Sequence[str] | None = None, progress: Progress = _silent) -> list[Record]:
     """The records of some logs, by default of those that are used.
 
-    Args:
-        folder: of the workspace.
-        names: of the logs.
-        progress: called with a title, the work done and the total.
-
-    Raises:
-        FifthwheelError: no log is used, or one cannot be used; the message names it.
+    A FifthwheelError if no log is used, or one cannot be used; the message names it.
     """
     chosen = used_logs(Workspace(folder)) if names is None else list(names)
     if not chosen:

@@ -59,10 +59,7 @@ def get(key: str) -> Job | None:
 def start(key: str, function: Callable[..., Any], *args: Any, **options: Any) -> Job:
     """Start `function(*args, progress=..., **options)` in a process; a job with this key that runs already is returned.
 
-    Args:
-        key: names the job, such as "identify".
-        function: of a module, not of a function; receives `progress(title, done, total)`.
-        args, options: sent to the process; its result is sent back.
+    The function belongs to a module and receives `progress(title, done, total)`; arguments and result are sent.
     """
     job = _jobs.get(key)
     if job is not None and job.running:

@@ -123,12 +123,7 @@ def reload(message: str = "") -> None:
 
 
 def show_progress(key: str, on_end: Callable[[jobs.Job], object]) -> None:
-    """Show a job while it runs, with a button that cancels it.
-
-    Args:
-        key: of the job; where there is none, or it has ended, nothing is shown.
-        on_end: called once when a job ends that was running when the page was built.
-    """
+    """Show a job while it runs, with a button that cancels it; `on_end` is called once when it ends."""
     job = jobs.get(key)
     if job is None or not job.running:
         return

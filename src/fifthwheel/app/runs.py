@@ -2,9 +2,10 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 from fifthwheel._atomic import result_folder
 from fifthwheel.app import inputs
@@ -17,11 +18,14 @@ from fifthwheel.identify.result.display import fit_panel, prediction
 from fifthwheel.plots import Line, Plot
 from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
+from fifthwheel.settings import arguments, options_of
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
     IDENTIFICATION_FILES,
     IdentifyOptions,
+    chosen_one_stage,
     compare_runs,
+    identification_settings,
     run_identification,
     write_results,
 )
@@ -47,10 +51,13 @@ def next_name(workspace: Workspace) -> str:
     return next(name for k in range(1, len(used) + 2) if (name := f"run-{k}") not in used)
 
 
-def options(choices: Choices) -> IdentifyOptions:
+def options(workspace: Workspace, choices: Choices) -> IdentifyOptions:
     """The choices for the identification; unknown ones, of another version, are left out."""
-    known = {field.name for field in fields(IdentifyOptions)}
-    return IdentifyOptions(**{key: value for key, value in choices.identify.items() if key in known})
+    known = options_of(IdentifyOptions)
+    given: dict[str, Any] = {key: value for key, value in choices.identify.items() if key in known}
+    if given.get("suspension_from"):
+        given["suspension_from"] = workspace.run(str(given["suspension_from"])) / RESULT
+    return IdentifyOptions(**given)
 
 
 def vehicle(workspace: Workspace) -> Vehicle:
@@ -61,18 +68,8 @@ def vehicle(workspace: Workspace) -> Vehicle:
     return found
 
 
-def suspension(workspace: Workspace, choices: Choices) -> Identification | None:
-    """The result whose suspension the vehicle gets, if one is chosen."""
-    name = choices.identify.get("suspension_from")
-    return Identification.load(workspace.run(str(name))) if name else None
-
-
 def logs(workspace: Workspace, choices: Choices) -> tuple[list[str], list[str]]:
-    """Names of the logs to identify on, and of those that are only predicted.
-
-    Raises:
-        FifthwheelError: there is no log to identify on.
-    """
+    """Names of the logs to identify on, and of those that are only predicted; FifthwheelError without the first."""
     used, validate = inputs.used_logs(workspace), choices.identify.get("validate", ())
     chosen = [name for name in used if name not in validate]
     if not chosen:
@@ -96,22 +93,19 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
     choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
     progress("predicting", 0, 0)
-    truck, settings = options(choices).one_stage(truck, suspension(workspace, choices))
+    truck, settings = chosen_one_stage(truck, options(workspace, choices))
     return assess_information(records, truck, settings)
 
 
 def identify(folder: Path, name: str, progress: Progress) -> str:
     """Identify the vehicle, and write the results to the folder of this name; as `fifthwheel identify`.
 
-    Raises:
-        FifthwheelError: the vehicle, a log or the settings cannot be used.
-        OSError: the results cannot be written.
+    A FifthwheelError if the vehicle, a log or the settings cannot be used, an OSError if the results cannot be written.
     """
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)
     chosen, validate = logs(workspace, choices)
-    calibration = suspension(workspace, choices)
-    truck, settings = options(choices).settings(truck, calibration)
+    truck, settings = identification_settings(truck, options(workspace, choices))
     paths = [workspace.log(log) for log in (*chosen, *validate)]
     signals = workspace.folder / SIGNALS
     signals_file = signals if signals.exists() else None
@@ -133,14 +127,15 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
 def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     """The command line that gives the same result in the folder of the workspace."""
     chosen, validate = logs(workspace, choices)
-    arguments = ["identify", *[f"logs/{log}" for log in chosen], "--vehicle", VEHICLE, "--out", f"runs/{name}"]
-    arguments += ["--signals", SIGNALS] if workspace.read(SIGNALS) is not None else []
-    arguments += [f"--validate=logs/{log}" for log in validate]
+    words = ["identify", *[f"logs/{log}" for log in chosen], "--vehicle", VEHICLE, "--out", f"runs/{name}"]
+    words += ["--signals", SIGNALS] if workspace.read(SIGNALS) is not None else []
+    words += [f"--validate=logs/{log}" for log in validate]
     for log in (*chosen, *validate):
-        arguments += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
-    if calibration := choices.identify.get("suspension_from"):
-        arguments.append(f"--suspension-from=runs/{calibration}/{RESULT}")
-    return arguments + options(choices).arguments()
+        words += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
+    stated = options(workspace, choices)
+    if stated.suspension_from:
+        stated = replace(stated, suspension_from=stated.suspension_from.relative_to(workspace.folder))
+    return words + arguments(stated)
 
 
 def comparison(folder: Path, names: Sequence[str]) -> Comparison:

@@ -72,14 +72,7 @@ class Choices(BaseModel):
 
 
 class Workspace:
-    """The files of a workbench, as one tab sees them.
-
-    Args:
-        folder: made if it is missing.
-
-    Raises:
-        OSError: the folder cannot be written to.
-    """
+    """The files of a workbench, as one tab sees them; the folder is made if it is missing."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
@@ -103,8 +96,7 @@ class Workspace:
     def place_for(self, name: str) -> Path:
         """A path for a dropped file that does not exist yet; databases have a folder of their own.
 
-        Args:
-            name: as the browser gives it; only its last part is used.
+        Of the name, as the browser gives it, only the last part is used.
         """
         plain = printable(name.replace("\\", "/").rpartition("/")[2]).strip().lstrip(".")[-MAX_NAME:]
         if not plain:
@@ -173,14 +165,10 @@ class Workspace:
         self.write({CHOICES: choices.text()}, label)
 
     def write(self, documents: Mapping[str, str | None], label: str) -> None:
-        """Write documents so that the change can be undone.
+        """Write documents, the text by name or None to remove it, so that the change can be undone.
 
-        Args:
-            documents: text by name; None removes the document.
-            label: what the change does, such as "exclude 3 to 5 s", for undo.
-
-        Raises:
-            StaleError: another tab or program has changed the documents since this tab has read them.
+        The label says what the change does, such as "exclude 3 to 5 s". A StaleError if another tab or program has
+        changed the documents since this tab has read them.
         """
         with self._changing() as state:
             files = {name: [self.read(name), text] for name, text in documents.items()}

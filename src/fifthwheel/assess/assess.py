@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
-from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_turn, straight_path, yaw_damping
-from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold, result
-from fifthwheel.assess.lane_change import LaneChange
-from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition
-from fifthwheel.assess.propagation import Family, Neighbourhood, Samples, samples
+import numpy as np
+
+from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_motion, yaw_damping
+from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
+from fifthwheel.assess.lane_change import LaneChangeRun
+from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition, title
+from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
@@ -23,8 +24,8 @@ FAMILIES: tuple[Family, ...] = (
     lane_change.measure_peak,
     yaw_damping.measure,
     yaw_damping.measure_pulse,
-    steady_turn.measure,
-    straight_path.measure,
+    steady_motion.measure_turn,
+    steady_motion.measure_straight_path,
     low_speed_turn.measure,
 )
 
@@ -90,13 +91,13 @@ def assess(
     for family in CHEAP if cheap else FAMILIES:
         try:
             computed = samples(trucks, family, sampled=not cheap)
-            results += _results(computed)
+            results += [_result(name, computed) for name in computed.centre if name != REAR]
             notes += _unstable(subject, computed)
         except FifthwheelError as error:
             notes.append(str(error))
     if not results:
         raise VehicleError("; ".join(dict.fromkeys(notes)))
-    driven, runs = Values(), dict[str, LaneChange]()
+    driven, runs = Values(), dict[str, LaneChangeRun]()
     if not cheap and subject.is_stable:
         runs["linear"] = lane_change.linear(subject)
     if nonlinear and not cheap:
@@ -120,12 +121,7 @@ def assess(
     )
 
 
-def _results(computed: Samples) -> list[MeasureResult]:
-    """The results of a family of measures."""
-    return [_result(name, computed) for name in computed.centre if name != REAR]
-
-
-def _unstable(truck: Truck, computed: Samples) -> list[str]:
+def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
     """A note on the fraction of random trucks that are unstable."""
     if "yaw_damping" not in computed.centre or not computed.draws:
         return []
@@ -136,16 +132,22 @@ def _unstable(truck: Truck, computed: Samples) -> list[str]:
     return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
 
 
-def _result(name: str, computed: Samples) -> MeasureResult:
-    spread = computed.spread(lambda values: values[name])
-    others: dict[str, Any] = {"sigma": None, "interval": None, "order": None}
-    if spread is not None:
-        others = {"sigma": spread.sigma, "interval": spread.interval, "order": spread.order}
-    thresholds = tuple(_threshold(name, limit, computed) for limit in definition(name).limits)
-    return result(name, computed.centre[name], thresholds=thresholds, **others)
+def _result(name: str, computed: MeasureSamples) -> MeasureResult:
+    measure, spread = definition(name), computed.spread(lambda values: values[name])
+    return MeasureResult(
+        name=name,
+        title=title(name),
+        unit=measure.unit,
+        source=measure.source,
+        value=float(np.round(computed.centre[name], 12)),
+        sigma=spread.sigma,
+        interval=spread.interval,
+        order=spread.order,
+        thresholds=tuple(_threshold(name, limit, computed) for limit in measure.limits),
+    )
 
 
-def _threshold(name: str, limit: Limit, computed: Samples) -> Threshold:
+def _threshold(name: str, limit: Limit, computed: MeasureSamples) -> Threshold:
     def margin(values: Values) -> float:
         difference = values[name] - limit.threshold(values)
         return difference if limit.sense == "at least" else -difference

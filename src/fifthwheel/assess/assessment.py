@@ -4,11 +4,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numpy as np
-
 from fifthwheel import pages
-from fifthwheel.assess.lane_change import LaneChange
-from fifthwheel.assess.measures import SCHEME, definition, title
+from fifthwheel.assess.lane_change import LaneChangeRun
+from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import Body
 from fifthwheel.errors import suggestion
@@ -58,14 +56,10 @@ class MeasureResult:
     nonlinear: float | None = None
     """Of the nonlinear truck; None if it was not simulated."""
 
-    @property
-    def shown_unit(self) -> str:
-        """Unit for display."""
-        return "" if self.unit == "1" else self.unit
-
     def text(self) -> str:
         """Value, sigma and unit."""
-        return f"{with_sigma(self.value, self.sigma, '1')} {self.shown_unit}".rstrip()
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{with_sigma(self.value, self.sigma, '1')}{unit}"
 
     def best_threshold(self) -> Threshold | None:
         """The strictest threshold that is met with 50 % or more, else the mildest."""
@@ -101,7 +95,7 @@ class Assessment:
     origin: str
     """Where the uncertainty comes from, in words."""
     notes: tuple[str, ...] = ()
-    runs: Mapping[str, LaneChange] = field(default_factory=dict, repr=False)
+    runs: Mapping[str, LaneChangeRun] = field(default_factory=dict, repr=False)
     """The lane change by model, "linear" and "nonlinear"."""
 
     def __getitem__(self, name: str) -> MeasureResult:
@@ -126,11 +120,11 @@ class Assessment:
         """Title, value with sigma, nonlinear truck, threshold and its probability of each measure, as texts."""
         rows = []
         for measure in self.measures:
-            threshold = measure.best_threshold()
-            probability = "" if threshold is None or threshold.probability is None else percent(threshold.probability)
+            threshold, probability = measure.best_threshold(), ""
+            if threshold and threshold.probability is not None:
+                probability = percent(threshold.probability)
             nonlinear = "" if measure.nonlinear is None else f"{measure.nonlinear:.3g}"
-            text = "" if threshold is None else str(threshold)
-            rows.append((measure.title, measure.text(), nonlinear, text, probability))
+            rows.append((measure.title, measure.text(), nonlinear, str(threshold or ""), probability))
         return rows
 
     def as_dict(self) -> dict[str, Any]:
@@ -167,16 +161,3 @@ class Assessment:
 
 HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", f"{SCHEME}>", "Probability>")
 """Of the table of measures."""
-
-
-def result(name: str, value: float, **others: Any) -> MeasureResult:
-    """The result of a measure with its definition."""
-    measure = definition(name)
-    return MeasureResult(
-        name=name,
-        title=title(name),
-        unit=measure.unit,
-        source=measure.source,
-        value=float(np.round(value, 12)),
-        **others,
-    )

@@ -1,7 +1,7 @@
 """The single lane change: rearward amplification, transient off-tracking, load transfer ratio.
 
 ISO 14791, single lane change: the front axle follows one period of a sine of lateral acceleration, 0.15 g at 0.4 Hz.
-A `LaneChange` holds what the measures need; it comes from the linear model here, or from the nonlinear truck.
+A `LaneChangeRun` holds what the measures need; it comes from the linear model here, or from the nonlinear truck.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from fifthwheel.assess.rollover import rollover
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.dynamics import linear_system
 from fifthwheel.dynamics.state_space import COG_ACCELERATION
-from fifthwheel.manoeuvres.lane_change import LaneChange as Course
+from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 
 FREQUENCY, ACCELERATION = 0.4, 0.15 * GRAVITY
@@ -29,7 +29,7 @@ CUTOFF = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaneChange:
+class LaneChangeRun:
     """A lane change to the left as driven, (N,) samples."""
 
     time: Array
@@ -48,9 +48,9 @@ class LaneChange:
     """Load transfer ratio of all axle groups but the first."""
 
 
-def course(speed: float) -> Course:
+def course(speed: float) -> LaneChange:
     """The lane change of `FREQUENCY` and `ACCELERATION` at a speed, m/s."""
-    return Course(length=speed / FREQUENCY, offset=ACCELERATION / (2 * np.pi * FREQUENCY**2))
+    return LaneChange(length=speed / FREQUENCY, offset=ACCELERATION / (2 * np.pi * FREQUENCY**2))
 
 
 def measure(truck: Truck) -> Values:
@@ -82,7 +82,7 @@ def measure_peak(truck: Truck) -> Values:
     return {"rearward_amplification_peak": float(max(gain.max(), between))}
 
 
-def measures(run: LaneChange) -> Values:
+def measures(run: LaneChangeRun) -> Values:
     """Rearward amplification, transient off-tracking, m, and load transfer ratio of a lane change.
 
     The off-tracking is the overshoot of the last axle: its largest y less the largest y of the front axle.
@@ -96,7 +96,7 @@ def measures(run: LaneChange) -> Values:
     return values
 
 
-def linear(truck: Truck) -> LaneChange:
+def linear(truck: Truck) -> LaneChangeRun:
     """The lane change of the linear model, by its frequency response; the steer angle follows from the front axle."""
     vehicle, speed = truck.vehicle, truck.speed
     names = [unit.name for unit in vehicle.units]
@@ -146,7 +146,7 @@ def linear(truck: Truck) -> LaneChange:
             y[name] = lateral + (position - unit.cog) * heading
     loads = vehicle.axle_loads()
     transferred = sum((np.abs(series[f"load_transfer_moment.{path}"]) for *_, path in groups), np.zeros_like(time))
-    return LaneChange(
+    return LaneChangeRun(
         time=time,
         steer=signal(steer),
         acceleration={"front": signal(front * steer)} | {n: series[f"cog_acceleration.{n}"] for n in names},

@@ -9,22 +9,27 @@ low speed the axles of a unit roll without side force in the sum: with distances
 so that the heading psi follows psi' = w / L, w the lateral velocity of the point in front per distance. The turn is
 integrated over the distance by Runge-Kutta steps.
 
-Friction demand: the axles of a group slip, because they turn about one centre. Their side forces, mu N tanh(C alpha /
-(mu N)), act on the unit in front at its coupling; the moment about the first unit's drive axles is balanced by the
-steered tyres. The demand is their side force divided by the available friction mu N. Free rolling, no drive thrust.
+Friction demand: the axles of a group slip, because they turn about one centre. The forces of their saturating tyres
+(`dynamics.tyres`) act on the unit in front at its coupling; the moment about the first unit's drive axles is balanced
+by the steered tyres. The demand is their side force divided by the available friction mu N. Free rolling, no drive
+thrust.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.dynamics import tyres
+from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import Unit
+from fifthwheel.vehicle import parameters as names
 
 RADIUS = 12.5
 """Of the circle, m."""
@@ -32,6 +37,8 @@ STEP = 0.2
 """Distance from one step to the next, m."""
 FRICTION = 0.8
 """Coefficient of friction of tyre and road."""
+TYRES = {names.FRICTION: FRICTION, names.SHAPE: 1.0, names.STIFFNESS_SENSITIVITY: 0.0, names.FRICTION_SENSITIVITY: 0.0}
+"""Parameters of tyres whose side force tends to mu N."""
 STATION = 0.25
 """Length of road in which inner and outer edge are compared, m."""
 
@@ -59,7 +66,7 @@ def measure(truck: Truck) -> Values:
     run = turn(truck)
     values = {"swept_path": swept_path(truck, run), "friction_demand": friction_demand(truck, run)}
     if truck.body.rear_overhang is not None:
-        corner = rear_end(truck, run) - 0.5j * truck.body.width * np.exp(1j * run.headings[:, -1])
+        corner = run.origins[:, -1] + (truck.ends()[-1][0] - 0.5j * truck.body.width) * np.exp(1j * run.headings[:, -1])
         values["tail_swing"] = max(0.0, -float(corner.imag.min()))
     return values
 
@@ -134,12 +141,6 @@ def _references(truck: Truck) -> list[float]:
     return [truck.front_axle.position, *(c.trailing_position for c in truck.vehicle.couplings)]
 
 
-def rear_end(truck: Truck, run: LowSpeedTurn) -> Array:
-    """Middle of the rear end of the last unit, (N,) complex, m."""
-    x = truck.rear_axle.position - (truck.body.rear_overhang or 0.0)
-    return np.asarray(run.origins[:, -1] + x * np.exp(1j * run.headings[:, -1]))
-
-
 def swept_path(truck: Truck, run: LowSpeedTurn) -> float:
     """Largest width between the outermost and the innermost edge of all units at one station of the road, m."""
     inner, outer = edges(truck, run)
@@ -157,9 +158,7 @@ def swept_path(truck: Truck, run: LowSpeedTurn) -> float:
 def edges(truck: Truck, run: LowSpeedTurn) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Station and distance from the road line, m, of points on the inner side (to the left) and the outer side."""
     inner, outer = [], []
-    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
-        last = i == len(truck.vehicle.units) - 1
-        rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if last else 0.0)
+    for i, (rear, front) in enumerate(truck.ends()):
         axis = np.exp(1j * run.headings[:, i : i + 1])
         points = run.origins[:, i : i + 1] + np.linspace(rear, front, 12) * axis
         inner.append((points + 0.5j * truck.body.width * axis).ravel())
@@ -182,6 +181,8 @@ def friction_demand(truck: Truck, run: LowSpeedTurn) -> float:
     """Largest fraction of the available friction that the tyres of the first axle group use."""
     vehicle = truck.vehicle
     loads, axle = vehicle.axle_loads(), run.slips.shape[1]
+    values = vehicle.parameters() | tyres.saturation_parameters(vehicle) | TYRES
+    p = {name: ca.SX(value) for name, value in values.items()}
     coupling = np.zeros(len(run.steer))  # side force of the unit behind on the unit in front, N
     for i in reversed(range(len(vehicle.units))):
         unit = vehicle.units[i]
@@ -192,14 +193,20 @@ def friction_demand(truck: Truck, run: LowSpeedTurn) -> float:
             forces = forces + coupling * np.cos(articulation)
             moment = moment + (vehicle.couplings[i].leading_position - reference) * coupling * np.cos(articulation)
         for group in reversed(unit.axle_groups):
-            available = FRICTION * loads[unit.group_path(group)] / len(group.axles)
-            stiffness = group.cornering_stiffness / len(group.axles)
+            law = _axle_law(p, unit.group_path(group), len(group.axles)).map(len(run.steer))
             for member in reversed(group.axles):
                 axle -= 1
-                force = available * np.tanh(stiffness * run.slips[:, axle] / available)
-                forces, moment = forces + force, moment + (member.position - reference) * force
+                force, aligning = (values.full()[0] for values in law(run.slips[None, :, axle]))
+                forces, moment = forces + force, moment + (member.position - reference) * force + aligning
         coupling = forces
     front = vehicle.units[0].axle_groups[0]
     arm = front.position - reference
     side = np.abs(moment) / arm / np.cos(run.steer)
     return float(side.max() / (FRICTION * loads[vehicle.units[0].group_path(front)]))
+
+
+def _axle_law(p: Expressions, path: str, axles: int) -> ca.Function:
+    """Side force, N, and aligning moment, N m, of one axle of a group by its slip angle, rad."""
+    slip = ca.SX.sym("slip")
+    secants = tyres.saturating(p, path, tyres.Contact(slip)) / axles
+    return ca.Function("axle", [slip], tyres.axle_forces(secants, slip))

@@ -8,11 +8,13 @@ truck does not slide before. The threshold is the lateral acceleration speed^2 /
 that it exceeds the static threshold by about 0.01 g.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess import lane_change, rollover, steady_turn, yaw_damping
-from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess import lane_change, rollover, steady_motion, yaw_damping
+from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius
@@ -32,31 +34,30 @@ ROLLOVER_RANGE = (0.75, 1.35)
 """Lateral acceleration of that turn as a fraction of the threshold of the linear springs."""
 
 
-def measures(truck: Truck) -> tuple[Values, dict[str, LaneChange], tuple[str, ...]]:
+def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str, ...]]:
     """Measures of the nonlinear truck, its lane change, and the reasons why some are missing, such as MuJoCo."""
-    values, runs, notes = Values(), dict[str, LaneChange](), list[str]()
+    runs, values, notes = dict[str, LaneChangeRun](), Values(), list[str]()
     try:
         plant = Plant(truck.vehicle, Properties(half_track=truck.body.half_track))
         plant.multibody  # noqa: B018 - compiles it, or refuses it
     except FifthwheelError as error:
         return values, runs, (f"nonlinear truck: {error}",)
-    try:
+
+    def changed_lanes() -> Values:
         runs["nonlinear"] = run = drive_lane_change(truck, plant)
-        values |= lane_change.measures(run)
-    except FifthwheelError as error:
-        notes.append(f"nonlinear truck, lane change: {error}")
-    try:
-        values["yaw_damping_pulse"] = yaw_damping.decay(*pulse(truck, plant))
-    except FifthwheelError as error:
-        notes.append(f"nonlinear truck, pulse: {error}")
-    try:
-        values["steady_off_tracking"] = steady_off_tracking(truck, plant)
-    except FifthwheelError as error:
-        notes.append(f"nonlinear truck, steady turn: {error}")
-    try:
-        values |= rollover_threshold(truck)
-    except FifthwheelError as error:
-        notes.append(f"nonlinear truck, rollover: {error}")
+        return lane_change.measures(run)
+
+    manoeuvres: dict[str, Callable[[], Values]] = {
+        "lane change": changed_lanes,
+        "pulse": lambda: {"yaw_damping_pulse": yaw_damping.decay(*pulse(truck, plant))},
+        "steady turn": lambda: {"steady_off_tracking": steady_off_tracking(truck, plant)},
+        "rollover": lambda: rollover_threshold(truck),
+    }
+    for name, driven in manoeuvres.items():
+        try:
+            values |= driven()
+        except FifthwheelError as error:
+            notes.append(f"nonlinear truck, {name}: {error}")
     return values, runs, tuple(notes)
 
 
@@ -83,7 +84,7 @@ def rollover_threshold(truck: Truck) -> Values:
     return {"rollover_threshold": threshold, rollover.set_name(first): threshold}
 
 
-def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:
+def drive_lane_change(truck: Truck, plant: Plant) -> LaneChangeRun:
     """The lane change, which the driver steers the front axle along."""
     course = lane_change.course(truck.speed).path(count=1, speed=truck.speed)
     truth = _drive(plant, course)
@@ -92,14 +93,14 @@ def drive_lane_change(truck: Truck, plant: Plant) -> LaneChange:
     axles = [f"{unit.name}.{axle.name}" for _, unit, group, _ in groups for axle in group.axles]
     load = [truth[f"vertical_force.{axle}"] for axle in axles]
     transferred = [np.abs(truth[f"load_transfer.{axle}"] * force) for axle, force in zip(axles, load, strict=True)]
-    front = f"{units[0].name}"
+    front = units[0].name
     arm = truck.front_axle.position - units[0].cog
     acceleration = {unit.name: _acceleration(truth, unit) for unit in units}
     yaw_acceleration = np.gradient(truth[f"yaw_rate.{front}"], 1 / RATE)
     places = {unit.name: (unit, min(axle.position for axle in unit.axles)) for unit in units}
     places["front"] = units[0], truck.front_axle.position
     positions = {name: _position(truth, unit, x) for name, (unit, x) in places.items()}
-    return LaneChange(
+    return LaneChangeRun(
         time=truth["time"],
         steer=truth[truck.vehicle.steer_signals()[0]],
         acceleration=acceleration | {"front": acceleration[front] + arm * yaw_acceleration},
@@ -124,9 +125,9 @@ def pulse(truck: Truck, plant: Plant) -> tuple[Array, Array]:
 def steady_off_tracking(truck: Truck, plant: Plant) -> float:
     """Off-tracking of the last axle in a steady turn to the left, m; positive outside.
 
-    Circles about the centre of the first unit's motion in the last second, as in `steady_turn`.
+    Circles about the centre of the first unit's motion in the last second, as in `steady_motion`.
     """
-    radius = truck.speed**2 / steady_turn.ACCELERATION
+    radius = truck.speed**2 / steady_motion.ACCELERATION
     truth = _drive(plant, constant_radius(radius=radius, speed=truck.speed, duration=TURN))
     units, last = truck.vehicle.units, slice(-round(RATE), None)
     first = units[0]

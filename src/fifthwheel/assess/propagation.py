@@ -16,7 +16,7 @@ as a dolly with its CoG behind its axle, does not count.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -25,7 +25,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import HALF_TRACK, Truck, Values
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.observe import Uncertainty
+from fifthwheel.observe.uncertainty import SIGNED, Uncertainty
 
 NONLINEAR = 0.3
 """Shift of the mean, in standard deviations, from which a family is sampled."""
@@ -33,8 +33,6 @@ DRAWS = 200
 """Random trucks; half of them are the mirror images of the others."""
 QUANTILE = 1.6448536269514722
 """Of the normal distribution, for an interval of 90 %."""
-SIGNED = ("cog", "position", "leading_position", "trailing_position", "roll_yaw_product")
-"""Quantities that may be negative."""
 
 Order = Literal["linear", "sampled"]
 Family = Callable[[Truck], Values]
@@ -43,16 +41,16 @@ Family = Callable[[Truck], Values]
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Distribution of a quantity."""
+    """Distribution of a quantity; None where not all trucks within the uncertainty have it."""
 
-    sigma: float
-    interval: tuple[float, float]
+    sigma: float | None = None
+    interval: tuple[float, float] | None = None
     """That contains 90 %."""
-    order: Order
+    order: Order | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class Samples:
+class MeasureSamples:
     """Measures of a truck, and of the trucks around it."""
 
     centre: Values
@@ -61,19 +59,19 @@ class Samples:
     draws: tuple[Values, ...] = ()
     """Measures of random trucks; empty where the pairs suffice."""
 
-    def spread(self, quantity: Callable[[Values], float]) -> Spread | None:
-        """Distribution of a quantity that follows from the measures; None if not all trucks have it."""
+    def spread(self, quantity: Callable[[Values], float]) -> Spread:
+        """Distribution of a quantity that follows from the measures."""
         f = quantity(self.centre)
         if self.draws:
             values = _values(quantity, self.draws)
             if np.isnan(values).any():
-                return None
+                return Spread()
             low, high = np.quantile(values, [0.05, 0.95])
             return Spread(sigma=float(np.std(values)), interval=(float(low), float(high)), order="sampled")
         slope, _ = self._derivatives(quantity)
         sigma = float(np.sqrt(np.sum(slope**2)))
         if math.isnan(sigma):
-            return None
+            return Spread()
         return Spread(sigma=sigma, interval=(f - QUANTILE * sigma, f + QUANTILE * sigma), order="linear")
 
     def probability(self, margin: Callable[[Values], float]) -> float | None:
@@ -142,23 +140,18 @@ class Neighbourhood:
             return None
 
 
-def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> Samples:
-    """Measures of a truck and of the trucks around it; of random trucks where the pairs do not suffice.
-
-    Args:
-        trucks: where the measures are evaluated.
-        family: of measures.
-        sampled: whether random trucks may be evaluated.
+def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> MeasureSamples:
+    """Measures of a truck and of the trucks around it; if `sampled`, of random trucks where the pairs do not suffice.
 
     Raises:
         FifthwheelError: the truck does not have these measures.
     """
     centre = family(trucks.truck)
     pairs = tuple((_measured(plus, family), _measured(minus, family), step) for plus, minus, step in trucks.pairs)
-    result = Samples(centre=centre, pairs=pairs)
+    result = MeasureSamples(centre=centre, pairs=pairs)
     if not sampled or result.is_linear():
         return result
-    return Samples(centre=centre, pairs=pairs, draws=tuple(_measured(truck, family) for truck in trucks.draws))
+    return replace(result, draws=tuple(_measured(truck, family) for truck in trucks.draws))
 
 
 def random_parameters(uncertainty: Uncertainty, given: Values, positive: Sequence[str]) -> list[Values]:

@@ -129,14 +129,16 @@ class Truck:
         """The last axle of the last unit."""
         return min(self.vehicle.units[-1].axles, key=lambda axle: axle.position)
 
-    def front_ends(self) -> list[float]:
-        """x of the front end of the body of every unit, m: that of a dolly is at its first axle, as a drawbar is
-        narrow."""
-        ends = [self.front_axle.position + self.body.front_overhang]
+    def ends(self) -> list[tuple[float, float]]:
+        """x of the rear and of the front end of the body of every unit, m: the front end of a dolly is at its first
+        axle, as a drawbar is narrow."""
+        rear = [min(axle.position for axle in unit.axles) for unit in self.vehicle.units]
+        rear[-1] -= self.body.rear_overhang or 0.0
+        front = [self.front_axle.position + self.body.front_overhang]
         for coupling, unit in zip(self.vehicle.couplings, self.vehicle.units[1:], strict=True):
             is_dolly = coupling.kind == "drawbar_eye"
-            ends.append(max(axle.position for axle in unit.axles) if is_dolly else coupling.trailing_position)
-        return ends
+            front.append(max(axle.position for axle in unit.axles) if is_dolly else coupling.trailing_position)
+        return list(zip(rear, front, strict=True))
 
     def groups(self) -> list[tuple[int, Unit, AxleGroup, str]]:
         """Index of the unit, unit, axle group and its path, front to rear."""

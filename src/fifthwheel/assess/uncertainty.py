@@ -62,14 +62,8 @@ def of_identification(identification: Identification) -> Uncertainty:
 def complete(
     uncertainty: Uncertainty, body: Body, *, replaced: Collection[str] = (), stated: Mapping[str, float]
 ) -> Uncertainty:
-    """The uncertainty with that of the half track, and with other numbers instead of some parameters.
-
-    Args:
-        uncertainty: of the parameters.
-        body: with the sigma of its half track.
-        replaced: parameters that have another value than in `uncertainty`.
-        stated: sigma of the replaced ones, SI, by path; the others are exact.
-    """
+    """The uncertainty with that of the half track, and with the stated sigma, SI, of replaced parameters; without one
+    these are exact."""
     kept = uncertainty.among([name for name in uncertainty.names if name not in replaced])
     sigmas = {name: stated[name] for name in replaced if stated.get(name)} | {HALF_TRACK: body.half_track_sigma}
     sigmas = {name: sigma for name, sigma in sigmas.items() if sigma}

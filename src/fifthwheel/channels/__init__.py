@@ -1,29 +1,29 @@
 """Channels: the quantities that signals have. Each is one object with all that the package knows of it.
 
-Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write a module in this
-room and add its `Channel` to `_ALL`, and to `MEASURED` if estimators compare it with the model.
+Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write its `Channel` in
+a module of this room and add it to `_ALL`, and to `MEASURED` if estimators compare it with the model.
 """
 
+import re
 from collections.abc import Container, Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.articulation import ARTICULATION
-from fifthwheel.channels.channel import Channel, ErrorKind, Limit
+from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
 from fifthwheel.channels.inputs import SPEED, STEER
-from fifthwheel.channels.lateral_acceleration import LATERAL_ACCELERATION
-from fifthwheel.channels.lateral_motion import LATERAL_VELOCITY, SIDESLIP
-from fifthwheel.channels.load_transfer import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER
-from fifthwheel.channels.names import SignalName
+from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
     ARTICULATION_RATE,
     AXLE_LOAD,
     BANK,
     COMPUTED,
     COUPLING_FORCE,
+    LOAD_TRANSFER,
     LONGITUDINAL_ACCELERATION,
     PITCH,
     PITCH_RATE,
+    PREDICTED_LOAD_TRANSFER,
     SLIP_ANGLE,
     STEER_RATE,
     VERTICAL_ACCELERATION,
@@ -31,8 +31,9 @@ from fifthwheel.channels.others import (
     YAW,
     YAW_ACCELERATION,
 )
-from fifthwheel.channels.roll_rate import ROLL, ROLL_RATE
-from fifthwheel.channels.yaw_rate import YAW_RATE
+from fifthwheel.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
+from fifthwheel.errors import SignalError
+from fifthwheel.units import is_unit
 
 _ALL = (
     *(AXLE_LOAD, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
@@ -53,6 +54,9 @@ MODELLED = tuple(channel for channel in _ALL if channel.model and channel.of == 
 """What the model gives for a sensor on a unit."""
 PLACE_KINDS = ("position", "height")
 """Errors of a sensor whose output depends on its place: where it is, absolute."""
+REFERENCE = "reference."
+"""Prefix of the header of a reference signal, which no estimator uses."""
+_NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
 _ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "play": "rad", "position": "m", "height": "m"}
 _ERROR_KINDS = ("offset", *_ERROR_UNITS)
 
@@ -60,6 +64,12 @@ _ERROR_KINDS = ("offset", *_ERROR_UNITS)
 def channel_of(name: str) -> Channel | None:
     """The channel of a signal or of a state with this name; None for another name."""
     return CHANNELS.get(SignalName.of(name).quantity)
+
+
+def limit_of(name: str) -> SignalLimits | None:
+    """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
+    channel = channel_of(name)
+    return channel.limit if channel else None
 
 
 def is_of(name: str, *channels: Channel) -> bool:
@@ -79,6 +89,51 @@ def names_of(channel: Channel, names: Iterable[str]) -> list[str]:
 def is_input(name: str) -> bool:
     """Whether a signal is an input of the model."""
     return is_of(name, *INPUTS)
+
+
+def si_unit(name: str) -> str | None:
+    """SI unit of a signal: "yaw_rate.tractor" -> "rad/s"; None where the name is not that of a signal."""
+    channel = channel_of(name)
+    if channel is None or not _NAME.fullmatch(name) or (channel.of == "vehicle") != (not SignalName.of(name).unit):
+        return None
+    return channel.unit
+
+
+def checked_name(name: str) -> str:
+    """The name itself; where it is not that of a signal, a SignalError suggests one."""
+    if si_unit(name) is None:
+        signal, channel = SignalName.of(name), channel_of(name)
+        similar = get_close_matches(signal.quantity, CHANNELS, n=1)
+        if channel and channel.of == "vehicle" and signal.unit:
+            cure = f"it belongs to the whole vehicle; call it {signal.quantity!r}"
+        elif channel and not signal.unit:
+            cure = f"add the name of the unit, such as '{signal.quantity}.tractor'"
+        elif similar:
+            cure = f"did you mean {'.'.join([similar[0], signal.place]) if signal.unit else similar[0]!r}?"
+        else:
+            cure = "expected quantity.unit[.part], such as 'yaw_rate.tractor' or 'steer.tractor.front'"
+        raise SignalError(f"{name}: not the name of a signal; {cure}")
+    return name
+
+
+def header(name: str) -> str:
+    """Column header of a signal with its SI unit: "reference.roll.tractor" -> "reference.roll.tractor [rad]"."""
+    return f"{name} [{si_unit(checked_name(name.removeprefix(REFERENCE)))}]"
+
+
+def split_header(text: str) -> tuple[str, str | None]:
+    """Name and unit of a column header: "speed [km/h]", "speed (km/h)" -> ("speed", "km/h"); no brackets, no unit.
+
+    The headers of dSPACE have "|" for "/" in the unit, "v_x_Vehicle_CoG[km|h]": it is replaced.
+    """
+    name, unit = text.replace("\n", " ").strip(), ""
+    for opening, closing in ("[]", "()"):
+        start = name.rfind(opening)
+        last = name[start + 1 : -1]
+        if start >= 0 and name.endswith(closing) and closing not in last and (closing == "]" or is_unit(last)):
+            name, unit = name[:start].rstrip(), last
+            break
+    return name, unit.strip().replace("|", "/") or None
 
 
 def measured_signals(
@@ -146,7 +201,6 @@ __all__ = [
     "AXLE_LOAD",
     "BANK",
     "CHANNELS",
-    "COUPLING_FORCE",
     "IDENTIFIED",
     "INPUTS",
     "LATERAL_ACCELERATION",
@@ -156,6 +210,7 @@ __all__ = [
     "MODELLED",
     "PLACE_KINDS",
     "PREDICTED_LOAD_TRANSFER",
+    "REFERENCE",
     "ROLL",
     "ROLL_RATE",
     "SIDESLIP",
@@ -165,15 +220,19 @@ __all__ = [
     "YAW",
     "YAW_RATE",
     "Channel",
-    "ErrorKind",
-    "Limit",
     "SensorErrorName",
+    "SignalLimits",
     "SignalName",
     "channel_of",
+    "checked_name",
+    "header",
     "is_input",
     "is_of",
     "is_sensor_error",
+    "limit_of",
     "measured_signals",
     "names_of",
     "sensor_error_settings",
+    "si_unit",
+    "split_header",
 ]

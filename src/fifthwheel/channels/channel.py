@@ -1,8 +1,9 @@
-"""`Channel`: everything that the package knows of one measured or computed quantity; a module of this room for each."""
+"""`Channel`: everything that the package knows of one measured or computed quantity. The names of signals."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -10,40 +11,36 @@ from fifthwheel._types import Array
 
 Symbol = Any
 """A symbolic expression (`casadi.SX`)."""
+Instant = Any
+"""What a model provides at one instant, symbolic: `dynamics.sensors.SensorInputs`."""
 
 
-class Instant(Protocol):
-    """What a model provides at one instant, symbolic (`dynamics.sensors.SensorInputs`); i is the index of a unit."""
+class SignalName(NamedTuple):
+    """The parts of a signal's name, quantity.unit[.part]; signals are in SI and ISO 8855 (y left, z up).
+
+    >>> SignalName.of("steer.tractor.front")
+    SignalName(quantity='steer', unit='tractor', part='front')
+    """
+
+    quantity: str
+    unit: str
+    """Empty for a signal of the whole vehicle."""
+    part: str
+    """Axle or axle group, or which of several sensors of the quantity on a unit; may hold several words, such as
+    "front.left"; empty where the name has none."""
+
+    @classmethod
+    @lru_cache(maxsize=4096)
+    def of(cls, name: str) -> Self:
+        """Parse a name; any text is accepted."""
+        quantity, _, place = name.partition(".")
+        unit, _, part = place.partition(".")
+        return cls(quantity, unit, part)
 
     @property
-    def p(self) -> Mapping[str, Symbol]:
-        """Parameters of the vehicle and of the sensors, by name."""
-
-    @property
-    def vehicle(self) -> Any:
-        """`Vehicle`, for its structure."""
-
-    @property
-    def motion(self) -> Any:
-        """`dynamics.chain.Motion`: v, u, r, roll, roll_rate, heading of each unit, and the bank."""
-
-    @property
-    def acceleration(self) -> tuple[Symbol, ...]:
-        """Of each unit: (a, r'[, p']), a = v' + u r, m/s^2 and rad/s^2."""
-
-    @property
-    def roll(self) -> bool:
-        """Whether the model has roll."""
-
-    @property
-    def rate_of(self) -> Callable[[Symbol], Symbol]:
-        """Derivative of an expression with respect to time."""
-
-    def coupling_force(self, i: int) -> Symbol:
-        """Side force of the coupling in front of unit i on this unit, N."""
-
-    def load_transfer(self, name: str) -> Symbol:
-        """Load transfer ratio of the axle group of a signal."""
+    def place(self) -> str:
+        """Unit and part: "tractor.front"."""
+        return f"{self.unit}.{self.part}" if self.part else self.unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +63,7 @@ class SensorModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limit:
+class SignalLimits:
     """What a heavy vehicle can do, SI."""
 
     magnitude: float
@@ -213,7 +210,7 @@ class Channel:
     """Of names of columns in English and German."""
     proposed: Literal["signal", "reference"] | None = None
     """Whether a proposed signal map has it, and where."""
-    limit: Limit | None = None
+    limit: SignalLimits | None = None
     turn: TurnRelation | None = None
     noise: tuple[float, float] | None = None
     """Variance of a sensor's noise on the first unit, and on the units behind it, SI squared."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fifthwheel.channels.channel import DEGREES, Channel, ErrorKind, GainFault, Limit, NamePattern, TurnRelation
+from fifthwheel.channels.channel import DEGREES, Channel, ErrorKind, GainFault, NamePattern, SignalLimits, TurnRelation
 
 UNDERSTEER = 0.004
 """s^2/m; understeer gradient of a heavy truck; measured values lie between 0.002 and 0.008."""
@@ -23,7 +23,7 @@ SPEED = Channel(
         ),
     ),
     proposed="signal",
-    limit=Limit(magnitude=45.0, jump=2.0, may_be_constant=True),
+    limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
 )
 
 STEER = Channel(
@@ -38,7 +38,7 @@ STEER = Channel(
         ),
     ),
     proposed="signal",
-    limit=Limit(magnitude=1.2, jump=0.15, turn=0.01),
+    limit=SignalLimits(magnitude=1.2, jump=0.15, turn=0.01),
     turn=TurnRelation(
         expected=lambda turn: turn.yaw_rate * (turn.wheelbase + UNDERSTEER * turn.speed**2) / turn.speed,
         least_sigma=0.003,

@@ -1,8 +1,8 @@
 """Quantities that logs and references have, and that estimators do not use as measurements."""
 
-from fifthwheel.channels.channel import Channel, Limit, NamePattern, SensorModel, StateNoise
-from fifthwheel.channels.lateral_acceleration import ACCELERATION_WORDS
-from fifthwheel.channels.yaw_rate import AXIS_WORDS
+from fifthwheel.channels.channel import Channel, Instant, NamePattern, SensorModel, SignalLimits, StateNoise, Symbol
+from fifthwheel.channels.lateral import ACCELERATION_WORDS
+from fifthwheel.channels.rotation import AXIS_WORDS
 
 AXLE_LOAD = Channel(
     quantity="axle_load",
@@ -10,7 +10,7 @@ AXLE_LOAD = Channel(
     of="part",
     patterns=(NamePattern(pattern="axle_(weight|load)|achslast"),),
     proposed="signal",
-    limit=Limit(magnitude=5e5, jump=1e5, may_be_constant=True),
+    limit=SignalLimits(magnitude=5e5, jump=1e5, may_be_constant=True),
 )
 WHEEL_SPEED = Channel(
     quantity="wheel_speed",
@@ -22,7 +22,7 @@ WHEEL_SPEED = Channel(
         ),
     ),
     proposed="signal",
-    limit=Limit(magnitude=45.0, jump=2.0, may_be_constant=True),
+    limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
 )
 STEER_RATE = Channel(
     quantity="steer_rate",
@@ -56,7 +56,7 @@ LONGITUDINAL_ACCELERATION = Channel(
         ),
         NamePattern(pattern="_x_?acc|laengs_?beschl", excluded="_ang"),
     ),
-    limit=Limit(magnitude=12.0, jump=3.0),
+    limit=SignalLimits(magnitude=12.0, jump=3.0),
 )
 VERTICAL_ACCELERATION = Channel(
     quantity="vertical_acceleration",
@@ -85,6 +85,33 @@ COUPLING_FORCE = Channel(
     quantity="coupling_force",
     unit="N",
     model=SensorModel(value=lambda now, i, _: now.coupling_force(i), behind_coupling=True),
+)
+HORIZON = 0.2
+"""Of a predicted load transfer ratio, s."""
+
+
+def _predicted(now: Instant, i: int, name: str) -> Symbol:
+    """The ratio after `HORIZON` at its present rate: the predictive load transfer ratio.
+
+    C. Larish et al., A new predictive lateral load transfer ratio for rollover prevention systems, IEEE Transactions on
+    Vehicular Technology 62, 2013.
+    """
+    ratio = now.load_transfer(name)
+    return ratio + HORIZON * now.rate_of(ratio)
+
+
+LOAD_TRANSFER = Channel(
+    quantity="load_transfer",
+    unit="1",
+    of="part",
+    model=SensorModel(value=lambda now, _, name: now.load_transfer(name), needs_roll=True),
+)
+"""Of an axle group: the load of its right wheels less that of its left ones, divided by their sum."""
+PREDICTED_LOAD_TRANSFER = Channel(
+    quantity="predicted_load_transfer",
+    unit="1",
+    of="part",
+    model=SensorModel(value=_predicted, needs_roll=True),
 )
 COMPUTED = (
     Channel(quantity="time", unit="s", of="vehicle"),

@@ -31,10 +31,8 @@ class StaticLoad:
 def static_loads(record: Record) -> dict[str, StaticLoad]:
     """Load of each axle group by its path, from the signals axle_load.<path>.
 
-    Samples at rest are used if every axle load has enough of them, otherwise those of driving straight.
-
-    Raises:
-        SignalError: there is no axle load, or one has fewer than 5 usable samples.
+    Samples at rest are used if every axle load has enough of them, otherwise those of driving straight. A SignalError
+    if there is no axle load, or one has fewer than 5 usable samples.
     """
     loads = {name: record.signals[name] for name in names_of(AXLE_LOAD, record.signals)}
     if not loads:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal
+from typing import Any, Literal
 
 from fifthwheel.errors import SignalError
 
@@ -75,6 +75,16 @@ def remedy_text(remedy: Mapping[str, str | float]) -> str:
     """The instruction in a message: {"unit": "deg"} -> 'set unit = "deg" in signals.toml'."""
     keys = (f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:.3g}" for key, value in remedy.items())
     return f"set {' and '.join(keys)} in signals.toml"
+
+
+def error(signal: str, fault: Fault, problem: str, **further: Any) -> Finding:
+    """An error whose message is the name of the signal and the problem; `further` are fields of `Finding`."""
+    return Finding(signal=signal, fault=fault, severity="error", message=f"{signal}: {problem}", **further)
+
+
+def warning(signal: str, fault: Fault, problem: str, **further: Any) -> Finding:
+    """The same as a warning."""
+    return Finding(signal=signal, fault=fault, severity="warning", message=f"{signal}: {problem}", **further)
 
 
 def raise_errors(findings: Iterable[Finding]) -> None:

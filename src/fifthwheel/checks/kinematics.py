@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, names_of
+from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, limit_of, names_of, si_unit
 from fifthwheel.channels.channel import Turn, TurnRelation
-from fifthwheel.checks.findings import Fault, Finding, remedy_text
-from fifthwheel.checks.samples import MAX_SPEED, limit_of, present_samples, spike_mask
+from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
+from fifthwheel.checks.samples import MAX_SPEED, present_samples, spike_mask
 from fifthwheel.record.record import Record
-from fifthwheel.record.signal_names import si_unit
 
 _STEP = 0.05
 """s; step of the common time on which signals are compared."""
@@ -89,10 +88,7 @@ class Relation:
 
 
 def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Finding]:
-    """Findings on the signals that contradict the leading yaw rate, or on the latter where most contradict it.
-
-    wheelbase in m, min_speed in m/s.
-    """
+    """Findings on the signals that contradict the leading yaw rate, or on the latter where most contradict it."""
     every = list(relations(record, wheelbase=wheelbase, min_speed=min_speed))
     rolling = [relation for relation in every if relation.turn.has_other_causes]
     turning = [relation for relation in every if not relation.turn.has_other_causes]
@@ -128,15 +124,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
     if fast.sum() * _STEP < _MIN_DURATION:
         return
     u = np.maximum(speed, min_speed)
-    motion = Turn(
-        speed=u,
-        yaw_rate=rate,
-        own_yaw_rate=rate,
-        is_towed=True,
-        towed_length=_TOWED_LENGTH,
-        wheelbase=wheelbase,
-        step=_STEP,
-    )
+    motion = Turn(u, rate, rate, is_towed=True, towed_length=_TOWED_LENGTH, wheelbase=wheelbase, step=_STEP)
     turning = float(np.std(rate[fast])) > _LEAST_YAW_RATE
     for name in record.signals:
         signal, channel = SignalName.of(name), channel_of(name)
@@ -194,8 +182,9 @@ def is_mostly_gaps(record: Record) -> bool:
 
 def at_common_time(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:
     """A signal without its spikes, linear at the instants (N,), and a mask (N,): a sample lies within 0.5 s."""
+    unknown = np.zeros(time.size), np.zeros(time.size, dtype=bool)
     if name not in record.signals:
-        return np.zeros(time.size), np.zeros(time.size, dtype=bool)
+        return unknown
     sample_time, values = present_samples(record, name)
     limit = limit_of(name)
     keep = ~spike_mask(sample_time, values, limit.jump if limit else np.inf)
@@ -203,7 +192,7 @@ def at_common_time(record: Record, name: str, time: Array) -> tuple[Array, NDArr
         keep = np.ones(sample_time.size, dtype=bool)
     sample_time, values = sample_time[keep], values[keep]
     if sample_time.size < 2:
-        return np.zeros(time.size), np.zeros(time.size, dtype=bool)
+        return unknown
     after = np.clip(np.searchsorted(sample_time, time), 1, sample_time.size - 1)
     near = np.minimum(np.abs(sample_time[after] - time), np.abs(time - sample_time[after - 1])) < 0.5
     return np.interp(time, sample_time, values), near
@@ -229,13 +218,8 @@ def _finding(relation: Relation, fault: Fault, *, of_leading: bool) -> Finding:
     problem, remedy, cure = _explain(relation, fault, signal=signal, other=other, gain=gain)
     if fault is Fault.UNIT and remedy["unit"] != "g":
         signal = "speed"
-    return Finding(
-        signal=signal,
-        fault=fault,
-        severity="warning" if fault in (Fault.OFFSET, Fault.GAIN) else "error",
-        message=f"{signal}: {problem}; {cure or remedy_text(remedy)}",
-        remedy=remedy,
-    )
+    finding = warning if fault in (Fault.OFFSET, Fault.GAIN) else error
+    return finding(signal, fault, f"{problem}; {cure or remedy_text(remedy)}", remedy=remedy)
 
 
 def _explain(
@@ -254,9 +238,8 @@ def _explain(
             remedy = {"sign": -1}
             return problem, remedy, remedy_text(remedy) + ("" if signal == relation.leading else f", or for {other}")
         case Fault.WRONG_COLUMN if relation.lead > relation.turn.longest_lead:
-            problem = (
-                f"the signal leads {relation.leading} by {relation.lead:.1f} s, which is impossible for a towed unit"
-            )
+            late = f"{relation.leading} by {relation.lead:.1f} s"
+            problem = f"the signal leads {late}, which is impossible for a towed unit"
             return problem, {}, "swap the two columns in signals.toml, or set delay"
         case Fault.WRONG_COLUMN:
             problem = f"not related to {other} (coherence {relation.coherence:.2f}, at least 0.3 expected)"
@@ -276,8 +259,7 @@ def _explain(
             wrong, true_unit = (signal, "g") if gain < 0.18 else ("speed", "km/h" if gain < 1 else "m/s")
             problem = (
                 f"{wrong} is probably in {true_unit}: speed * {other} should equal {signal}, but is {1 / gain:.1f} "
-                "times as "
-                "large"
+                "times as large"
             )
             return problem, {"unit": true_unit}, ""
         case Fault.GAIN:

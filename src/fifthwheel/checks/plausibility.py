@@ -6,13 +6,12 @@ from itertools import combinations
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import MEASURED, STEER, WHEEL_SPEED, SignalName, channel_of, is_of, names_of
-from fifthwheel.checks.findings import Fault, Finding, Severity, remedy_text
+from fifthwheel.channels import MEASURED, STEER, WHEEL_SPEED, SignalName, channel_of, is_of, limit_of, names_of, si_unit
+from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.checks.kinematics import kinematic_findings
-from fifthwheel.checks.samples import dropouts, limit_of, present_samples, spikes, stuck
+from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck
 from fifthwheel.errors import suggestion
 from fifthwheel.record.record import Record
-from fifthwheel.record.signal_names import si_unit
 
 MIN_SPEED = 5.0
 """m/s; below it the lateral equations, which divide by speed, are inaccurate."""
@@ -42,11 +41,8 @@ def check(
         units: names of the vehicle's units; signals of other units are errors. Default: not checked.
         steered: steer signals that the vehicle can have; others are errors. Default: not checked.
     """
-    kinematic = list(
-        kinematic_findings(
-            record, wheelbase=_DEFAULT_WHEELBASE if wheelbase is None else wheelbase, min_speed=MIN_SPEED
-        )
-    )
+    wheelbase = _DEFAULT_WHEELBASE if wheelbase is None else wheelbase
+    kinematic = list(kinematic_findings(record, wheelbase=wheelbase, min_speed=MIN_SPEED))
     explained = {finding.signal for finding in kinematic if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
     findings = [*_unknown_units(record, units, steered), *_speed(record), *_wheel_speeds(record), *kinematic]
     findings += _duplicates(record)
@@ -65,16 +61,13 @@ def _unknown_units(record: Record, units: Sequence[str], steered: Sequence[str])
     for name in record.signals if units else ():
         signal = SignalName.of(name)
         if signal.unit and signal.unit not in units:
-            problem, similar = (
-                f"the vehicle file has no tractor or trailer named {signal.unit!r}",
-                suggestion(signal.unit, list(units)),
-            )
+            problem = f"the vehicle file has no tractor or trailer named {signal.unit!r}"
+            similar = suggestion(signal.unit, list(units))
         elif is_of(name, STEER) and steered and name not in steered:
             problem, similar = "the vehicle has no such steered axle", suggestion(name, list(steered))
         else:
             continue
-        message = f"{name}: {problem}; rename the signal in signals.toml, {similar}"
-        yield Finding(signal=name, fault=Fault.UNKNOWN_UNIT, severity="error", message=message)
+        yield error(name, Fault.UNKNOWN_UNIT, f"{problem}; rename the signal in signals.toml, {similar}")
 
 
 def _speed(record: Record) -> Iterator[Finding]:
@@ -83,29 +76,18 @@ def _speed(record: Record) -> Iterator[Finding]:
     time, speed = present_samples(record, "speed")
     if not speed.size:
         return
-
-    def finding(fault: Fault, severity: Severity, message: str) -> Finding:
-        remedy = {"sign": -1} if fault is Fault.SWAPPED_SIGN else {}
-        return Finding(signal="speed", fault=fault, severity=severity, message=f"speed: {message}", remedy=remedy)
-
     slow = float(np.mean(speed < MIN_SPEED))
     if float(np.median(speed)) < -1.0:
-        message = f"median {np.median(speed):.1f} m/s, positive expected (forward); set sign = -1 in signals.toml"
-        yield finding(Fault.SWAPPED_SIGN, "error", message)
+        problem = f"median {np.median(speed):.1f} m/s, positive expected (forward); set sign = -1 in signals.toml"
+        yield error("speed", Fault.SWAPPED_SIGN, problem, remedy={"sign": -1})
     elif float(np.quantile(speed, 0.99)) < MIN_SPEED:
-        message = (
-            f"at most {speed.max():.1f} m/s, above {MIN_SPEED:g} m/s expected; correct column or unit in signals.toml, "
-            "or log a faster run"
-        )
-        yield finding(Fault.ZERO_SPEED, "error", message)
+        problem = f"at most {speed.max():.1f} m/s, above {MIN_SPEED:g} m/s expected"
+        cure = "correct column or unit in signals.toml, or log a faster run"
+        yield error("speed", Fault.ZERO_SPEED, f"{problem}; {cure}")
     elif slow > 0.02:
         first, last = time[speed >= MIN_SPEED][[0, -1]]
-        message = (
-            f"{slow:.0%} of the samples are below {MIN_SPEED:g} m/s; to use only the fast part, set start = "
-            f"{first:.2f} and "
-            f"stop = {last:.2f} in [time] of signals.toml"
-        )
-        yield finding(Fault.ZERO_SPEED, "warning", message)
+        cure = f"to use only the fast part, set start = {first:.2f} and stop = {last:.2f} in [time] of signals.toml"
+        yield warning("speed", Fault.ZERO_SPEED, f"{slow:.0%} of the samples are below {MIN_SPEED:g} m/s; {cure}")
 
 
 def _duplicates(record: Record) -> Iterator[Finding]:
@@ -119,8 +101,8 @@ def _duplicates(record: Record) -> Iterator[Finding]:
         a, b = a[both], b[both]
         pairs = ((a, b), (np.diff(a), np.diff(b)))  # the differences contain the noise
         if all(x.size > 100 and _same(x, y, least) for (x, y), least in zip(pairs, _SAME, strict=True)):
-            message = f"{other}: the same samples as {one}; map another column to one of them in signals.toml"
-            yield Finding(signal=other, fault=Fault.DUPLICATE, severity="error", message=message, others=(one,))
+            problem = f"the same samples as {one}; map another column to one of them in signals.toml"
+            yield error(other, Fault.DUPLICATE, problem, others=(one,))
 
 
 def _same(a: Array, b: Array, least: float) -> bool:
@@ -153,8 +135,7 @@ def _wheel_speeds(record: Record) -> Iterator[Finding]:
         elif 0.25 < ratio < 0.31:
             remedy = {"unit": "km/h"}
             cure = f"speed looks like km/h; {remedy_text(remedy)}"
-        message = f"{signal}: {name} is {ratio:.2f} times the speed, 1 expected; {cure}"
-        yield Finding(signal=signal, fault=Fault.UNIT, severity="error", message=message, remedy=remedy)
+        yield error(signal, Fault.UNIT, f"{name} is {ratio:.2f} times the speed, 1 expected; {cure}", remedy=remedy)
 
 
 def _range(record: Record, name: str) -> Iterator[Finding]:
@@ -184,8 +165,8 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
         cure = f"looks like km/h; {remedy_text(remedy)}"
     else:
         fault, cure = Fault.OUT_OF_RANGE, "correct column or unit in signals.toml"
-    message = f"{name}: up to {largest:.3g} {unit}, at most {limit.magnitude:g} {unit} expected; {cure}"
-    yield Finding(signal=name, fault=fault, severity="error", message=message, remedy=remedy)
+    problem = f"up to {largest:.3g} {unit}, at most {limit.magnitude:g} {unit} expected"
+    yield error(name, fault, f"{problem}; {cure}", remedy=remedy)
 
 
 def _unused(record: Record) -> Iterator[Finding]:
@@ -194,8 +175,8 @@ def _unused(record: Record) -> Iterator[Finding]:
     if names := [name for name, channel in channels if channel and channel.proposed != "signal"]:
         first, *others = names
         also = f", like {', '.join(others)}" if others else ""
-        message = f"{first}: nothing uses it{also}; move it to [reference] in signals.toml, or delete it"
-        yield Finding(signal=first, fault=Fault.UNUSED, severity="warning", message=message, others=tuple(others))
+        problem = f"nothing uses it{also}; move it to [reference] in signals.toml, or delete it"
+        yield warning(first, Fault.UNUSED, problem, others=tuple(others))
 
 
 def _time(record: Record) -> Iterator[Finding]:
@@ -203,14 +184,9 @@ def _time(record: Record) -> Iterator[Finding]:
     steps = np.diff(record.time)
     if steps.max() > max(0.5, 5 * float(np.median(steps))):
         start = record.time[steps.argmax()]
-        message = (
-            f"time: gap of {steps.max():.2f} s after {start:.2f} s; the segments on either side are used separately"
-        )
-        yield Finding(signal="time", fault=Fault.DROPOUT, severity="warning", message=message)
+        problem = f"gap of {steps.max():.2f} s after {start:.2f} s"
+        yield warning("time", Fault.DROPOUT, f"{problem}; the segments on either side are used separately")
     if record.rate > _MAX_RATE:
         duration = record.span[1] - record.span[0]
-        message = (
-            f"time: {record.rate:.3g} samples/s over {duration:.3g} s, at most {_MAX_RATE:g} expected; correct unit in "
-            "[time] of signals.toml"
-        )
-        yield Finding(signal="time", fault=Fault.UNIT, severity="error", message=message)
+        problem = f"{record.rate:.3g} samples/s over {duration:.3g} s, at most {_MAX_RATE:g} expected"
+        yield error("time", Fault.UNIT, f"{problem}; correct unit in [time] of signals.toml")

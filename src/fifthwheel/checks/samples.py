@@ -6,24 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SPEED, Limit, SignalName, channel_of, is_input
-from fifthwheel.checks.findings import Fault, Finding, Severity
+from fifthwheel.channels import SPEED, SignalName, is_input, limit_of, si_unit
+from fifthwheel.checks.findings import Fault, Finding, error, warning
 from fifthwheel.record.record import Record
-from fifthwheel.record.signal_names import si_unit
 
 MAX_SPEED = SPEED.limit.magnitude if SPEED.limit else np.inf
 """m/s; a larger one is a fault."""
 _MAX_BINS = 100_000
 _ANY_LIMIT = 1e9
 """SI; no quantity of a truck is as large."""
+_MAP_OR_CUT = "map another column, or cut the record with start and stop in [time] of signals.toml"
 _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
-
-
-def limit_of(name: str) -> Limit | None:
-    """What a heavy vehicle can do in a signal's quantity; None where that is not known."""
-    channel = channel_of(name)
-    return channel.limit if channel else None
 
 
 def present_samples(record: Record, name: str) -> tuple[Array, Array]:
@@ -59,8 +53,7 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
         return
     if values.size < 2:
         problem = f"{values.size} samples in {len(record)} rows, at least 2 expected"
-        message = f"{name}: {problem}; map another column in signals.toml"
-        yield Finding(signal=name, fault=Fault.DROPOUT, severity="error", message=message)
+        yield error(name, Fault.DROPOUT, f"{problem}; map another column in signals.toml")
         return
     period = float(np.quantile(np.diff(time), 0.3))
     edges = np.concatenate([[first - period], time, [last + period]])
@@ -81,9 +74,8 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
         where = f"{local:.0%} between {begin:.2f} and {end:.2f} s; up to 5 % is permitted"
     else:
         return
-    cure = "map another column, or cut the record with start and stop in [time] of signals.toml"
-    message = f"{name}: {fraction:.0%} of the samples are missing; {where}; {cure}"
-    yield Finding(signal=name, fault=Fault.DROPOUT, severity="error" if fraction > 0.5 else "warning", message=message)
+    finding = error if fraction > 0.5 else warning
+    yield finding(name, Fault.DROPOUT, f"{fraction:.0%} of the samples are missing; {where}; {_MAP_OR_CUT}")
 
 
 def spike_mask(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
@@ -128,8 +120,7 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
         )
         where = f"the first {values[first]:.3g} {si_unit(name)} at {time[first]:.2f} s"
         count = f"{mask.sum()} spike{'s' if mask.sum() > 1 else ''}"
-        message = f"{name}: {count}, {where}; {cure}"
-        yield Finding(signal=name, fault=Fault.SPIKE, severity="warning", message=message)
+        yield warning(name, Fault.SPIKE, f"{count}, {where}; {cure}")
 
 
 SETTLING_TIME = 4.0
@@ -164,12 +155,9 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
     first, last = record.span
     start, stop = max(frozen, key=lambda span: span[1] - span[0])
     value = values[np.searchsorted(time, start)]
-    message = (
-        f"{name}: constant at {value:.4g} {si_unit(name)} from {start:.2f} to {stop:.2f} s while other signals show a "
-        "turn; map another column, or cut the record with start and stop in [time] of signals.toml"
-    )
-    severity: Severity = "error" if total > 0.1 * (last - first) else "warning"
-    yield Finding(signal=name, fault=Fault.STUCK, severity=severity, message=message)
+    finding = error if total > 0.1 * (last - first) else warning
+    where = f"{value:.4g} {si_unit(name)} from {start:.2f} to {stop:.2f} s"
+    yield finding(name, Fault.STUCK, f"constant at {where} while other signals show a turn; {_MAP_OR_CUT}")
 
 
 def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:

@@ -17,10 +17,9 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.kalman import Noise, channel_columns, observe, predict
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.kalman import ChannelUpdate, Noise, channel_columns, gate, joseph, observe, predict
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
 from fifthwheel.filters.scaling import PRECISION, Scaling, symbolic_to_p
-from fifthwheel.filters.update import ChannelUpdate, gate, joseph, positive_semidefinite
 from fifthwheel.native import Scan, compiled
 
 
@@ -66,6 +65,25 @@ class DualState:
         )
 
 
+def _positive_semidefinite(covariance: ca.SX) -> ca.SX:
+    """A covariance (n, n) unchanged, or, if rounding made it indefinite, rebuilt from its factors U D U' with D >= 0.
+
+    A pivot below the rounding error of its diagonal element is set to zero together with its column. Without this, a
+    negative pivot inverts the sign of a gain, and the filter diverges where sensitivities grow without bound.
+    """
+    n = covariance.shape[0]
+    U, D, valid = ca.SX.eye(n), ca.SX.zeros(n), ca.SX(1)
+    for j in reversed(range(n)):
+        pivot = covariance[j, j] - sum(D[k] * U[j, k] ** 2 for k in range(j + 1, n))
+        positive = pivot > n * np.finfo(float).eps * covariance[j, j]
+        valid *= positive
+        D[j] = ca.if_else(positive, pivot, 0)
+        for i in range(j):
+            remainder = covariance[i, j] - sum(D[k] * U[i, k] * U[j, k] for k in range(j + 1, n))
+            U[i, j] = ca.if_else(positive, remainder / ca.if_else(positive, pivot, 1), 0)
+    return ca.if_else(valid, covariance, U @ ca.diag(D) @ U.T)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DualFiltered:
     """Result of the dual filter for a record of N samples, n_p parameters and m channels."""
@@ -89,18 +107,10 @@ def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> ca.Function:
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P, n_Pz = packed_size(n_x), packed_size(n_p)
-    carry, sample, constant = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", n_x + n_P + n_p + n_Pz + n_x * n_p + 1),
-            ("sample", 1 + n_d + 2 * n_y),
-            ("constant", n_c + n_P + n_y + 1 + 5 * n_p + 3),
-        )
-    )
-    x, P, z, Pz, V, walk = split(carry, [n_x, n_P, n_p, n_Pz, n_x * n_p, 1])
-    dt, d, y, weight = split(sample, [1, n_d, n_y, n_y])
-    c, q, r, limit, centre, scale, lower, upper, walk_rate, forgetting, consistent, coupled = split(
-        constant, [n_c, n_P, n_y, 1, *[n_p] * 5, 1, 1, 1]
+    carry, x, P, z, Pz, V, walk = partitioned("carry", n_x, n_P, n_p, n_Pz, n_x * n_p, 1)
+    sample, dt, d, y, weight = partitioned("sample", 1, n_d, n_y, n_y)
+    constant, c, q, r, limit, centre, scale, lower, upper, walk_rate, forgetting, consistent, coupled = partitioned(
+        "constant", n_c, n_P, n_y, 1, *[n_p] * 5, 1, 1, 1
     )
     P, Pz, V = unpack(P, n_x), unpack(Pz, n_p), ca.reshape(V, n_x, n_p)
 
@@ -140,7 +150,7 @@ def dual_step(model: Model, logarithmic: tuple[bool, ...]) -> ca.Function:
         Pz = joseph(Pz, cross_z, gain_z, psi, noise_z)
         channels.append(ChannelUpdate(weight[i] * innovation, variance, accepted))
         sensitivities.append(psi.T)
-    Pz = positive_semidefinite(Pz)
+    Pz = _positive_semidefinite(Pz)
     carried = ca.vertcat(x, pack(P), z, pack(Pz), ca.vec(V), walk)
     output = [z, ca.diag(Pz), channel_columns(channels), *sensitivities]
     return ca.Function(

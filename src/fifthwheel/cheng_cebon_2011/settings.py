@@ -1,10 +1,10 @@
 """Settings of the identification in two stages, and those of the article."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
-from fifthwheel.errors import SignalError
-from fifthwheel.identify.settings import CommonSettings, require_positive
+from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.settings import Count, Limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +25,9 @@ class TwoStage(CommonSettings):
     """The same for a payload height, m."""
     logarithmic: bool = True
     """Estimate the logarithm of a stiffness or inertia, so that it stays positive."""
-    passes: int = 40
+    passes: Count = 40
     """Largest number of passes through the logs in each stage."""
-    rounds: int = 10
+    rounds: Count = 10
     """Largest number of rounds through both stages. From the second round on stage 1 uses the yaw-roll model."""
     average: bool = False
     """Take as estimate the average since the parameter has settled (the article's rule) and not the last value. The
@@ -43,14 +43,8 @@ class TwoStage(CommonSettings):
     restart: bool = True
     """Start every pass with the prior covariance, so that no sample counts twice; the article continues with the
     covariance of the last pass."""
-    forgetting: float = 1.0
+    forgetting: Annotated[float, Limits(gt=0, le=1)] = 1.0
     """The article's lambda: factor by which the random walk shrinks at every sample."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "passes", "rounds")
-        if not 0 < self.forgetting <= 1:
-            raise SignalError(f"forgetting: expected a number above 0 and at most 1, got {self.forgetting}")
 
 
 def article(**changes: Any) -> TwoStage:

@@ -1,4 +1,4 @@
-"""The command line, one module for each command. Slow imports wait until a command needs them."""
+"""The command line, a module for each command or pair of commands. Slow imports wait until a command needs them."""
 
 import gc
 import os
@@ -11,13 +11,11 @@ import typer
 from fifthwheel import __version__
 from fifthwheel._atomic import clean_up
 from fifthwheel.cli import (  # importing a command registers it
-    check,  # noqa: F401
-    design,  # noqa: F401
     export,  # noqa: F401
     fleet,  # noqa: F401
     identify,  # noqa: F401
     live,  # noqa: F401
-    reproduce,  # noqa: F401
+    predict,  # noqa: F401
     results,  # noqa: F401
     signals,  # noqa: F401
     simulate,  # noqa: F401

@@ -1,10 +1,14 @@
-"""The application that the commands join, with examples in their help."""
+"""The application that the commands join, with examples in their help and options made from settings."""
 
+import inspect
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperGroup
+
+from fifthwheel.settings import Option, Settings, limits, options_of
 
 app = typer.Typer(
     name="fifthwheel",
@@ -43,7 +47,85 @@ vehicle_app = typer.Typer(cls=_VehicleGroup, rich_markup_mode="markdown")
 app.add_typer(vehicle_app, name="vehicle")
 
 
+@dataclass(frozen=True)
+class Only:
+    """The settings that a command offers, where these are not all; metadata of the annotation of its parameter."""
+
+    names: tuple[str, ...]
+
+
 def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a function as the command of its name; its help ends with the examples."""
+    """Register a function as the command of its name; its help ends with the examples.
+
+    A parameter whose annotation is a class of settings becomes the options of these settings.
+    """
     epilog = "**Examples**\n\n" + "\n\n".join(f"`{line}`" for line in examples)
-    return of.command(epilog=epilog)
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        of.command(epilog=epilog)(_with_options(function))
+        return function
+
+    return register
+
+
+_KEYWORD = inspect.Parameter.KEYWORD_ONLY
+
+
+def _with_options(function: Callable[..., None]) -> Callable[..., None]:
+    """The function with a parameter for each option of its settings."""
+    parameters: list[inspect.Parameter] = []
+    offered: dict[str, tuple[type[Settings], dict[str, Option]]] = {}
+    for parameter in inspect.signature(function).parameters.values():
+        kind, *only = get_args(parameter.annotation) or (parameter.annotation,)
+        if not (isinstance(kind, type) and issubclass(kind, Settings)):
+            parameters.append(parameter.replace(kind=_KEYWORD))
+            continue
+        known = options_of(kind)
+        names = only[0].names if only else tuple(known)
+        offered[parameter.name] = kind, {name: known[name] for name in names}
+        parameters += [_parameter(kind, name, known[name]) for name in names]
+
+    def run(**values: Any) -> None:
+        for parameter, (kind, options) in offered.items():
+            given = {name: _value(option, name, values.pop(name)) for name, option in options.items()}
+            values[parameter] = kind(**{name: value for name, value in given.items() if value is not None})
+        function(**values)
+
+    run.__name__, run.__doc__, run.__module__ = function.__name__, function.__doc__, function.__module__
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def _parameter(kind: type[Settings], name: str, option: Option) -> inspect.Parameter:
+    """The parameter that typer reads for a setting."""
+    hint, default, help = get_type_hints(kind)[name], getattr(kind, name), option.help
+    if get_origin(hint) is tuple:
+        hint, default = list[str] | None, None
+        help += " May be repeated." if help.endswith(".") else "; may be repeated."
+    elif option.unit:
+        hint = str | None
+    smallest, largest = limits(kind, name)
+    info = typer.Option(*option.flags_of(name), help=help, min=option.smallest or smallest, max=largest)
+    return inspect.Parameter(name, _KEYWORD, default=default, annotation=Annotated[hint, info])
+
+
+def _value(option: Option, name: str, value: Any) -> Any:
+    """The value of a setting from that of typer; None for the default."""
+    if isinstance(value, str) and option.unit:
+        return quantity_option(option.flags_of(name)[0], value, option.unit, option.unit)
+    return tuple(value) if isinstance(value, list) else value
+
+
+def quantity_option(flag: str, text: str, si: str, usual: str) -> float:
+    """The quantity that an option states, in SI; a number without a unit is in the usual one.
+
+    Raises:
+        SignalError: it is not such a quantity.
+    """
+    from fifthwheel.errors import SignalError, UnitError
+    from fifthwheel.units import quantity
+
+    try:
+        return quantity(text if text[-1:].isalpha() else f"{text} {usual}", si)
+    except UnitError as error:
+        raise SignalError(f"{flag} {text}: {error}") from None

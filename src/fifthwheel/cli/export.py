@@ -1,28 +1,21 @@
 """fifthwheel export"""
 
-from enum import StrEnum
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from fifthwheel._atomic import reserved, result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command, export_app
+from fifthwheel.options import ObserverOptions
+from fifthwheel.settings import arguments
 
 if TYPE_CHECKING:
     from fifthwheel.observe import Observer
 
-IdentificationOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--identification", "-i", help="An identification.json: sensor errors and noise that all its logs share."
-    ),
-]
-MinSpeedOption = Annotated[
-    float, typer.Option(min=0.5, help="The model is not valid below this speed, m/s; no states are given there.")
-]
-BankOption = Annotated[bool, typer.Option("--bank", help="Also estimate the bank of the road.")]
+IDENTIFICATION = "An identification.json: sensor errors and noise that all its logs share"
 MEASURED = (
     "Default: those of the identification, or speed, the steer angles that the vehicle file says, yaw rate and roll "
     "rate of every unit."
@@ -40,20 +33,14 @@ def c(
     vehicle: options.VehicleOption,
     identification: Annotated[
         Path | None,
-        typer.Option(
-            "--identification",
-            "-i",
-            help="An identification.json: sensor errors and noise that all its logs share; of a learner, the settings.",
-        ),
+        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings."),
     ] = None,
     signal: Annotated[
         list[str] | None,
         typer.Option("--signal", help=f"A signal that the control unit has; may be repeated. {MEASURED}"),
     ] = None,
-    min_speed: MinSpeedOption = 5.0,
-    bank: BankOption = False,
-    friction: options.FrictionOption = None,
-    half_track: options.HalfTrackOption = options.HALF_TRACK,
+    *,
+    chosen: ObserverOptions,
     learner: Annotated[
         bool, typer.Option("--learner", help="Write the learner, which also estimates the parameters of the vehicle.")
     ] = False,
@@ -83,13 +70,13 @@ def c(
 
     estimator: Observer | Learner
     if learner:
-        if bank:
+        if chosen.estimate_bank:
             raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
-        if friction is not None or half_track != options.HALF_TRACK:
-            raise FifthwheelError("--friction, --half-track: settings of an observer; omit them, or --learner")
+        if refused := _of_an_observer(chosen):
+            raise FifthwheelError(f"{', '.join(refused)}: only for an observer; omit it, or --learner")
         stored = Identification.load(identification) if identification else None
         estimator = exported_learner(
-            read_vehicle(vehicle), signal, stored, min_speed=min_speed, passes=passes, segment=segment
+            read_vehicle(vehicle), signal, stored, min_speed=chosen.min_speed, passes=passes, segment=segment
         )
         setup = estimator.live.setup
         described = {
@@ -100,22 +87,13 @@ def c(
     else:
         if passes is not None or segment is not None:
             raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
-        settings = {"min_speed": min_speed, "estimate_bank": bank, "friction": friction, "half_track": half_track}
-        estimator = _observer(vehicle, identification, signal, settings)
+        estimator = _observer(vehicle, identification, signal, chosen)
         described = {"inputs": estimator.inputs, "measured": estimator.outputs, "states": estimator.reported}
     read = [Path(vehicle), *([identification] if identification else [])]
     names = LEARNER_FILES if learner else FILES
     with result_folder(out, "export c", names, inputs=read, force=force) as folder:
-        files = {path.name: path for path in export_c(estimator, folder)}
-        files = terminal.in_folder(out, files)
+        files = terminal.in_folder(out, [path.name for path in export_c(estimator, folder)])
     terminal.print_result(described, None, files, as_json=as_json)
-
-
-class Subject(StrEnum):
-    """What a functional mock-up unit computes."""
-
-    observer = "observer"
-    truck = "truck"
 
 
 @command(
@@ -127,10 +105,13 @@ class Subject(StrEnum):
 def fmu(
     vehicle: options.VehicleOption,
     what: Annotated[
-        Subject, typer.Option(help="The state observer, or the linear model of the truck.")
-    ] = Subject.observer,
+        Literal["observer", "truck"], typer.Option(help="The state observer, or the linear model of the truck.")
+    ] = "observer",
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard: 2 (2.0) or 3 (3.0).")] = 3,
-    identification: IdentificationOption = None,
+    identification: Annotated[
+        Path | None,
+        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}."),
+    ] = None,
     signal: Annotated[
         list[str] | None,
         typer.Option(
@@ -146,10 +127,8 @@ def fmu(
             "repeated. Default: those that fifthwheel identify estimates."
         ),
     ] = None,
-    min_speed: MinSpeedOption = 5.0,
-    bank: BankOption = False,
-    friction: options.FrictionOption = None,
-    half_track: options.HalfTrackOption = options.HALF_TRACK,
+    *,
+    chosen: ObserverOptions,
     sources_only: Annotated[
         bool, typer.Option("--sources-only", help="No libraries; the importer compiles the sources.")
     ] = False,
@@ -170,20 +149,14 @@ def fmu(
 
     path = out or Path(f"fifthwheel-{what}.fmu")
     platforms = () if sources_only else tuple(PLATFORMS)
-    observer_only = {
-        "--identification": identification,
-        "--bank": bank,
-        "--friction": friction,
-        "--half-track": half_track != options.HALF_TRACK,
-    }
-    refused = {"--tunable": tunable} if what is Subject.observer else observer_only
-    if names := [option for option, value in refused.items() if value]:
-        other = Subject.truck if what is Subject.observer else Subject.observer
-        raise FifthwheelError(f"{', '.join(names)}: only for --what {other}; remove it, or export the {other}")
+    of_observer = [*(["--identification"] if identification else []), *_of_an_observer(chosen)]
+    refused = (["--tunable"] if tunable else []) if what == "observer" else of_observer
+    if refused:
+        other = "truck" if what == "observer" else "observer"
+        raise FifthwheelError(f"{', '.join(refused)}: only for --what {other}; remove it, or export the {other}")
     with reserved(path, force=force):
-        if what is Subject.observer:
-            settings = {"min_speed": min_speed, "estimate_bank": bank, "friction": friction, "half_track": half_track}
-            observer = _observer(vehicle, identification, signal, settings)
+        if what == "observer":
+            observer = _observer(vehicle, identification, signal, chosen)
             export_fmu(observer, path, fmi=fmi, platforms=platforms)
         else:
             export_fmu(read_vehicle(vehicle), path, fmi=fmi, outputs=signal, tunable=tunable, platforms=platforms)
@@ -193,12 +166,17 @@ def fmu(
         typer.echo(f"{path}: FMI {fmi}.0 co-simulation, {', '.join(platforms) or 'sources only'}")
 
 
+def _of_an_observer(chosen: ObserverOptions) -> list[str]:
+    """The options that were given and that only an observer has."""
+    return [text.partition("=")[0] for text in arguments(replace(chosen, min_speed=ObserverOptions.min_speed))]
+
+
 def _observer(
-    vehicle: str, identification: Path | None, signals: list[str] | None, settings: dict[str, Any]
+    vehicle: str, identification: Path | None, signals: list[str] | None, chosen: ObserverOptions
 ) -> "Observer":
     """The observer that the options describe."""
     from fifthwheel.identify import Identification
     from fifthwheel.workflow import exported_observer, read_vehicle
 
     stored = Identification.load(identification) if identification else None
-    return exported_observer(read_vehicle(vehicle), signals, stored, **settings)
+    return exported_observer(read_vehicle(vehicle), signals, stored, **vars(chosen))

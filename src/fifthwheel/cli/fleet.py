@@ -1,13 +1,14 @@
 """fifthwheel fleet"""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fifthwheel._atomic import reserved
 from fifthwheel.cli import options, terminal
-from fifthwheel.cli.app import command, fleet_app
+from fifthwheel.cli.app import Only, command, fleet_app
+from fifthwheel.options import FleetSettings, IdentifyOptions
 
 if TYPE_CHECKING:
     from fifthwheel.fleet import FleetRun
@@ -40,22 +41,9 @@ def run(
         int | None,
         typer.Option(min=1, help="Processes of the local cluster. Default: one per core. 1: this process only."),
     ] = None,
-    tyre_walk: Annotated[
-        float, typer.Option(help="Drift of a cornering stiffness in a day, as a fraction of its value.")
-    ] = 0.005,
-    false_alarms: Annotated[
-        float, typer.Option(help="Probability of a false change in the whole fleet, at most.")
-    ] = 0.05,
-    wear: Annotated[
-        float, typer.Option(help="Drift of a cornering stiffness that needs attention, as a fraction.")
-    ] = 0.15,
-    height_limit: Annotated[
-        str | None, typer.Option(help="Payload height that needs attention, with a unit; a number is in m.")
-    ] = None,
-    fix: options.FixOption = None,
-    consider: options.ConsiderOption = None,
-    sensor: options.SensorOption = None,
-    check: options.CheckOption = True,
+    *,
+    chosen: FleetSettings,
+    identification: Annotated[IdentifyOptions, Only(("fix", "consider", "sensor", "check"))],
     as_json: options.JsonOption = False,
 ) -> None:
     """Identify every trip of a fleet that the data set does not have yet, and combine all trips of each truck.
@@ -65,23 +53,15 @@ def run(
     trailers.parquet, history.parquet and changes.parquet, in SI. Several processes need
     `pip install 'fifthwheel[fleet]'`.
     """
-    from dataclasses import replace
-    from typing import Any
-
-    from fifthwheel.fleet import FleetSettings
     from fifthwheel.fleet import run as run_fleet
     from fifthwheel.identify import OneStage
-    from fifthwheel.units import quantity
     from fifthwheel.workflow.settings import considered_sigmas, sensor_sigmas
 
-    limit = None if height_limit is None else quantity(_with_unit(height_limit), "m")
-    chosen = FleetSettings(tyre_walk=tyre_walk, false_alarms=false_alarms, wear=wear, height_limit=limit)
-    considered = {**OneStage().consider, **considered_sigmas(consider)}
-    sensors: dict[str, Any] = {f"{name}_prior": sigma for name, sigma in sensor_sigmas(sensor).items()}
-    settings = replace(
-        OneStage(),
-        fixed=tuple(fix or ()),
-        check=check,
+    considered = {**OneStage().consider, **considered_sigmas(identification.consider)}
+    sensors: dict[str, Any] = {f"{name}_prior": sigma for name, sigma in sensor_sigmas(identification.sensor).items()}
+    settings = OneStage(
+        fixed=identification.fix,
+        check=identification.check,
         consider={name: sigma for name, sigma in considered.items() if sigma},
         **sensors,
     )
@@ -121,14 +101,6 @@ def report(
         typer.echo(printable(f"{finding.truck}: {finding.kind}: {finding.text}"))
     nothing = "" if attention else "; nothing needs attention"
     typer.echo(f"Written: {out}{nothing}")
-
-
-def _with_unit(text: str) -> str:
-    """A height with a unit; a number is in metres."""
-    try:
-        return f"{float(text)} m"
-    except ValueError:
-        return text
 
 
 def _print(result: "FleetRun") -> None:

@@ -1,7 +1,6 @@
 """fifthwheel identify"""
 
 import sys
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -11,29 +10,7 @@ import typer
 from fifthwheel._atomic import result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
-
-
-class Method(StrEnum):
-    """Identification method."""
-
-    one_stage = "one-stage"
-    two_stage = "two-stage"
-    article = "article"
-
-
-class Form(StrEnum):
-    """Form of the one-stage method."""
-
-    output_error = "output-error"
-    prediction_error = "prediction-error"
-
-
-class Tyres(StrEnum):
-    """Law of the side forces in the one-stage method."""
-
-    linear = "linear"
-    saturating = "saturating"
-    auto = "auto"
+from fifthwheel.options import IdentifyOptions
 
 
 @command(
@@ -55,53 +32,16 @@ def identify(
     allow_outside: options.AllowOutsideOption = False,
     exclude: options.ExcludeOption = None,
     out: options.OutOption = Path("fifthwheel-out"),
-    method: Annotated[
-        Method,
-        typer.Option(
-            help="one-stage; two-stage: dual Kalman filter; article: two-stage with the settings of Cheng and Cebon "
-            "(2011)."
-        ),
-    ] = Method.one_stage,
-    fix: options.FixOption = None,
-    free: options.FreeOption = None,
-    prior: options.PriorOption = None,
-    consider: options.ConsiderOption = None,
-    any_load: options.AnyLoadOption = False,
-    sensor: options.SensorOption = None,
-    suspension_from: options.SuspensionOption = None,
-    form: Annotated[
-        Form,
-        typer.Option(help="Compare the logs with a free-running model, or with one-step predictions."),
-    ] = Form.output_error,
-    tyres: Annotated[
-        Tyres,
-        typer.Option(
-            help="linear; saturating: at the friction of the road, which is estimated too; auto: what the logs support."
-        ),
-    ] = Tyres.linear,
-    friction: Annotated[
-        float | None,
-        typer.Option(
-            min=0.05,
-            max=1.5,
-            help="Probable peak friction of the road for tyres that saturate: 0.75 dry, 0.6 wet, 0.3 snow. Default: "
-            "0.75.",
-        ),
-    ] = None,
+    *,
+    chosen: IdentifyOptions,
     validate: Annotated[
         list[Path] | None,
         typer.Option(
             "--validate",
             help="A log for validation: it is predicted with the identified vehicle and not used for the estimation; "
-            "may "
-            "be repeated.",
+            "may be repeated.",
         ),
     ] = None,
-    passes: Annotated[
-        int | None,
-        typer.Option(min=1, help="Maximum number of passes through the logs in each stage; two stages only."),
-    ] = None,
-    check: options.CheckOption = True,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
@@ -120,7 +60,7 @@ def identify(
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
-        IdentifyOptions,
+        identification_settings,
         read_vehicle,
         run_identification,
         vehicle_text,
@@ -130,23 +70,9 @@ def identify(
     if figures:
         checked_format(figures)
     truck = read_vehicle(vehicle)
-    chosen = IdentifyOptions(
-        method=method,
-        form=form,
-        tyres=tyres,
-        friction=friction,
-        fix=fix or (),
-        free=free or (),
-        prior=prior or (),
-        consider=consider or (),
-        sensor=sensor or (),
-        any_load=any_load,
-        passes=passes,
-        check=check,
-    )
-    truck, settings = chosen.settings(truck, options.chosen_identification(suspension_from))
+    truck, settings = identification_settings(truck, chosen)
     inputs = [*logs, *(validate or [])]
-    read = [*inputs, Path(vehicle), *(path for path in (signals, suspension_from) if path)]
+    read = [*inputs, Path(vehicle), *(path for path in (signals, chosen.suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         terminal.warn_of_axle_loads(truck, records)
@@ -154,7 +80,7 @@ def identify(
             run = run_identification(
                 records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
             )
-        provenance = provenance_of_run(inputs, vehicle, signals, suspension_from, command=sys.argv[1:])
+        provenance = provenance_of_run(inputs, vehicle, signals, chosen.suspension_from, command=sys.argv[1:])
         written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(vehicle))
         files = terminal.in_folder(out, written)
     document = partial(identification_document, run.identification, run.conclusion)

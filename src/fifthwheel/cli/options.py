@@ -1,13 +1,9 @@
 """Options that several commands share, and their texts as data."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal
 
 import typer
-
-if TYPE_CHECKING:
-    from fifthwheel.identify import Identification
 
 Logs = Annotated[
     list[Path],
@@ -45,100 +41,18 @@ ForceOption = Annotated[
 ForceFileOption = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
 CheckOption = Annotated[bool, typer.Option("--check/--no-check", help="Refuse logs with implausible signals.")]
-
-
-class FigureFormat(StrEnum):
-    """File format of figures."""
-
-    svg = "svg"
-    png = "png"
-    pdf = "pdf"
-
-
-FrictionOption = Annotated[
-    float | None,
+IdentificationOption = Annotated[
+    Path | None,
     typer.Option(
-        "--friction",
-        min=0.05,
-        max=1.5,
-        help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.6 wet, 0.3 snow. For lateral accelerations "
-        "above 3 m/s², braking in a turn and slippery roads. Default: that of the identification, or linear tyres.",
-    ),
-]
-HALF_TRACK = 1.0
-HalfTrackOption = Annotated[
-    float,
-    typer.Option(
-        min=0.3,
-        max=2.0,
-        help="Centre line to the middle of the tyres of one side, m, for the load transfer ratios; twin tyres about "
-        "0.92.",
+        "--identification",
+        "-i",
+        help="An identification.json: sensor errors, noise, and the uncertainty of the vehicle.",
     ),
 ]
 FiguresOption = Annotated[
-    FigureFormat | None,
+    Literal["svg", "png", "pdf"] | None,
     typer.Option("--figures", help="Also write every figure of the report to OUT/figures; needs matplotlib."),
 ]
-
-FixOption = Annotated[
-    list[str] | None,
-    typer.Option("--fix", help="A parameter that keeps its value, assumed to be exact; may be repeated."),
-]
-FreeOption = Annotated[
-    list[str] | None,
-    typer.Option("--free", help="A parameter to estimate in addition to the default ones; may be repeated."),
-]
-PriorOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--prior",
-        help="NAME=FRACTION: also estimate NAME; FRACTION is its prior sigma relative to its value, such as "
-        "relaxation_length=20%. NAME is a parameter path or its last part. 0: NAME is exact and not estimated. May be "
-        "repeated.",
-    ),
-]
-ConsiderOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--consider",
-        help="NAME=FRACTION: do not estimate NAME, but include its uncertainty in every sigma, such as "
-        "roll_stiffness=10%. NAME is a parameter path or its last part, or vehicle_file or softening (times the "
-        "default), or gyro_delay (2ms). 0: NAME is exact. May be repeated.",
-    ),
-]
-SensorOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--sensor",
-        help="NAME=SIGMA: prior sigma of a sensor error, such as steer_delay=5ms if all signals have a common time "
-        "base. NAME is steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
-        "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
-        "accelerometer_position, accelerometer_height or bank. May be repeated.",
-    ),
-]
-AnyLoadOption = Annotated[
-    bool,
-    typer.Option(
-        "--any-load", help="Estimate CoG height and roll inertia separately, for a load that is not a uniform block."
-    ),
-]
-SuspensionOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--suspension-from",
-        help="An identification.json of the same truck with a known payload: roll stiffness, roll axis and unladen "
-        "bodies with their joint uncertainty.",
-    ),
-]
-
-
-def chosen_identification(path: Path | None) -> "Identification | None":
-    """The identification of --suspension-from, if it is given; a SignalError if it cannot be read."""
-    if path is None:
-        return None
-    from fifthwheel.identify import Identification
-
-    return Identification.load(path)
 
 
 def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
@@ -157,3 +71,14 @@ def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
             raise FifthwheelError(f"--exclude {text}: expected FIRST..LAST in s, such as 12.5..14, or LOG=FIRST..LAST")
         result.setdefault(log, []).append(ends)
     return result
+
+
+def named_texts(option: str, texts: list[str] | None, form: str, example: str) -> dict[str, str]:
+    """ "NAME=VALUE" as name: value; a FifthwheelError without a value."""
+    from fifthwheel.errors import FifthwheelError
+
+    values = dict(text.partition("=")[::2] for text in texts or ())
+    for name, value in values.items():
+        if not value:
+            raise FifthwheelError(f"{option} {name}: expected {form}, such as {example}")
+    return values

@@ -1,22 +1,17 @@
-"""fifthwheel simulate"""
+"""fifthwheel simulate and reproduce"""
 
-from enum import StrEnum
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from fifthwheel._atomic import reserved
+from fifthwheel._atomic import reserved, result_folder
+from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import ForceFileOption, JsonOption, VehicleOption
+from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption, named_texts
 from fifthwheel.cli.terminal import print_json, progress_bar
-
-
-class Model(StrEnum):
-    """The model that is simulated."""
-
-    linear = "linear"
-    nonlinear = "nonlinear"
 
 
 @command(
@@ -31,8 +26,9 @@ def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
     vehicle: VehicleOption = "cheng_cebon_2011",
     model: Annotated[
-        Model, typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver.")
-    ] = Model.linear,
+        Literal["linear", "nonlinear"],
+        typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver."),
+    ] = "linear",
     manoeuvre: Annotated[
         str,
         typer.Option(
@@ -90,7 +86,7 @@ def simulate(
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
     with reserved(log, film, force=force):
-        if model is Model.linear:
+        if model == "linear":
             from fifthwheel.simulate import simulate as run_linear
 
             nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
@@ -114,7 +110,8 @@ def simulate(
                 raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
             fitted = read_sensors(sensors) if sensors else None
             course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)
-            plant = Plant(truck, with_changes(Properties(), _changes(properties or [])))
+            changed = named_texts("--with", properties, "PROPERTY=VALUE", "'bank=2 deg'")
+            plant = Plant(truck, with_changes(Properties(), changed))
             with progress_bar(quiet=as_json) as progress:
                 run = plant.drive(course, rate=rate, name=log.stem, progress=progress)
             record = run.record(fitted, seed=seed, everything=all_truth)
@@ -129,11 +126,53 @@ def simulate(
         typer.echo(f"{', '.join(files)}: {len(record)} samples, {duration:.0f} s at {record.rate:.0f} Hz")
 
 
-def _changes(texts: list[str]) -> dict[str, str]:
-    """ "property=value" as property: value."""
-    from fifthwheel.errors import VehicleError
+@command(
+    "fifthwheel reproduce",
+    "fifthwheel reproduce --quick --out quick",
+    "fifthwheel reproduce --quick --seeds 10 --arms default --vehicle truck.toml",
+)
+def reproduce(
+    out: OutOption = Path("fifthwheel-reproduction"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer seeds and lane changes, and no study of settings.")
+    ] = False,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, max=10_000, help="Seeds of every experiment. Default: 20, with --quick 3.")
+    ] = None,
+    arms: Annotated[
+        list[str] | None,
+        typer.Option(help="article, default, or 'default, front fixed'; may be repeated. Default: all."),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle",
+            "-v",
+            help="A tractor and semitrailer in place of the truck of section 3, without section 4 and the study of "
+            "settings.",
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Reproduce sections 3 and 4 of Cheng and Cebon (2011) with the nonlinear vehicle.
 
-    changes = dict(text.partition("=")[::2] for text in texts)
-    if incomplete := [key for key, value in changes.items() if not value]:
-        raise VehicleError(f"--with {incomplete[0]}: expected PROPERTY=VALUE, such as 'bank=2 deg'")
-    return changes
+    Writes Figures 4 to 9, a table with published and reproduced values, the estimates of
+    every seed (parameters.parquet) and time histories of seed 0 (histories.parquet). Needs
+    `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores; with --quick
+    less than one minute.
+    """
+    from fifthwheel.cheng_cebon_2011 import table
+    from fifthwheel.cheng_cebon_2011.reproduce import FILES
+    from fifthwheel.cheng_cebon_2011.reproduce import reproduce as run
+    from fifthwheel.workflow import read_vehicle
+
+    truck = None if vehicle is None else read_vehicle(vehicle)
+    with (
+        result_folder(out, "reproduce", FILES, inputs=[Path(vehicle)] if vehicle else (), force=force) as folder,
+        terminal.progress_bar(quiet=as_json) as progress,
+    ):
+        result = run(folder, quick=quick, seeds=seeds, arms=arms or (), vehicle=truck, progress=progress)
+    files = terminal.in_folder(out, [path.name for path in result.files])
+    contents = {"rows": [asdict(row) for row in result.rows]}
+    terminal.print_result(contents, partial(table.document, result.rows), files, as_json=as_json)

@@ -11,6 +11,7 @@ import typer
 from fifthwheel._atomic import one_run, result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
+from fifthwheel.options import ObserverOptions
 
 
 @command(
@@ -27,36 +28,18 @@ def states(
     signals: options.SignalsOption = None,
     allow_outside: options.AllowOutsideOption = False,
     out: options.OutOption = Path("fifthwheel-states"),
-    min_speed: Annotated[
-        float, typer.Option(min=0.5, help="The model is not valid below this speed, m/s; no states are given there.")
-    ] = 5.0,
-    identification: Annotated[
-        Path | None,
-        typer.Option(
-            "--identification",
-            "-i",
-            help="An identification.json: sensor errors, noise, and the uncertainty of the vehicle.",
-        ),
-    ] = None,
+    *,
+    chosen: ObserverOptions,
+    identification: options.IdentificationOption = None,
     at: Annotated[
         list[str] | None,
         typer.Option(
             "--at",
             help="SIGNAL=X: compute the sideslip at the position x (m) on the vehicle unit. Default: at the CoG. May "
-            "be "
-            "repeated.",
+            "be repeated.",
         ),
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="Use later samples too.")] = False,
-    bank: Annotated[
-        bool,
-        typer.Option(
-            "--bank",
-            help="Also estimate the bank of the road. Default: sigma contains the bank.",
-        ),
-    ] = False,
-    friction: options.FrictionOption = None,
-    half_track: options.HalfTrackOption = options.HALF_TRACK,
     check: options.CheckOption = True,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
@@ -91,10 +74,8 @@ def states(
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None
-    positions = named_values("--at", at, "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
-    settings = ObserverSettings(
-        min_speed=min_speed, positions=positions, estimate_bank=bank, friction=friction, half_track=half_track
-    )
+    positions = named_values("--at", at or (), "SIGNAL=X with x in m, such as sideslip.semitrailer=-2.34", _position)
+    settings = ObserverSettings(**vars(chosen), positions=positions)
     read = [*logs, Path(vehicle), *(path for path in (signals, identification) if path)]
     with result_folder(out, "states", STATES_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(logs, signals, allow_outside=allow_outside)

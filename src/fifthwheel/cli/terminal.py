@@ -21,12 +21,7 @@ _LARGE = 20_000_000
 def load_records(
     paths: list[Path], signals: Path | None, *, allow_outside: bool, exclude: list[str] | None = None
 ) -> "list[Record]":
-    """The records of logs, with a progress bar if they are large.
-
-    Args:
-        allow_outside: as in `SignalMap.load`.
-        exclude: texts of --exclude.
-    """
+    """The records of logs without the windows of --exclude, with a progress bar if they are large."""
     from fifthwheel.cli.options import windows
     from fifthwheel.logs import SignalMap
     from fifthwheel.workflow import read_records
@@ -64,10 +59,7 @@ def print_result(
 ) -> None:
     """Print a result and the files that were written, as JSON or for people.
 
-    Args:
-        contents: of the JSON.
-        document: makes what people read, if it is more than the files.
-        files: by name; those of the JSON have these names.
+    The files have their names in the JSON. `document` makes what people read, if it is more than the files.
     """
     if as_json:
         print_json({**contents, "files": {name: str(path) for name, path in files.items()}})

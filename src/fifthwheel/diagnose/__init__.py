@@ -4,11 +4,14 @@ from fifthwheel.diagnose.advice import Advice, next_steps
 from fifthwheel.diagnose.cautions import Caution, CautionKind, identification_cautions, state_cautions
 from fifthwheel.diagnose.comparison import ComparedParameter, Comparison, Difference, compare
 from fifthwheel.diagnose.fit_quality import FitQuality, PredictedLog, fit_quality, predicted_logs
-from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
+from fifthwheel.diagnose.information_summary import (
+    ParameterInformation,
+    VarianceTerm,
+    information_summary,
+    variance_budget,
+)
 from fifthwheel.diagnose.log_prediction import LogPrediction
-from fifthwheel.diagnose.run_summary import RunSummary, summarise_records, summarise_runs
-from fifthwheel.diagnose.state_summary import StateSummary, summarise_states
-from fifthwheel.diagnose.variance_budget import VarianceTerm, variance_budget
+from fifthwheel.diagnose.summaries import RunSummary, StateSummary, summarise_records, summarise_runs, summarise_states
 
 __all__ = [
     "Advice",

@@ -2,27 +2,20 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose.cautions import has_wide_sigma
 from fifthwheel.diagnose.fit_quality import predicted_logs
-from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.diagnose.information_summary import describe_remedy, dominant_terms
+from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
-from fifthwheel.diagnose.variance_budget import dominant_terms
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Identification, Verdict
-from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS
+from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.suspension import independent_of_load
 from fifthwheel.names import ParameterPath
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
-
-if TYPE_CHECKING:
-    from fifthwheel.identify.design.assess import InformationAssessment
-    from fifthwheel.identify.design.remedies import Remedy
+from fifthwheel.vehicle.parameters import FRICTION
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
 EXCITATION = {
@@ -56,7 +49,7 @@ class Advice:
 
 
 def next_steps(
-    identification: Identification, runs: Sequence[RunSummary] = (), outlook: "InformationAssessment | None" = None
+    identification: Identification, runs: Sequence[RunSummary] = (), outlook: InformationAssessment | None = None
 ) -> list[Advice]:
     """What to do next, the most useful step first.
 
@@ -65,7 +58,10 @@ def next_steps(
         outlook: information at the identified truck, for the effect of a change.
     """
     poor = tuple(p.log for p in predicted_logs(identification) if p.poor)
-    steps = [Advice(_use_poor(poor), logs=poor)] if poor else []
+    steps = []
+    if poor:
+        reason = f"{'it is' if len(poor) == 1 else 'they are'} predicted poorly"
+        steps = [Advice(f"Use {enumerated(poor)} for the identification too, because {reason}.", logs=poor)]
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
     steps += [*_friction(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
@@ -77,51 +73,6 @@ def next_steps(
     if converged and all(fit.identified_on for fit in identification.fits):
         steps.append(Advice("Validate the result with a log that is not used for the identification (--validate LOG)."))
     return steps
-
-
-def _use_poor(logs: Sequence[str]) -> str:
-    reason = "it is predicted poorly" if len(logs) == 1 else "they are predicted poorly"
-    return f"Use {enumerated(logs)} for the identification too, because {reason}."
-
-
-def describe_remedy(remedy: "Remedy", lane_change: str = "one more lane change") -> str:
-    """A change as the end of a sentence: "if x is measured and fixed (--fix)", "if roll_rate.x is logged"."""
-    if remedy.known:
-        manners: dict[str, list[str]] = {}
-        for name in remedy.known:
-            subject, manner = _how_to_know(name)
-            manners.setdefault(manner, []).append(subject)
-        clauses = []
-        for manner, subjects in manners.items():
-            plural = len(subjects) > 1 or subjects[0].startswith(("all masses", "the axle positions"))
-            clauses.append(f"{' and '.join(subjects)} {'are' if plural else 'is'} {manner}")
-        return f"if {' and '.join(clauses)}"
-    if remedy.roll_test:
-        stiffness, axis = (
-            f"its roll stiffness to {percent(TESTED_STIFFNESS)}",
-            f"its roll axis to {100 * TESTED_AXIS:g} cm",
-        )
-        return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {stiffness} and {axis}"
-    changes = [f"{remedy.channel} is logged"] if remedy.channel else []
-    if remedy.drive:
-        changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
-    return f"if {' and '.join(changes)}"
-
-
-def _how_to_know(name: str) -> tuple[str, str]:
-    """A number in words, and how it becomes known: ("all masses", "known exactly (state it in the vehicle file)")."""
-    error, path = SensorErrorName.of(name), ParameterPath.of(name)
-    if error:
-        direct = error.kind in ("offset", "gain")
-        return f"the {error.kind} of {error.signal}", "calibrated" if direct else "measured"
-    together = {
-        "axle_positions": f"the axle positions of the {path.unit}",
-        "coupling": f"the position of the coupling on the {path.unit}",
-        "mass": f"the {path.component} mass of the {path.unit}".replace("  ", " "),
-    }
-    if name == MASS_SCALE or path.quantity in together:
-        return together.get(path.quantity, "all masses"), "known exactly (state it in the vehicle file)"
-    return name, "measured and fixed (--fix)"
 
 
 def _more_excitation(identification: Identification, runs: Sequence[RunSummary]) -> Iterator[Advice]:
@@ -173,7 +124,7 @@ def _friction(identification: Identification) -> Iterator[Advice]:
             )
 
 
-def _predicted_improvements(identification: Identification, outlook: "InformationAssessment") -> Iterator[Advice]:
+def _predicted_improvements(identification: Identification, outlook: InformationAssessment) -> Iterator[Advice]:
     """The sigma after another run or with another channel, for parameters that the logs do not determine.
 
     Converged parameters are left out: the prediction rests on the sensor noise, which is not what limits their sigma.

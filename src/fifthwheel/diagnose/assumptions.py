@@ -32,12 +32,9 @@ class AssumedNumber:
 
 
 def assumed_numbers(vehicle: Vehicle, speed: float = 80 / 3.6) -> tuple[AssumedNumber, ...]:
-    """The assumed numbers of a vehicle, those with the largest effect first.
+    """The assumed numbers of a vehicle, those with the largest effect on a lane change at `speed`, m/s, first.
 
-    Args:
-        vehicle: with its numbers.
-        speed: of the lane change, m/s. Its steer angles are those of the vehicle as it is, so a change shows what a log
-            would show.
+    The steer angles are those of the vehicle as it is, so a change shows what a log would show.
     """
     values = vehicle.parameters()
     effects = _effects(vehicle, speed)

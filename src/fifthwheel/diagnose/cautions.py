@@ -15,22 +15,21 @@ from fifthwheel.channels import (
     SignalName,
     is_of,
     is_sensor_error,
+    si_unit,
 )
 from fifthwheel.checks.findings import Severity
 from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.fit_quality import fit_quality
-from fifthwheel.diagnose.run_summary import RunSummary
-from fifthwheel.diagnose.state_summary import innovation_size
+from fifthwheel.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.dynamics import TIME_SCALE
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
@@ -318,8 +317,7 @@ def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float, sta
         if fraction > limit:
             message = (
                 f"{signal} in {log}: the {stage} rejected {percent(fraction)} of the samples as outliers, because "
-                "their "
-                "innovation is larger than the gate."
+                "their innovation is larger than the gate."
             )
             cure = "Check the channel for spikes; if it has none, the vehicle file or the identified vehicle is wrong."
             yield Caution(CautionKind.REJECTED_SAMPLES, message, cure, fraction, signals=(signal,), log=log)

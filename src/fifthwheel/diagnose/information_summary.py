@@ -1,26 +1,50 @@
 """How much information the logs contain on each parameter, what limits its sigma, and what would reduce it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose import thresholds
-from fifthwheel.diagnose.advice import describe_remedy
-from fifthwheel.diagnose.variance_budget import VarianceTerm, variance_budget
 from fifthwheel.formatting import approximate, digits, enumerated, percent, relative
 from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.identify.design.assess import InformationAssessment
+from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
 from fifthwheel.names import ParameterPath, split_log
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
-if TYPE_CHECKING:
-    from fifthwheel.identify.design.assess import InformationAssessment
-    from fifthwheel.identify.design.remedies import Remedy
+
+@dataclass(frozen=True, kw_only=True)
+class VarianceTerm:
+    """A contribution to the variance of a parameter."""
+
+    parameter: str
+    source: str  # the considered or not identified parameter whose uncertainty it comes from
+    fraction: float  # of the parameter's variance
+
+
+def variance_budget(identification: Identification, name: str) -> list[VarianceTerm]:
+    """The terms of a parameter's variance, the largest first; empty for a method that does not compute them."""
+    terms = identification.variance_budget.get(name, {}).items()
+    return [VarianceTerm(parameter=name, source=source, fraction=fraction) for source, fraction in terms]
+
+
+def dominant_terms(identification: Identification) -> list[VarianceTerm]:
+    """Of each converged parameter with a notable sigma, the uncertain parameter that causes most of its variance."""
+    terms = []
+    for estimate in identification.parameters:
+        if estimate.verdict is not Verdict.CONVERGED or not estimate.sigma:
+            continue
+        if estimate.sigma >= thresholds.NOTABLE_SIGMA * abs(estimate.value):
+            terms += variance_budget(identification, estimate.name)[:1]
+    return [term for term in terms if term.fraction > thresholds.DOMINANT_FRACTION]
 
 
 class Improvement(NamedTuple):
     """A change and its predicted effect."""
 
-    remedy: "Remedy"
+    remedy: Remedy
     relative_sigma: float  # as a fraction of the parameter's value
 
 
@@ -83,7 +107,7 @@ class ParameterInformation:
 
 
 def information_summary(
-    identification: Identification, outlook: "InformationAssessment | None" = None
+    identification: Identification, outlook: InformationAssessment | None = None
 ) -> tuple[ParameterInformation, ...]:
     """Information on every estimated parameter.
 
@@ -96,7 +120,7 @@ def information_summary(
 
 
 def _information(
-    identification: Identification, e: Estimate, outlook: "InformationAssessment | None"
+    identification: Identification, e: Estimate, outlook: InformationAssessment | None
 ) -> ParameterInformation:
     assessment = next((p for p in outlook.parameters if p.name == e.name), None) if outlook else None
     noise_sigma, improvements = None, list[Improvement]()
@@ -139,3 +163,43 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
     j = int(np.argmax(magnitude))
     notable = magnitude[j] > thresholds.NOTABLE_CORRELATION
     return (covariance.names[j], float(magnitude[j])) if notable else None
+
+
+def describe_remedy(remedy: Remedy, lane_change: str = "one more lane change") -> str:
+    """A change as the end of a sentence: "if x is measured and fixed (--fix)", "if roll_rate.x is logged"."""
+    if remedy.known:
+        manners: dict[str, list[str]] = {}
+        for name in remedy.known:
+            subject, manner = _how_to_know(name)
+            manners.setdefault(manner, []).append(subject)
+        clauses = []
+        for manner, subjects in manners.items():
+            plural = len(subjects) > 1 or subjects[0].startswith(("all masses", "the axle positions"))
+            clauses.append(f"{' and '.join(subjects)} {'are' if plural else 'is'} {manner}")
+        return f"if {' and '.join(clauses)}"
+    if remedy.roll_test:
+        stiffness, axis = (
+            f"its roll stiffness to {percent(TESTED_STIFFNESS)}",
+            f"its roll axis to {100 * TESTED_AXIS:g} cm",
+        )
+        return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {stiffness} and {axis}"
+    changes = [f"{remedy.channel} is logged"] if remedy.channel else []
+    if remedy.drive:
+        changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
+    return f"if {' and '.join(changes)}"
+
+
+def _how_to_know(name: str) -> tuple[str, str]:
+    """A number in words, and how it becomes known: ("all masses", "known exactly (state it in the vehicle file)")."""
+    error, path = SensorErrorName.of(name), ParameterPath.of(name)
+    if error:
+        direct = error.kind in ("offset", "gain")
+        return f"the {error.kind} of {error.signal}", "calibrated" if direct else "measured"
+    together = {
+        "axle_positions": f"the axle positions of the {path.unit}",
+        "coupling": f"the position of the coupling on the {path.unit}",
+        "mass": f"the {path.component} mass of the {path.unit}".replace("  ", " "),
+    }
+    if name == MASS_SCALE or path.quantity in together:
+        return together.get(path.quantity, "all masses"), "known exactly (state it in the vehicle file)"
+    return name, "measured and fixed (--fix)"

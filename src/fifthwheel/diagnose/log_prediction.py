@@ -55,12 +55,12 @@ class LogPrediction:
         """
         settings = OneStage(check=False)
         dataset = prepare_dataset([record], vehicle, settings, findings=False)
-        outputs = (*dataset.yaw, *dataset.roll, *dataset.lateral)
+        outputs = dataset.outputs
         sensors = identification.sensors if identification else ()
         return cls(
             vehicle=dataset.vehicle,
             model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=True),
-            log=dataset.logs[0],
+            log=dataset.logs[0].with_noise(dataset.vehicle, outputs, settings.noise),
             unknowns=one_stage_unknowns(dataset.vehicle, outputs, settings),
             errors={
                 error.name: error.value

@@ -103,13 +103,8 @@ def segment_rms(time: Array, normalised: Array) -> SegmentRms | None:
 def describe_whiteness(
     correlation: Autocorrelation | None, outliers: float, *, free_run: bool, in_sigma: bool = False
 ) -> str:
-    """What the autocorrelation and the outliers of a residual mean.
-
-    Args:
-        outliers: fraction of the samples beyond `thresholds.OUTLIER` standard deviations.
-        free_run: whether it is the residual of a free run; otherwise it is an innovation of a state filter.
-        in_sigma: whether the sigma of the parameters includes the effect of its autocorrelation.
-    """
+    """What the autocorrelation and the fraction of outliers mean, of the residual of a free run or of an innovation of
+    a state filter; `in_sigma`: the sigma of the parameters includes the effect of the autocorrelation."""
     name = "residual" if free_run else "innovation"
     if correlation is None:
         return f"The {name} has too few samples for a test."

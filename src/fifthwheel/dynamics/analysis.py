@@ -1,14 +1,14 @@
 """Numerical properties of the chain: matrices, modes, critical speed, steady state."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics import chain
-from fifthwheel.dynamics.model import topology
+from fifthwheel.dynamics.model import ChainModel, model
 from fifthwheel.errors import VehicleError
 from fifthwheel.native import Scan, compiled
 from fifthwheel.vehicle import Vehicle
@@ -26,23 +26,10 @@ class Matrices:
     B: Array  # (n, k)
 
 
-@dataclass(frozen=True)
-class Structure:
-    """The structure of a vehicle; equal for vehicles of equal topology."""
-
-    vehicle: Vehicle = field(compare=False)
-    identity: tuple[object, ...]
-
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> "Structure":
-        """The structure of a vehicle."""
-        return cls(vehicle, topology(vehicle))
-
-
 @compiled(Scan)
-def _function(structure: Structure, roll: bool, bank: bool) -> ca.Function:
-    """sample = speed; constant = parameters; output = [E, F, G, A, B], by columns. There is no carry."""
-    vehicle = structure.vehicle
+def _function(structure: ChainModel) -> ca.Function:
+    """sample = speed; constant = parameters of the vehicle; output = [E, F, G, A, B], by columns. There is no carry."""
+    vehicle, roll, bank = structure.vehicle, structure.roll, structure.bank
     names = tuple(vehicle.parameters())
     nothing, u, p = ca.SX.sym("nothing", 0), ca.SX.sym("u"), ca.SX.sym("p", len(names))
     equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll, bank=bank)
@@ -72,7 +59,7 @@ def matrices(
     values = vehicle.parameters() | dict(changed or {})
     states, k = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.steer_signals())
     n = len(states)
-    scan = _function(Structure.of(vehicle), roll, bank)
+    scan = _function(model(vehicle, (), roll=roll, bank=bank))
     _, output = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
     E, F, G, A, B = np.split(output[0], np.cumsum([n * n, n * n, n * k, n * n]))
     E, F, G, A, B = (matrix.reshape(n, -1, order="F") for matrix in (E, F, G, A, B))

@@ -14,7 +14,7 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import SignalName
+from fifthwheel.channels import SignalName, channel_of
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
@@ -175,9 +175,8 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
     values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
-    for name in outputs:
-        values |= sensors.extension_parameters(name)
-    return values | {TIME_SCALE: 1.0}
+    with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
+    return values | {f"{name}.delay": 0.0 for name in with_rate} | {TIME_SCALE: 1.0}
 
 
 def contact_input(steer: str) -> str:

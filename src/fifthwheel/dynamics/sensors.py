@@ -23,10 +23,11 @@ from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle
 from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.parameters import HALF_TRACK, TYRE_PARAMETERS
+from fifthwheel.vehicle.unit import Accelerometer
 
 
 class SensorInputs(NamedTuple):
-    """The quantities from which sensor outputs are computed; a `channels.channel.Instant`."""
+    """The quantities from which sensor outputs are computed: the `Instant` of `channels`."""
 
     p: Mapping[str, ca.SX]  # parameters of the vehicle and of the sensors, by name
     vehicle: Vehicle
@@ -61,7 +62,6 @@ class SensorInputs(NamedTuple):
 
 
 CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
-"""No steer angles that change with time."""
 
 
 def sensor_inputs(
@@ -76,17 +76,9 @@ def sensor_inputs(
     bank: bool = False,
     turning: tuple[ca.SX, ca.SX] = CONSTANT_STEERING,
 ) -> SensorInputs:
-    """The quantities at one instant from state, speed and steer angles.
+    """The quantities at one instant from state (n,), speed and true steer angles (k,); arguments as in `chain`.
 
-    Args:
-        p: parameters of the vehicle and of the sensors, by name.
-        vehicle: units, axles and couplings; its numbers are not used.
-        equations: of motion.
-        x: state (n,).
-        speed: m/s.
-        steer: true angle of each steered axle (k,), rad.
-        roll, bank: as in `chain.state_names`.
-        turning: symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
+    `turning` are symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
     """
     A, B = equations.state_space(speed)
     rate, names = A @ x + B @ steer, vehicle.steer_signals()
@@ -109,33 +101,9 @@ def sensor_inputs(
     )
 
 
-def sensor_model(name: str) -> SensorModel:
-    """What a sensor with this name measures.
-
-    Raises:
-        SignalError: the model has no such quantity.
-    """
-    channel = channel_of(name)
-    if channel is None or channel.model is None:
-        quantity = SignalName.of(name).quantity
-        raise SignalError(
-            f"{name}: no such quantity in the model; {suggestion(quantity, [channel.quantity for channel in MODELLED])}"
-        )
-    return channel.model
-
-
-def is_of_axle_group(name: str) -> bool:
-    """Whether a modelled quantity is that of an axle group: a load transfer ratio."""
-    channel = channel_of(name)
-    return channel is not None and channel.model is not None and channel.of == "part"
-
-
 def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
-    """Index of the unit and axle group of a signal, such as load_transfer.tractor.drive.
-
-    Raises:
-        SignalError: the vehicle has no such axle group.
-    """
+    """Index of the unit and axle group of a signal, such as load_transfer.tractor.drive; a SignalError where there is
+    no such group."""
     groups = {unit.group_path(group): (i, group) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups}
     place = SignalName.of(name).place
     if place not in groups:
@@ -143,24 +111,30 @@ def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
     return groups[place]
 
 
-def unit_index(vehicle: Vehicle, name: str) -> int:
-    """Index of the unit of a signal, front to rear.
+class Sensor(NamedTuple):
+    """What a signal measures, and where."""
 
-    Raises:
-        SignalError: the vehicle has no such unit or axle group, or the model has no such quantity.
-    """
-    sensor_model(name)
-    signal, units = SignalName.of(name), [u.name for u in vehicle.units]
-    if is_of_axle_group(name):
-        return axle_group(vehicle, name)[0]
+    model: SensorModel
+    unit: int  # its index, front to rear
+    of_group: bool  # whether it is that of an axle group: a load transfer ratio, which no sensor measures
+
+
+def sensor_of(vehicle: Vehicle, name: str) -> Sensor:
+    """The sensor of a signal; a SignalError where the model has no such quantity, or the vehicle no such place."""
+    channel, signal, units = channel_of(name), SignalName.of(name), [u.name for u in vehicle.units]
+    if channel is None or channel.model is None:
+        known = [channel.quantity for channel in MODELLED]
+        raise SignalError(f"{name}: no such quantity in the model; {suggestion(signal.quantity, known)}")
+    if channel.of == "part":
+        return Sensor(channel.model, axle_group(vehicle, name)[0], of_group=True)
     if signal.unit not in units:
         raise SignalError(f"{name}: {vehicle.name} has no unit {signal.unit!r}; {suggestion(signal.unit, units)}")
-    return units.index(signal.unit)
+    return Sensor(channel.model, units.index(signal.unit), of_group=False)
 
 
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
     """Raise a SignalError where the vehicle, or the model without roll, does not have a signal."""
-    model, unit = sensor_model(name), unit_index(vehicle, name)
+    model, unit, _ = sensor_of(vehicle, name)
     if unit == 0 and model.behind_coupling:
         raise SignalError(f"{name}: the first unit has no coupling in front of it; name a unit behind a coupling")
     if not roll and model.needs_roll:
@@ -172,39 +146,31 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
 
     An accelerometer is where the vehicle file says, if it does. A gyro also has a misalignment, rad: that fraction of
     the other rate of its unit is part of its output.
-
-    Raises:
-        SignalError: as in `unit_index`.
     """
     if name == BANK:
         return {}
-    model, unit = sensor_model(name), vehicle.units[unit_index(vehicle, name)]
-    if is_of_axle_group(name):
+    model, i, of_group = sensor_of(vehicle, name)
+    unit = vehicle.units[i]
+    if of_group:
         return {HALF_TRACK: TYRE_PARAMETERS[HALF_TRACK].default}
     parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
     if model.cross_axis:
         parameters[f"{name}.misalignment"] = 0.0
     if model.has_place:
-        position, height = unit.cog, unit.roll_axis_height
+        place = Accelerometer(position=unit.cog, height=unit.roll_axis_height)
         if is_of(name, LATERAL_ACCELERATION):
-            position, height = unit.accelerometer_place.position, unit.accelerometer_place.height
-        parameters |= {f"{name}.position": position, f"{name}.height": height}
+            place = unit.place_of_accelerometer(SignalName.of(name).part)
+        parameters |= {f"{name}.position": place.position, f"{name}.height": place.height}
     return parameters
-
-
-def extension_parameters(name: str) -> dict[str, float]:
-    """Further parameters of a sensor in an extended model: the delay of a gyro, accelerometer or articulation sensor,
-    s."""
-    return {f"{name}.delay": 0.0} if name != BANK and sensor_model(name).rate else {}
 
 
 def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
     """Output of a sensor with its errors; the bank of the road and load transfer ratios have no sensor."""
     if name == BANK:
         return inputs.motion.bank
-    model, i, p = sensor_model(name), unit_index(inputs.vehicle, name), inputs.p
+    (model, i, of_group), p = sensor_of(inputs.vehicle, name), inputs.p
     value: ca.SX = model.value(inputs, i, name)
-    if is_of_axle_group(name):
+    if of_group:
         return value
     if model.rate and f"{name}.delay" in p:
         value -= p[f"{name}.delay"] * model.rate(inputs, i, value)

@@ -13,17 +13,10 @@ from fifthwheel.native import Scan, compiled
 def free_response(
     model: ChainModel, values: Mapping[str, float], time: Array, inputs: Mapping[str, Array], x0: Array | None = None
 ) -> tuple[Array, Array]:
-    """States (N, n) and outputs (N, m) of the model.
+    """States (N, n) and outputs (N, m) of a model without free parameters, from its state x0 at the first sample.
 
-    Args:
-        model: without free parameters.
-        values: every parameter of the model by name, SI.
-        time: (N,) s.
-        inputs: speed and steer angles by name, (N,) each.
-        x0: state at the first sample (n,); zero by default.
-
-    Raises:
-        SignalError: a gap between samples needs too many steps; see `steps.step_counts`.
+    `values` are all its parameters, `inputs` speed and steer angles (N,), by name, SI. A SignalError as in
+    `steps.step_counts`.
     """
     columns = steps.input_columns(inputs, model.inputs)
     vehicle = model.vehicle.replace({name: values[name] for name in model.vehicle.parameters()})

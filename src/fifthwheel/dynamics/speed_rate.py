@@ -38,13 +38,9 @@ def speed_rate_step() -> ca.Function:
 
 
 def speed_rates(time: Array, speed: Array, time_constant: float, max_gap: float) -> Array:
-    """u' (N,), m/s^2, of measured speeds (N,), m/s, causal.
+    """u' (N,), m/s^2, of measured speeds (N,), m/s, without missing values, causal.
 
-    Args:
-        time: (N,) increasing, s.
-        speed: (N,) without missing values.
-        time_constant: T, s; infinite: u' is 0.
-        max_gap: after a longer time between two samples the filter starts again, s.
+    With an infinite time constant T, u' is 0. After more than `max_gap` between two samples the filter starts again.
     """
     dt = np.diff(time, prepend=-np.inf)
     starts = ~((dt <= max_gap) & np.isfinite(dt))
@@ -60,11 +56,7 @@ def central_speed_rates(time: Array, speed: Array) -> Array:
 
 
 class SpeedRate:
-    """`speed_rates` sample by sample; the same values bit for bit.
-
-    Args:
-        time_constant, max_gap: as in `speed_rates`.
-    """
+    """`speed_rates` sample by sample; the same values bit for bit."""
 
     def __init__(self, time_constant: float, max_gap: float) -> None:
         self.max_gap = max_gap

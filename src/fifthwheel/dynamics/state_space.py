@@ -15,15 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.channels import MODELLED, SignalName
+from fifthwheel.channels import MODELLED, SignalName, si_unit
 from fifthwheel.dynamics import chain, sensors
-from fifthwheel.dynamics.analysis import Structure, matrices
-from fifthwheel.dynamics.model import all_parameters
+from fifthwheel.dynamics.analysis import matrices
+from fifthwheel.dynamics.model import ChainModel, all_parameters, model
 from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.native import Scan, compiled
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
 
@@ -193,7 +192,7 @@ def linear_system(
     names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
     m = matrices(vehicle, speed, roll=roll)
     values = all_parameters(vehicle, [name for name in names if _is_sensor(name, m.states)])
-    scan = _output_function(Structure.of(vehicle), names, roll)
+    scan = _output_function(model(vehicle, (), roll=roll), names)
     _, both = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
     inputs = vehicle.steer_signals()
     C, D = np.split(both.reshape(len(names), len(m.states) + len(inputs), order="F"), [len(m.states)], axis=1)
@@ -286,10 +285,9 @@ def rearward_amplification(
 
 
 @compiled(Scan)
-def _output_function(structure: Structure, outputs: tuple[str, ...], roll: bool) -> ca.Function:
+def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Function:
     """sample = speed; constant = parameters; output = [C, D], by columns. There is no carry."""
-    vehicle = structure.vehicle
-    states = chain.state_names(vehicle, roll=roll)
+    vehicle, roll, states = structure.vehicle, structure.roll, structure.states
     names = tuple(all_parameters(vehicle, [name for name in outputs if _is_sensor(name, states)]))
     symbols, u, nothing = ca.SX.sym("p", len(names)), ca.SX.sym("u"), ca.SX.sym("nothing", 0)
     p = dict(zip(names, ca.vertsplit(symbols), strict=True))

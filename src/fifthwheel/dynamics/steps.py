@@ -20,8 +20,11 @@ The error of a step is then below 1e-6 of the largest state. That limit is reach
 measured with the catalogue's vehicles and two trains of three units at 3 to 35 m/s, with relaxation lengths of 0.1 to
 0.8 m on all groups or on some, for 400 random states and steer angles each. The values differ because the order of the
 series differs (`model.ORDER`), and because the matrices of the yaw model and of models with relaxation lengths are
-strongly non-normal. `StepLimit` applies its margin in addition.
+strongly non-normal. `StepLimit` applies `MARGIN` in addition.
 """
+
+MARGIN = 1.25
+"""Factor by which the fastest eigenvalue may grow while parameters are estimated."""
 
 MAX_STEPS = 1e5
 """Largest number of steps between two samples."""
@@ -31,23 +34,17 @@ SPEEDS = np.geomspace(1.0, 60.0, 32)
 
 
 class StepLimit:
-    """The longest step of a vehicle's model as a function of speed.
+    """The longest step of a vehicle's model as a function of speed."""
 
-    Args:
-        vehicle: with its numbers.
-        roll: yaw and roll, or yaw only.
-        margin: factor by which the fastest eigenvalue may grow while parameters are estimated.
-    """
-
-    def __init__(self, vehicle: Vehicle, *, roll: bool, margin: float = 1.25) -> None:
-        self.vehicle, self.roll, self.margin = vehicle, roll, margin
+    def __init__(self, vehicle: Vehicle, *, roll: bool) -> None:
+        self.vehicle, self.roll = vehicle, roll
 
     @lazy
     def longest(self) -> Array:
         """Longest step at each of `SPEEDS`, s."""
         fastest = [np.abs(np.linalg.eigvals(matrices(self.vehicle, u, roll=self.roll).A)).max() for u in SPEEDS]
         limit = MAX_STEP_EIGENVALUE[self.roll, bool(relaxation_groups(self.vehicle))]
-        return np.asarray(limit / (self.margin * np.array(fastest)))
+        return np.asarray(limit / (MARGIN * np.array(fastest)))
 
     @lazy
     def safe_step_by_speed(self) -> list[float]:
@@ -73,19 +70,14 @@ class StepLimit:
 
 @functools.lru_cache(64)
 def step_limit(vehicle: Vehicle, roll: bool) -> StepLimit:
-    """`StepLimit` with the default margin, cached."""
+    """`StepLimit`, cached."""
     return StepLimit(vehicle, roll=roll)
 
 
 def step_counts(gap: Array, limit: Array) -> NDArray[np.int64]:
-    """Number of steps between each sample and the next, (N - 1,).
+    """Number of steps (N - 1,) between N samples, by the time between them (N - 1,) and the longest steps (N,), s.
 
-    Args:
-        gap: (N - 1,) time between samples, s.
-        limit: (N,) longest step at each sample, s.
-
-    Raises:
-        SignalError: a gap needs more than `MAX_STEPS` steps.
+    A SignalError where a gap needs more than `MAX_STEPS` steps.
     """
     count = np.ceil(gap / np.minimum(limit[1:], limit[:-1]))
     if not (count < MAX_STEPS).all():
@@ -98,21 +90,11 @@ def step_counts(gap: Array, limit: Array) -> NDArray[np.int64]:
 
 
 def subdivide(time: Array, inputs: Array, limit: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Times and inputs with enough steps between the samples; inputs are interpolated linearly.
+    """Times (M,) and inputs (M, k) with enough steps between N samples, and the indices (N,) of these among the M rows.
 
-    Each step depends only on the two samples around it. A record that is processed sample by sample therefore gives the
-    same bits.
-
-    Args:
-        time: (N,) increasing, s.
-        inputs: (N, k).
-        limit: (N,) longest step at each sample, s.
-
-    Returns:
-        Times (M,), inputs (M, k), and the indices of the N samples among the M rows (N,).
-
-    Raises:
-        SignalError: as in `step_counts`.
+    Inputs are interpolated linearly; `limit` (N,) is the longest step at each sample, s. Each step depends only on the
+    two samples around it. A record that is processed sample by sample therefore gives the same bits. A SignalError as
+    in `step_counts`.
     """
     count = step_counts(np.diff(time), limit)
     if (count == 1).all():
@@ -131,10 +113,6 @@ def step_inputs(time: Array, inputs: Array) -> tuple[Array, Array]:
     """dt (M,) and d (M, 2 k) of `ChainModel`: the step before each row, and the inputs at its beginning and its end.
 
     The first row has no step before it: its dt is 0, and both halves of its d are equal.
-
-    Args:
-        time: (M,) s.
-        inputs: (M, k).
     """
     before = np.vstack([inputs[:1], inputs[:-1]])
     return np.diff(time, prepend=time[0]), np.hstack([before, inputs])

@@ -31,15 +31,9 @@ def solve_positive_definite(M: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def taylor(A: ca.SX, x: ca.SX, rate: ca.SX, change: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """Taylor series of x(dt) of x' = rate + A (x - x(0)) + change t / dt.
+    """Taylor series of x(dt) (n,) of x' = rate + A (x - x(0)) + change t / dt.
 
-    Args:
-        A: (n, n).
-        x: state at the beginning of the step (n,).
-        rate: x' at the beginning of the step (n,).
-        change: of x' by the inputs from the beginning to the end of the step (n,), at constant x.
-        dt: s.
-        order: of the series.
+    The rate is x' at the beginning of the step, the change that of x' by the inputs until its end, at constant x.
     """
     term = dt * rate
     total = x + term
@@ -136,14 +130,8 @@ class Stages:
         return self.expanded(derivative(expression))
 
     def rate(self, by: ca.SX, rates: ca.SX) -> Callable[[ca.SX], ca.SX]:
-        """A function from an expression (m,) to its derivative with respect to time (m,).
-
-        The derivatives of the variables become variables.
-
-        Args:
-            by: symbols (n,) that change.
-            rates: their derivatives with respect to time (n,).
-        """
+        """A function from an expression (m,) to its derivative with respect to time (m,), where the symbols `by` (n,)
+        change with the rates (n,). The derivatives of the variables become variables."""
         changing, speeds = [by], [rates]
 
         def of_time(expression: ca.SX) -> ca.SX:

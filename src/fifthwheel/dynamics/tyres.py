@@ -82,12 +82,8 @@ def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
 def braked_masses(vehicle: Vehicle, brakes: Mapping[str, float] = BY_LOAD) -> dict[str, float]:
     """Braked mass of each axle group by the name of the parameter, kg.
 
-    Args:
-        vehicle: with its numbers.
-        brakes: relative braking force of axle groups by path, 0 for groups that it does not name.
-
-    Raises:
-        VehicleError: the static axle loads are not determined.
+    `brakes` are relative braking forces of axle groups by path, 0 for groups that it does not name. A VehicleError
+    where the static axle loads are not determined.
     """
     loads = vehicle.axle_loads()
     if not brakes:
@@ -97,11 +93,7 @@ def braked_masses(vehicle: Vehicle, brakes: Mapping[str, float] = BY_LOAD) -> di
 
 
 def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
-    """Parameters of saturating tyres by name, with their defaults, SI.
-
-    Raises:
-        VehicleError: the static axle loads are not determined.
-    """
+    """Parameters of saturating tyres by name, with their defaults, SI; a VehicleError as in `braked_masses`."""
     loads, numbers = vehicle.axle_loads(), vehicle.tyres()
     falling, rising = vehicle.axle_loads(SLOPE), vehicle.axle_loads(-SLOPE)
     values = {name: parameter.default for name, parameter in TYRE_PARAMETERS.items()} | braked_masses(vehicle)
@@ -131,12 +123,7 @@ group has a pneumatic trail, also -M / alpha, N m/rad, (2,)."""
 
 
 def axle_forces(secants: ca.SX, slip: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Side force, N, and aligning moment, N m, of an axle.
-
-    Args:
-        secants: of the axle, its fraction of those of the group.
-        slip: slip angle of the axle, rad.
-    """
+    """Side force, N, and aligning moment, N m, of an axle at its slip angle, rad, with its fraction of the secants."""
     forces = secants * slip
     return forces[0], -forces[1] if forces.shape[0] > 1 else ca.SX(0)
 

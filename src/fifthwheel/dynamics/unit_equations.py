@@ -51,12 +51,8 @@ def load_transfer_moment(
 ) -> ca.SX:
     """Half the track times the load of the right wheels of an axle group less that of the left ones, N m.
 
-    T = K* phi + C* phi' + h F: the moment of suspension and tyres, and that of the side force.
-
-    Args:
-        p, path, roll, roll_rate: as in `suspension_moment`.
-        side_force: F of the group, N.
-        height: h of the masses that the side force accelerates, m.
+    T = K* phi + C* phi' + h F: the moment of suspension and tyres, and that of the side force F, N, of the group with
+    the height h of the masses that it accelerates, m.
     """
     return suspension_moment(p, path, roll, roll_rate) + height * side_force
 
@@ -69,8 +65,8 @@ def side_force_height(p: Expressions, unit: Unit, group: AxleGroup, load: ca.SX)
 
     All axles of a unit have the same mass; the load is the static one, N.
     """
-    axles = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
-    fraction = axles * GRAVITY / load
+    axles: ca.SX = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
+    fraction: ca.SX = axles * GRAVITY / load
     return p[f"{unit.name}.roll_axis_height"] * (1 - fraction) + AXLE_COG_HEIGHT * fraction
 
 
@@ -144,13 +140,8 @@ def tyre_forces(
     relaxation length, the lagged slip angle replaces the mean slip angle of the group; the difference of an axle's slip
     angle from the mean acts without lag.
 
-    Args:
-        across: lateral velocity of the CoG across the heading of the first unit, v + u heading, m/s.
-        heading: yaw angle of the unit from that of the first unit, rad.
-        r: yaw rate of the unit, rad/s.
-        steer: steer angle of each steered axle by its signal's name, rad, positive to the left.
-        inverse_speed: 1/u, s/m.
-        lagged_slip: lagged slip angle of each group with a relaxation length, by the group's path, rad.
+    `across` and `heading` are as in `chain.Motion`, r is the yaw rate of the unit; steer angles, rad, positive to the
+    left, by the names of their signals, lagged slip angles, rad, by the paths of their groups.
     """
     force, moment = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:

@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.channels import SignalName
+from fifthwheel.channels import SignalName, si_unit
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
 from fifthwheel.native import c_code
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.stream import StreamSettings
 from fifthwheel.vehicle import Vehicle
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.filters.joint import bounds
-from fifthwheel.filters.joint_equations import Carried, JointChannel, correct, linearise, reported_values
+from fifthwheel.filters.joint import Carried, JointChannel, bounds, correct, linearise, reported_values
 from fifthwheel.filters.model import sizes, split
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.start import SteadyEquations, steady_equations

@@ -1,7 +1,7 @@
 """Kalman filter, joint filter and smoother for symbolic models, and the inputs that they need for a vehicle.
 
-kalman, joint, relinearised, smoother, tangent, update, consistency and model accept any symbolic model.
-noise, initial_state and rows provide the noise variances, initial states and sample rows of a vehicle model.
+kalman, joint, relinearised, smoother, tangent, consistency and model accept any symbolic model.
+variances, initial_state and step_rows provide the noise variances, initial states and sample rows of a vehicle model.
 """
 
 from fifthwheel._moved import moved

@@ -27,24 +27,16 @@ def steady_initial_state(
 ) -> tuple[Array, dynamics.Matrices]:
     """Steady state (n,) of constant inputs, zero for an unstable vehicle, and the matrices with the bank as a state.
 
-    Args:
-        vehicle: with its numbers.
-        inputs: speed, m/s, and measured steer angles, rad, by name.
-        errors: known offsets and gains of the steer sensors, such as "steer.tractor.front.offset", and values of
-            parameters that replace those of the vehicle.
-        roll: yaw and roll, or yaw only.
-        bank: of the road, rad.
+    The inputs are the speed, m/s, and the measured steer angles, rad, by name; the bank of the road is in rad. `errors`
+    are known offsets and gains of the steer sensors, such as "steer.tractor.front.offset", and values of parameters
+    that replace those of the vehicle.
     """
     parameters = vehicle.parameters()
     changed = {name: value for name, value in errors.items() if name in parameters}
     m = dynamics.matrices(vehicle, inputs["speed"], roll=roll, bank=True, changed=changed)
-    steer = np.array(
-        [
-            errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0))
-            for name in vehicle.steer_signals()
-        ]
-    )
-    return equilibrium(m, m.B[:-1] @ steer + m.A[:-1, -1] * bank), m
+    steers = vehicle.steer_signals()
+    steer = [errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0)) for name in steers]
+    return equilibrium(m, m.B[:-1] @ np.array(steer) + m.A[:-1, -1] * bank), m
 
 
 def equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
@@ -55,20 +47,12 @@ def equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
 
 
 def bank_effect(m: dynamics.Matrices) -> Array:
-    """Change (n + 1,) of the steady state per rad of bank, with the bank as the last state.
-
-    Args:
-        m: with the bank as a state.
-    """
+    """Change (n + 1,) of the steady state per rad of bank; as in `m`, the bank is the last state."""
     return np.append(equilibrium(m, m.A[:-1, -1]), 1.0)
 
 
 def steer_effects(m: dynamics.Matrices) -> Array:
-    """Change (k, n + 1) of the steady state per rad of each of k steer angles, with the bank as the last state.
-
-    Args:
-        m: with the bank as a state.
-    """
+    """Change (k, n + 1) of the steady state per rad of each of k steer angles; the bank is the last state."""
     return np.array([np.append(equilibrium(m, column), 0.0) for column in m.B[:-1].T]).reshape(-1, len(m.A))
 
 
@@ -88,10 +72,8 @@ def initial_state(
     states to its own steady state: otherwise a truck in equilibrium on a banked road would look like one on a level
     road.
 
-    Args:
-        vehicle, inputs, errors, roll: as in `steady_initial_state`; inputs of the first sample.
-        steer_sigma: standard deviation of the steer angles, rad.
-        bank: standard deviation of the bank of the road, rad, if the bank is a state.
+    Arguments as in `steady_initial_state`, with the inputs of the first sample; `steer_sigma` and `bank` are standard
+    deviations, rad. The bank is a state if it is given.
     """
     x0, m = steady_initial_state(vehicle, inputs, errors, roll=roll)
     P0 = initial_covariance(m, steer_sigma)
@@ -120,10 +102,8 @@ def random_steer_covariance(m: dynamics.Matrices) -> Array:
 
     The steer angle is white noise through a first-order low-pass of `STEER_BANDWIDTH`. The covariance of low-pass and
     vehicle solves the Lyapunov equation A P + P A' + Q = 0. By Smith's method (SIAM J. Appl. Math. 16, 1968) it is the
-    sum of C^k D C'^k with C = (A - s)^-1 (A + s), for any s > 0; each round doubles the number of terms.
-
-    Args:
-        m: with the bank as a state.
+    sum of C^k D C'^k with C = (A - s)^-1 (A + s), for any s > 0; each round doubles the number of terms. `m` has the
+    bank as a state.
     """
     n, rate = len(m.A) - 1, 2 * np.pi * STEER_BANDWIDTH
     A = np.zeros((n + 1, n + 1))

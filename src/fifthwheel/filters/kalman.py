@@ -1,16 +1,20 @@
 """The (extended) Kalman filter of a symbolic model, for irregular sampling and missing channels.
 
 Kalman (1960); equations (3)-(6) of Cheng and Cebon (2011). For a linear model it is the Kalman filter.
+
+The measurement update works channel by channel (Bierman 1977; Simon 2006, section 6.1). With a diagonal R the result
+equals the update with all channels together. No matrix is inverted, a missing channel has the weight 0, and Joseph's
+form keeps the covariance positive.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
-from fifthwheel.filters.update import ChannelUpdate, gate, joseph
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
 from fifthwheel.native import Scan, compiled
 
 
@@ -45,17 +49,18 @@ class Noise:
         return np.concatenate([pack_array(self.process), self.measurement, [limit]])
 
 
+class ChannelUpdate(NamedTuple):
+    """Result of one channel at one sample; scalars."""
+
+    innovation: ca.SX  # 0 if missing
+    variance: ca.SX  # of the innovation
+    accepted: ca.SX  # 1 if used, else 0
+
+
 def predict(
     model: Model, x: ca.SX, covariance: ca.SX, dt: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX, q: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Time update: the state after dt, its covariance F P F' + Q dt, and F.
-
-    Args:
-        x, covariance: state (n,) and P (n, n).
-        dt: s.
-        d, p, c: of the model.
-        q: Q per second (n, n).
-    """
+    """Time update: the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and F."""
     later = model.transition(x, dt, d, p, c)
     state_jacobian: ca.Function | None = getattr(model, "state_jacobian", None)
     if state_jacobian is not None:
@@ -77,25 +82,22 @@ def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX
     return y, H
 
 
-def report_outputs(model: Model, x: ca.SX, covariance: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Outputs of another model of the same state, and their variances without measurement noise."""
-    outputs, H = observe(model, x, d, p, c)
-    return outputs, ca.vertcat(*[H[i, :] @ covariance @ H[i, :].T for i in range(H.shape[0])])
+def report_outputs(
+    model: Model, x: ca.SX, covariance: ca.SX, considered: ca.SX, d: ca.SX, c: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Outputs of another model of the same state, and their variances without measurement noise; `considered` (n, k)
+    as in `correct_channel`."""
+    outputs, H = observe(model, x, d, ca.SX(0, 1), c)
+    rows = ca.vertsplit(H) if H.shape[0] else []
+    return outputs, ca.vertcat(*[h @ covariance @ h.T + ca.sumsqr(h @ considered) for h in rows])
 
 
 def correct(
     x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
 ) -> tuple[ca.SX, ca.SX, list[ChannelUpdate], list[tuple[ca.SX, ca.SX]]]:
-    """Measurement update, channel by channel.
+    """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`.
 
-    Args:
-        x, covariance: before the update, (n,) and (n, n).
-        predicted, H: of `observe`.
-        y, weight, r: measurements, their weights and variances, (m,) each.
-        limit: squared gate.
-
-    Returns:
-        State, covariance, the update of each channel, and (gain, row of H) of each channel.
+    It gives state, covariance, the update of each channel, and (gain, row of H) of each channel.
     """
     prior, nothing, channels, gains = x, (ca.SX(x.shape[0], 0), ca.SX(1, 0)), [], []
     for i in range(y.shape[0]):
@@ -125,16 +127,10 @@ def correct_channel(
     The weights are those for exact parameters. Optimal weights would correct the state as if the measurements showed
     the parameters, which a model error does too. The gate allows for the parameters.
 
-    Args:
-        x, covariance: as in `correct`; the covariance is that without the parameters.
-        innovation: measured less predicted at x.
-        row: derivative (1, n) of the measurement at x.
-        weight, r, limit: as in `correct`, of the channel.
-        considered: change (n, k) of the state before the update by one standard deviation of each of k parameters.
-        direct: further change (1, k) of the measurement.
-
-    Returns:
-        State, covariance, `considered` after the update, the update of the channel, and the gain (n, 1).
+    The innovation is measured less predicted at x, `row` (1, n) the derivative of the measurement there. One standard
+    deviation of each of k parameters changes the state by `considered` (n, k), and the measurement further by `direct`
+    (1, k); the covariance is that without them. It gives state, covariance, `considered`, the update of the channel,
+    and the gain (n, 1).
     """
     cross, effect = covariance @ row.T, row @ considered + direct
     exact = row @ cross + r
@@ -144,6 +140,17 @@ def correct_channel(
     covariance = joseph(covariance, cross, gain, row, r)
     channel = ChannelUpdate(weight * innovation, variance, accepted)
     return x + gain * innovation, covariance, considered - gain @ effect, channel, gain
+
+
+def joseph(covariance: ca.SX, cross: ca.SX, gain: ca.SX, row: ca.SX, noise: ca.SX) -> ca.SX:
+    """Joseph's form (I - K h) P (I - K h)' + K r K' for a channel y = h x + v, with cross = P h' and noise = r."""
+    left = covariance - gain @ cross.T
+    return left - (left @ row.T - noise * gain) @ gain.T
+
+
+def gate(innovation: ca.SX, variance: ca.SX, weight: ca.SX, limit: ca.SX) -> ca.SX:
+    """1 if the channel is measured (weight 1) and its innovation is within the squared gate `limit`, else 0."""
+    return weight * (innovation * innovation <= limit * variance)
 
 
 def channel_columns(channels: list[ChannelUpdate]) -> ca.SX:
@@ -160,17 +167,9 @@ def kalman_step(model: Model) -> ca.Function:
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P = packed_size(n_x)
-    carry, sample, constant = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", n_x + n_P),
-            ("sample", 1 + n_d + 2 * n_y),
-            ("constant", n_p + n_c + n_P + n_y + 1),
-        )
-    )
-    x, P = split(carry, [n_x, n_P])
-    dt, d, y, weight = split(sample, [1, n_d, n_y, n_y])
-    p, c, q, r, limit = split(constant, [n_p, n_c, n_P, n_y, 1])
+    carry, x, P = partitioned("carry", n_x, n_P)
+    sample, dt, d, y, weight = partitioned("sample", 1, n_d, n_y, n_y)
+    constant, p, c, q, r, limit = partitioned("constant", n_p, n_c, n_P, n_y, 1)
     before, P_before, _ = predict(model, x, unpack(P, n_x), dt, d, p, c, unpack(q, n_x))
     predicted, H = observe(model, before, d, p, c)
     after, P_after, channels, _ = correct(before, P_before, predicted, H, y, weight, r, limit)
@@ -192,8 +191,7 @@ def run_kalman(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x
     n_x, _, _, _, n_y = sizes(model)
     carry = np.concatenate([x0, pack_array(P0)])
     _, out = kalman_step(model)(carry, rows, np.concatenate([p, c, noise.vector()]))
-    n_P = packed_size(n_x)
-    edges = np.cumsum([n_x, n_P, n_y, n_y, n_y, n_x])
+    edges = np.cumsum([n_x, packed_size(n_x), n_y, n_y, n_y, n_x])
     x, P, innovation, variance, accepted, before, P_before = np.split(out, edges, axis=1)
     return Filtered(
         state=x,

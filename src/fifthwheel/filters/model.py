@@ -77,8 +77,14 @@ def unpack_array(vector: Array, n: int) -> Array:
 
 def split(vector: ca.SX, lengths: Sequence[int]) -> list[ca.SX]:
     """Split a column vector into consecutive vectors of these lengths."""
-    edges = np.concatenate([[0], np.cumsum(lengths)])
-    return [vector[int(a) : int(b)] for a, b in itertools.pairwise(edges)]
+    edges = [0, *itertools.accumulate(lengths)]
+    return [vector[a:b] for a, b in itertools.pairwise(edges)]
+
+
+def partitioned(name: str, *lengths: int) -> list[ca.SX]:
+    """A symbolic column vector, and its consecutive parts of these lengths."""
+    vector = ca.SX.sym(name, sum(lengths))
+    return [vector, *split(vector, lengths)]
 
 
 def sample_rows(dt: Array, inputs: Array, measured: Array) -> Array:

@@ -15,27 +15,28 @@ per sample are bounded. The two filters are lanes of one compiled step.
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import joint
-from fifthwheel.filters.joint_equations import JointLayout
+from fifthwheel.filters.joint import JointLayout
 from fifthwheel.filters.kalman import Noise
 from fifthwheel.filters.model import Model, pack_array, sizes, unpack_array
 from fifthwheel.filters.scaling import Scaling
+from fifthwheel.settings import Count, Limits, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class RelinearisationSettings:
+class RelinearisationSettings(Settings):
     """How often the second filter repeats a segment."""
 
-    max_passes: int = 4
+    max_passes: Annotated[int, Limits(ge=0)] = 4
     """Largest number of passes; with 0 the filter is an extended Kalman filter."""
-    lag: int = 200
+    lag: Annotated[int, Limits(ge=0)] = 200
     """Distance of the second filter behind the first one in the first pass, in samples."""
-    samples: int = 1000
+    samples: Count = 1000
     """Largest number of samples of a segment; then a new segment begins."""
     first_pass_limit: float = 0.5
     """The first pass is the last one if its result is within so many standard deviations of the first filter's."""
@@ -49,7 +50,7 @@ _MEMORY = (*_ARRAYS, "_base", "_count", "_position", "_pass", "_complete")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class JointEstimate:
     """Estimated parameters z and the effect of considered parameters c on them; see `joint`."""
 
     z: Array  # (n_z,)
@@ -59,32 +60,23 @@ class Estimate:
     information: Array  # (n_c,) of the score tests
 
     @classmethod
-    def prior(cls, n_z: int, n_c: int) -> "Estimate":
+    def prior(cls, n_z: int, n_c: int) -> "JointEstimate":
         """The estimate before the first sample."""
         none = np.zeros(n_c)
         return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=np.zeros((n_z, n_c)), gradient=none, information=none)
 
     @classmethod
-    def of(cls, vector: Array, layout: JointLayout) -> "Estimate":
+    def of(cls, vector: Array, layout: JointLayout) -> "JointEstimate":
         """The inverse of `vector`."""
-        start, n_z = layout.estimate.start, layout.n_z
-        z, Pz, B, gradient, information = (
-            vector[part.start - start : part.stop - start]
-            for part in (layout.z, layout.Pz, layout.B, layout.gradient, layout.information)
-        )
-        return cls(
-            z=z,
-            Pz=unpack_array(Pz, n_z),
-            B=B.reshape(n_z, layout.n_c, order="F"),
-            gradient=gradient,
-            information=information,
-        )
+        z, Pz, B, gradient, information = np.split(vector, np.cumsum(layout.lengths[3:-1]))
+        Pz, B = unpack_array(Pz, layout.n_z), B.reshape(layout.n_z, layout.n_c, order="F")
+        return cls(z=z, Pz=Pz, B=B, gradient=gradient, information=information)
 
     def vector(self) -> Array:
         """In the order of the carry."""
         return np.concatenate([self.z, pack_array(self.Pz), self.B.ravel(order="F"), self.gradient, self.information])
 
-    def with_variance_inflation(self, factor: float) -> "Estimate":
+    def with_variance_inflation(self, factor: float) -> "JointEstimate":
         """The estimate if `factor` innovations contain the information of one; no variance exceeds the prior's."""
         scale = np.sqrt(np.clip(1 / np.diag(self.Pz), 1.0, factor))
         return replace(
@@ -104,15 +96,8 @@ class RelinearisedFilter:
 
     The first lane of `carry`, `sample` and `output` belongs to the first filter, the second lane to the second filter.
     Of the first filter, `row` is the memory of its sample, `weights` of the weights there, and `innovations` of the
-    innovations over their standard deviations; Python accesses these views ten times as fast as an array.
-
-    Args:
-        model: of the samples.
-        c: parameters of the model that are not in z, (n_c,).
-        noise: of process and measurements.
-        scaling: of the parameters, the estimated ones first.
-        walk: (n_z,) rate with which the variance of each estimated z grows towards that of its prior, 1/s.
-        settings: when the second filter repeats a segment.
+    innovations over their standard deviations; Python accesses these views ten times as fast as an array. For c, noise,
+    scaling and walk see `joint.constants`.
     """
 
     def __init__(
@@ -145,21 +130,18 @@ class RelinearisedFilter:
         self._samples = np.zeros((settings.samples, k))
         self._sample_views = list(self._samples)
         self._variances = layout.Pz.start + np.cumsum([0, *range(n_z, 1, -1)])
-        self.set_estimate(Estimate.prior(n_z, n_p - n_z))
+        self.set_estimate(JointEstimate.prior(n_z, n_p - n_z))
 
-    def set_estimate(self, estimate: "Estimate") -> None:
+    def set_estimate(self, estimate: JointEstimate) -> None:
         """Set the estimate, and discard the segment."""
         self._estimate[:] = estimate.vector()
         self._base: Array | None = None  # point of linearisation of the second filter; None for the first filter's z
         self._clear_segment()
 
     def start(self, x: Array, P: Array, V: Array, d: Array) -> None:
-        """End the segment and set the state; the estimate stays.
+        """End the segment and set the state (n_x,), its covariance (n_x, n_x) and V = dx/dz (n_x, n_p).
 
-        Args:
-            x, P: state (n_x,) and covariance (n_x, n_x).
-            V: dx/dz (n_x, n_p).
-            d: inputs (n_d,). `sample` then contains them, with dt = 0 and without measurements.
+        The estimate stays. `sample` then contains the inputs d (n_d,), with dt = 0 and without measurements.
         """
         self.end_segment()
         self.carry[self.layout.x, 0] = x
@@ -169,23 +151,19 @@ class RelinearisedFilter:
         self._d[:] = d
         self._pause_second()
 
-    def estimate(self) -> "Estimate":
+    def estimate(self) -> JointEstimate:
         """The estimate after all passes over all samples.
 
         Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples.
         """
         vector, _ = self._finish_passes()
-        return Estimate.of(vector, self.layout)
+        return JointEstimate.of(vector, self.layout)
 
     def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:
-        """Process the sample in the first lane of `sample`: [dt, d, y, weight].
+        """Process the sample in the first lane of `sample`: [dt, d, y, weight]. `in_segment`: it belongs to a segment
+        with excitation; `learn`: the parameters are estimated from it.
 
-        Args:
-            in_segment: whether the sample belongs to a segment with excitation.
-            learn: whether the parameters are estimated from this sample.
-
-        Returns:
-            Whether a measurement was used, and whether the state must be started again.
+        It gives whether a measurement was used, and whether the state must be started again.
         """
         self.row[self._learn] = learn
         restart = False
@@ -297,7 +275,7 @@ class RelinearisedFilter:
 
         The state changes with z to first order, and its covariance increases by the square of that change.
         """
-        layout, estimate = self.layout, Estimate.of(vector, self.layout)
+        layout, estimate = self.layout, JointEstimate.of(vector, self.layout)
         V = self.carry[layout.V, 0].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
         difference = estimate.z - self._z
         change = V @ difference

@@ -6,14 +6,19 @@ which starts at the initial state with the best fit to the record.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack, unpack_array
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
 from fifthwheel.native import Scan, compiled
+
+CHUNK = 500
+"""Number of rows in one pass, which bounds the memory. The forward pass stores only the carry before each chunk; the
+backward pass repeats the filter chunk by chunk."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,17 +41,9 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P, n_report = packed_size(n_x), 0 if report is None else sizes(report)[3]
-    carry, sample, constant = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", n_x + n_P + 1 + n_d),
-            ("sample", 1 + n_d + 3 * n_y + n_x + n_P),
-            ("constant", n_p + n_c + n_P + n_y + 1 + n_report),
-        )
-    )
-    adjoint, information, dt_next, d_next = split(carry, [n_x, n_P, 1, n_d])
-    dt, d, y, _, accepted, before, P_before = split(sample, [1, n_d, n_y, n_y, n_y, n_x, n_P])
-    p, c, _, r, _, c_report = split(constant, [n_p, n_c, n_P, n_y, 1, n_report])
+    carry, adjoint, information, dt_next, d_next = partitioned("carry", n_x, n_P, 1, n_d)
+    sample, dt, d, y, _, accepted, before, P_before = partitioned("sample", 1, n_d, n_y, n_y, n_y, n_x, n_P)
+    constant, p, c, _, r, _, c_report = partitioned("constant", n_p, n_c, n_P, n_y, 1, n_report)
     information, P_before = unpack(information, n_x), unpack(P_before, n_x)
 
     predicted, H = kalman.observe(model, before, d, p, c)
@@ -57,7 +54,7 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     smoothed, P_smoothed = x - P @ adjoint, P - ca.mtimes([P, information, P])
     results = smoothed, pack(P_smoothed)
     if report is not None:
-        results = kalman.report_outputs(report, smoothed, P_smoothed, d, ca.SX(0, 1), c_report)
+        results = kalman.report_outputs(report, smoothed, P_smoothed, ca.SX(n_x, 0), d, c_report)
     for channel, (gain, row) in reversed(list(zip(channels, gains, strict=True))):
         used = channel.accepted
         correction = ca.SX.eye(n_x) - gain @ row
@@ -72,14 +69,31 @@ def run_smoother(
     model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x0: Array, P0: Array
 ) -> Smoothed:
     """Filter a record forwards, then smooth it backwards; arguments as in `kalman.run_kalman`."""
+    constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
+    (smoothed,) = smoothed_rows(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
+
+
+def smoothed_rows(model: Model, report: Model | None, rows: Array, carry: Array, constant: Array) -> Array:
+    """Outputs of `smoother_step` given all M rows, for B carries and constants of the filter, (B, M, n_output).
+
+    The constants have those of the report after those of the filter.
+    """
     n_x, n_d, _, _, n_y = sizes(model)
-    n_P = packed_size(n_x)
-    constant = np.concatenate([p, c, noise.vector()])
-    carry = np.concatenate([x0, pack_array(P0)])
-    _, out = kalman.kalman_step(model)(carry, rows, constant)
-    edges = np.cumsum([n_x, n_P, 2 * n_y, n_y])
-    _, _, _, accepted, predicted = np.split(out, edges, axis=1)
-    start = np.concatenate([np.zeros(n_x + n_P + 1), rows[-1, 1 : 1 + n_d]])
-    _, backward = smoother_step(model)(start, np.hstack([rows, accepted, predicted])[::-1], constant)
-    backward = backward[::-1]
-    return Smoothed(state=backward[:, :n_x], covariance=unpack_array(backward[:, n_x:], n_x))
+    forwards, backwards = kalman.kalman_step(model), smoother_step(model, report)
+    filter_constant, constant = constant[:, : forwards.n_constant], constant[:, : backwards.n_constant]
+    slices = [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
+    starts = [carry]
+    for chunk in slices[:-1]:
+        starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
+    back = np.zeros((len(carry), backwards.n_carry))
+    back[:, backwards.n_carry - n_d :] = rows[-1, 1 : 1 + n_d]
+    result = np.empty((len(carry), len(rows), backwards.n_output))
+    for chunk, start in zip(reversed(slices), reversed(starts), strict=True):
+        _, out = forwards.batch(start, rows[chunk], filter_constant)
+        samples = np.broadcast_to(rows[chunk], (len(carry), *rows[chunk].shape))
+        accepted_and_predicted = out[:, :, -(n_y + n_x + packed_size(n_x)) :]
+        samples = np.concatenate([samples, accepted_and_predicted], axis=2)
+        back, smoothed = backwards.batch(back, samples[:, ::-1], constant)
+        result[:, chunk] = smoothed[:, ::-1]
+    return result

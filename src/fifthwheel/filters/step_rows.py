@@ -45,9 +45,7 @@ PLAY_STEP = 0.0005
 def play_contact(steer: Array, play: float) -> Array:
     """On which side the play of a steering is in contact (N,), -0.5 to 0.5; the wheels are at steer - play * contact.
 
-    Args:
-        steer: angle of the steering (N,), rad.
-        play: angle between both contacts, rad.
+    `steer` (N,) is the angle of the steering, `play` the angle between both contacts, rad.
     """
     width = max(round(play / PLAY_STEP) * PLAY_STEP, SMALLEST_PLAY)
     _, contacts = _contact_step()(np.zeros(1), np.diff(steer)[:, None], np.array([width]))
@@ -66,13 +64,9 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     """Inputs of a record by name, (N,) each, shifted by their delays.
 
     The play of a steering changes its angle, unless its contact is an input of its own. The derivative of the speed, if
-    it is an input, has no delay.
-
-    Args:
-        record: of N samples.
-        names: of the inputs.
-        errors: of the sensors; "<name>.delay" is the delay of an input, s, "<name>.play" the play of a steering, rad at
-            the wheels, "<name>.gain" the angle of the wheels by that of the sensor.
+    it is an input, has no delay. Of the errors of the sensors, "<name>.delay" is the delay of an input, s,
+    "<name>.play" the play of a steering, rad at the wheels, and "<name>.gain" the angle of the wheels by that of the
+    sensor.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
@@ -113,13 +107,8 @@ def _shifted(time: Array, values: Array, delay: float) -> tuple[Array, Array]:
 def step_rows(
     model: ChainModel, vehicle: Vehicle, record: Record, *, errors: Mapping[str, float] | None = None
 ) -> StepRows:
-    """Rows of a record for a model.
-
-    Args:
-        model: gives inputs and outputs.
-        vehicle: with the numbers that determine the longest step.
-        record: of N samples.
-        errors: known errors of the steer sensors; delay and play change the input.
+    """Rows of a record for a model; `errors` as in `corrected_inputs`. The numbers of the vehicle determine the longest
+    step.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
@@ -135,10 +124,5 @@ def step_rows(
         if name in record.signals:
             measured[indices, i] = record.signals[name]
     first = {name: float(values[0]) for name, values in inputs.items()}
-    return StepRows(
-        rows=sample_rows(dt, d, measured),
-        time=fine,
-        sample_indices=indices,
-        first=first,
-        steer_sigma=steer_sigma(inputs),
-    )
+    rows, sigma = sample_rows(dt, d, measured), steer_sigma(inputs)
+    return StepRows(rows=rows, time=fine, sample_indices=indices, first=first, steer_sigma=sigma)

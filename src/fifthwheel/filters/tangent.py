@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, sizes, split, unpack
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.native import DirectionScan, compiled
 
 CHUNK = 2_000
@@ -61,19 +61,10 @@ def simulation_tangent(model: Model) -> ca.Function:
     output = [innovation, variance, weight], of which the innovation is differentiated.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
-    x, offset, variance, row, p, others = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("x", n_x),
-            ("offset", n_y),
-            ("variance", n_y),
-            ("row", 1 + n_d + 2 * n_y),
-            ("p", n_p),
-            ("others", n_c + 3 * n_y),
-        )
-    )
-    dt, d, y, weight = split(row, [1, n_d, n_y, n_y])
-    c, r, q, tau = split(others, [n_c, n_y, n_y, n_y])
+    moving, x, offset = partitioned("carry", n_x, n_y)
+    variance, p = ca.SX.sym("variance", n_y), ca.SX.sym("p", n_p)
+    row, dt, d, y, weight = partitioned("row", 1, n_d, n_y, n_y)
+    others, c, r, q, tau = partitioned("others", n_c, n_y, n_y, n_y)
     later = model.transition(x, dt, d, p, c)
     phi = ca.exp(-dt / tau)
     predicted, spread = phi * offset, phi * phi * variance + (1 - phi * phi) * q
@@ -81,7 +72,7 @@ def simulation_tangent(model: Model) -> ca.Function:
     gain = weight * spread / total
     return _with_directions(
         "simulation",
-        carry=(ca.vertcat(x, offset), variance),
+        carry=(moving, variance),
         sample=row,
         constant=(p, others),
         later=(ca.vertcat(later, predicted + gain * innovation), spread * (1 - gain)),
@@ -98,18 +89,10 @@ def innovations_tangent(model: Model) -> ca.Function:
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     n_P = packed_size(n_x)
-    carry, sample, p, others = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", n_x + n_P),
-            ("sample", 1 + n_d + 2 * n_y),
-            ("p", n_p),
-            ("others", n_c + n_P + n_y + 1),
-        )
-    )
-    x, P = split(carry, [n_x, n_P])
-    dt, d, y, weight = split(sample, [1, n_d, n_y, n_y])
-    c, q, r, limit = split(others, [n_c, n_P, n_y, 1])
+    p = ca.SX.sym("p", n_p)
+    carry, x, P = partitioned("carry", n_x, n_P)
+    sample, dt, d, y, weight = partitioned("sample", 1, n_d, n_y, n_y)
+    others, c, q, r, limit = partitioned("others", n_c, n_P, n_y, 1)
     before, P_before, _ = kalman.predict(model, x, unpack(P, n_x), dt, d, p, c, unpack(q, n_x))
     predicted, H = kalman.observe(model, before, d, p, c)
     after, P_after, channels, _ = kalman.correct(before, P_before, predicted, H, y, weight, r, limit)
@@ -124,7 +107,7 @@ def innovations_tangent(model: Model) -> ca.Function:
     )
 
 
-class Chunk(NamedTuple):
+class TangentChunk(NamedTuple):
     """Outputs and derivatives for consecutive rows of a record."""
 
     rows: slice  # of the record
@@ -141,16 +124,11 @@ def run_in_chunks(
     start_directions: Array,
     constant: Array,
     directions: Array,
-) -> Iterator[Chunk]:
-    """Outputs of a step and their derivatives over a record, in chunks of rows.
+) -> Iterator[TangentChunk]:
+    """Outputs of a step and their derivatives along k directions over N rows, in chunks of rows.
 
-    Args:
-        scan: `simulation_tangent` or `innovations_tangent` of a model.
-        rows: (N, n_sample).
-        start: carry before the first row, (n_carry,).
-        start_directions: derivative of the start along each of k directions, (k, n_carry_dot); k may be 0.
-        constant: of the step.
-        directions: derivative of the parameters along each direction, (k, n_p).
+    The carry before the first row and its derivatives are `start` (n_carry,) and `start_directions` (k, n_carry_dot);
+    k may be 0. `directions` (k, n_p) are the derivatives of the parameters.
     """
     only_start = np.asarray(~directions.any(axis=1))  # directions of the start alone: their effect may decay
     initial = np.abs(start_directions).max(axis=1, initial=0.0)
@@ -158,29 +136,20 @@ def run_in_chunks(
     for begin in range(0, len(rows), CHUNK):
         chunk = slice(begin, min(begin + CHUNK, len(rows)))
         result = scan(carry, rows[chunk], constant, carry_dot, directions[active], threads=os.cpu_count() or 1)
-        yield Chunk(chunk, result.output, result.output_dot, active)
+        yield TangentChunk(chunk, result.output, result.output_dot, active)
         remaining = np.abs(result.carry_dot).max(axis=1, initial=0.0)
         kept = ~only_start[active] | (remaining > DECAYED * initial[active])
         carry, carry_dot, active = result.carry, result.carry_dot[kept], active[kept]
 
 
 def simulation_start(x0: Array, q: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `simulation_tangent` before the first row, and its derivatives.
-
-    Args:
-        x0: initial state (n,).
-        q: variances of the discrepancies (m,).
-        x0_directions: derivative of x0 along each of the k directions, (k, n).
-    """
+    """Carry of `simulation_tangent` before the first row, and its derivatives, from the initial state (n,), the
+    variances of the discrepancies (m,), and the derivatives of x0 along k directions, (k, n)."""
     return np.concatenate([x0, np.zeros_like(q), q]), np.pad(x0_directions, ((0, 0), (0, len(q))))
 
 
 def innovations_start(x0: Array, P0: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `innovations_tangent` before the first row, and its derivatives; the initial covariance is constant.
-
-    Args:
-        x0, P0: initial state (n,) and covariance (n, n).
-        x0_directions: derivative of x0 along each of the k directions, (k, n).
-    """
+    """Carry of `innovations_tangent` before the first row, and its derivatives, as `simulation_start`; the initial
+    covariance (n, n) is constant."""
     packed = pack_array(P0)
     return np.concatenate([x0, packed]), np.pad(x0_directions, ((0, 0), (0, len(packed))))

@@ -1,12 +1,15 @@
 """Default variances of process and measurement noise, by quantity, for any chain of units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator
 
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, SignalName, channel_of
-from fifthwheel.errors import SignalError
+from fifthwheel.channels import CHANNELS, SignalName, channel_of, checked_name
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.settings import Cure, FinitePositive
 from fifthwheel.vehicle import Vehicle
 
 PROCESS_VARIANCE = {quantity: channel.state.process for quantity, channel in CHANNELS.items() if channel.state}
@@ -15,13 +18,29 @@ OBSERVER_PROCESS_VARIANCE = {q: channel.state.observer_process for q, channel in
 """Process noise of each state per second, SI squared, for the observation of states."""
 
 
-def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:
-    """Variance of a sensor's noise, SI squared: as given, else that of the article's gyros, else a default.
+Variances = Annotated[
+    Mapping[Annotated[str, AfterValidator(checked_name)], FinitePositive], Cure("give the noise variance in SI")
+]
+"""Noise variances by signal, SI squared; the type of a setting."""
 
-    Args:
-        vehicle: gives the first unit, whose gyros have other variances.
-        name: signal.
-        given: variances by signal.
+
+def require_units(vehicle: Vehicle, noise: Iterable[str]) -> None:
+    """Refuse noise of signals whose unit the vehicle does not have.
+
+    Raises:
+        SignalError: there is such a signal.
+    """
+    units = [unit.name for unit in vehicle.units]
+    for name in noise:
+        unit = SignalName.of(name).unit
+        if unit and unit not in units:
+            raise SignalError(f"noise, {name}: {vehicle.name} has no unit {unit!r}; {suggestion(unit, units)}")
+
+
+def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> float:
+    """Variance of a sensor's noise, SI squared: as given, by signal, else that of the article's gyros, else a default.
+
+    The gyros of the first unit of a vehicle have other variances.
     """
     if name in given:
         return given[name]
@@ -32,11 +51,5 @@ def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> 
 
 
 def process_covariance(states: Sequence[str], table: Mapping[str, float], factor: float = 1.0) -> Array:
-    """Q per second (n, n), diagonal.
-
-    Args:
-        states: names of the n states.
-        table: variance per second by quantity.
-        factor: of all variances.
-    """
+    """Q per second (n, n), diagonal: a factor times the variances per second of a table, by quantity."""
     return np.diag([factor * table[SignalName.of(name).quantity] for name in states])

@@ -9,6 +9,6 @@ from fifthwheel.fleet.attention import Attention
 from fifthwheel.fleet.manifest import Trip, read_manifest
 from fifthwheel.fleet.report import report
 from fifthwheel.fleet.run import FleetRun, run
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.options import FleetSettings
 
 __all__ = ["Attention", "FleetRun", "FleetSettings", "Trip", "read_manifest", "report", "run"]

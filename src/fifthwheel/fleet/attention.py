@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from fifthwheel.fleet.changes import OUTLIER
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.formatting import fixed, percent, with_sigma
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import FleetSettings
 
 REPEATED = 2
 """Trips with a doubt about the same sensor from which it needs attention."""

@@ -40,7 +40,7 @@ class Kind:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruckChange:
+class TripChange:
     """A change before one trip; an outlier is that trip itself."""
 
     kind: Kind
@@ -62,14 +62,14 @@ class TruckTrips:
     widening: Array  # factors (n,) of model error
 
 
-def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TruckChange], Walk, list[float]]:
+def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange], Walk, list[float]]:
     """The changes, the walk with their resets, and the normalised innovation squared of each trip as its p-value.
 
     `false_alarm` is the probability of a false alarm in one test.
     """
     from scipy.special import chdtrc, chdtri
 
-    changes, walk, skipped = list[TruckChange](), truck.walk, set[int]()
+    changes, walk, skipped = list[TripChange](), truck.walk, set[int]()
     states, p_values, last, n = list[State](), list[float](), 0, 0
     while n < len(truck.trips):
         before = walk.predict(states[n - 1] if n else truck.start, truck.trips, n)
@@ -91,7 +91,7 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TruckChang
         if alarm and found:
             kind, trip, probability = found
             changes.append(
-                TruckChange(
+                TripChange(
                     kind=kind,
                     trip=trip,
                     probability=probability,

@@ -15,12 +15,12 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
-from fifthwheel.fleet.changes import OUTLIER, Kind, TruckChange, TruckTrips, find_changes
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.fleet.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
 from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import FleetSettings
 
 DAY = 86_400.0
 """Seconds."""
@@ -40,7 +40,7 @@ class Owned:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SharedUnknowns:
+class UnknownLayout:
     """The unknowns of a truck, with the priors of their first trip."""
 
     unknowns: Mapping[Owned, int]
@@ -54,11 +54,11 @@ class Combined:
 
     truck: str
     rows: Sequence[Mapping[str, Any]]  # of its trips, in the order of time
-    layout: SharedUnknowns
+    layout: UnknownLayout
     observations: Sequence[Observation]
     states: Sequence[State]  # at each trip, from all trips
     widening: Array
-    changes: Sequence[TruckChange]
+    changes: Sequence[TripChange]
     p_values: Sequence[float]  # of each trip by its innovation
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
@@ -125,7 +125,7 @@ def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettin
     )
 
 
-def _layout(rows: Sequence[Mapping[str, Any]]) -> SharedUnknowns:
+def _layout(rows: Sequence[Mapping[str, Any]]) -> UnknownLayout:
     unknowns, considered = dict[Owned, int](), dict[Owned, int]()
     priors: list[Mapping[str, Any]] = []
     for row in rows:
@@ -144,14 +144,14 @@ def _layout(rows: Sequence[Mapping[str, Any]]) -> SharedUnknowns:
         lower=np.where([prior["non_negative"] for prior in priors], centre, -np.inf),
         upper=np.full_like(centre, np.inf),
     )
-    return SharedUnknowns(unknowns=unknowns, considered=considered, scaling=scaling)
+    return UnknownLayout(unknowns=unknowns, considered=considered, scaling=scaling)
 
 
 def _owner(name: str, row: Mapping[str, Any]) -> Owned:
     return owner(name, row["tractor"], row["trailer"], row["load"])
 
 
-def _observation(row: Mapping[str, Any], layout: SharedUnknowns) -> Observation:
+def _observation(row: Mapping[str, Any], layout: UnknownLayout) -> Observation:
     """The information of a trip for the priors of the layout: z of the trip = a z of the layout + b."""
     places = np.array([layout.unknowns[_owner(u["name"], row)] for u in row["unknowns"]], dtype=np.int64)
     considered = [layout.considered[_owner(name, row)] for name in row["considered"]]
@@ -173,7 +173,7 @@ def _observation(row: Mapping[str, Any], layout: SharedUnknowns) -> Observation:
     )
 
 
-def _without_zeros(trips: Sequence[Observation], layout: SharedUnknowns) -> list[Observation]:
+def _without_zeros(trips: Sequence[Observation], layout: UnknownLayout) -> list[Observation]:
     """The trips without the non-negative unknowns that all trips together determine as 0."""
     n, zeros = len(layout.unknowns), np.zeros(0, dtype=np.int64)
     bounded = np.flatnonzero(layout.scaling.lower == layout.scaling.centre)
@@ -213,7 +213,7 @@ def _widening(trips: Sequence[Observation], n: int) -> Array:
     return model_error_factors(np.asarray(np.linalg.inv(np.eye(n) + H)), M)
 
 
-def _rate(layout: SharedUnknowns, tyre_walk: float) -> Array:
+def _rate(layout: UnknownLayout, tyre_walk: float) -> Array:
     """Variance of z that each unknown gains in a day."""
     rate = np.zeros(len(layout.unknowns))
     for unknown, i in layout.unknowns.items():
@@ -226,7 +226,7 @@ def _is_stiffness(name: str) -> bool:
     return ParameterPath.of(name).quantity == "cornering_stiffness"
 
 
-def _kinds(layout: SharedUnknowns, trips: Sequence[Observation]) -> list[Kind]:
+def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
     """What may change: the tyres of an axle group, the load of a trailer, a sensor; or one trip is an outlier."""
     parameters = {u: i for u, i in layout.unknowns.items() if is_parameter(u.name)}
 

@@ -37,7 +37,7 @@ _KEYS = (
 
 
 @dataclass(frozen=True)
-class FleetDataset:
+class TripDataset:
     """The data set at a path."""
 
     path: str

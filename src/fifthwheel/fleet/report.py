@@ -10,9 +10,9 @@ import fifthwheel
 from fifthwheel import pages
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.changes import OUTLIER
-from fifthwheel.fleet.dataset import FleetDataset
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.formatting import percent, shown, with_sigma
+from fifthwheel.options import FleetSettings
 from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
@@ -37,7 +37,7 @@ def report(dataset: str | Path, out: str | Path) -> list[Attention]:
         FifthwheelError: the data set is missing or damaged.
         OSError: the file cannot be written.
     """
-    source = FleetDataset(str(dataset))
+    source = TripDataset(str(dataset))
     settings = FleetSettings(**source.settings()["fleet"])
     rows: dict[str, Sequence[Row]] = {
         name: source.table(name).to_pylist() for name in ("trucks", "trailers", "changes")

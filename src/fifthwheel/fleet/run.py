@@ -12,13 +12,13 @@ from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import Lost, connected, run_here, run_on
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.changes import WINDOWS
-from fifthwheel.fleet.dataset import FleetDataset, batches
+from fifthwheel.fleet.dataset import TripDataset, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
-from fifthwheel.fleet.settings import FleetSettings
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
 from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.settings import Progress
+from fifthwheel.options import FleetSettings
 
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""
@@ -99,7 +99,7 @@ def run(
             or no scheduler answers.
     """
     trips = read_manifest(str(manifest)) if isinstance(manifest, str | Path) else list(manifest)
-    dataset, settings, fleet = FleetDataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
+    dataset, settings, fleet = TripDataset(storage.checked(str(out))), settings or OneStage(), fleet or FleetSettings()
     result = FleetRun(path=dataset.path, trips=len(trips))
     with ExitStack() as stack:
         if not storage.is_remote(dataset.path):
@@ -122,7 +122,7 @@ def run(
     return result
 
 
-def _combine(dataset: FleetDataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
+def _combine(dataset: TripDataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
     """Combine all trips, and replace the tables of trucks, trailers, histories and changes."""
     index = dataset.index()
     groups = list(batches(index))

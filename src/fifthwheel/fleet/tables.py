@@ -8,9 +8,9 @@ import pyarrow as pa
 
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
-from fifthwheel.fleet.dataset import FleetDataset
-from fifthwheel.fleet.settings import FleetSettings
+from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.trips import DATE, numbers, texts
+from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of
 
 _LATEST = [
@@ -70,7 +70,7 @@ class Rows:
 
 def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> Rows:
     """The rows of the trucks of a batch, each with the digests of its trips in the data set."""
-    trips = {row["digest"]: row for row in FleetDataset(job.path).trips(d for _, digests in batch for d in digests)}
+    trips = {row["digest"]: row for row in TripDataset(job.path).trips(d for _, digests in batch for d in digests)}
     result = Rows()
     for truck, digests in batch:
         rows = [trips[digest] for digest in digests if digest in trips]

@@ -24,7 +24,7 @@ from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
-from fifthwheel.record.segments import segments_above
+from fifthwheel.record.record import segments_above
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
 
@@ -48,6 +48,12 @@ class LogData:
     def noise_model(self, channel: str) -> NoiseModel:
         """Noise model of a channel: its own, or white noise."""
         return self.noise_models.get(channel) or NoiseModel(white=self.noise[channel])
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Lowest and highest speed in the segments, m/s."""
+        speed = np.concatenate([segment.input("speed") for segment in self.segments])
+        return float(speed.min()), float(speed.max())
 
     def effective_variance(self, channel: str) -> float:
         """Noise variance of a channel times its autocorrelation factor."""
@@ -77,9 +83,20 @@ class Dataset:
     notes: tuple[str, ...]
     """For the user."""
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Measured signals that one stage compares with the model."""
+        return (*self.yaw, *self.roll, *self.lateral)
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Lowest and highest speed of the logs that the vehicle is identified on, m/s."""
+        lowest, highest = zip(*[log.speeds for log in self.logs], strict=True)
+        return min(lowest), max(highest)
+
     def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
         """The initial vehicle with estimated values; its source names the logs and their speeds."""
-        low, high = speed_range(self.logs)
+        low, high = self.speeds
         names = ", ".join(log.name for log in self.logs)
         source = f"{self.initial_vehicle.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
         return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
@@ -95,17 +112,9 @@ def prepare_dataset(
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
-    A measured channel without any sample, which the check refuses, counts as absent.
-
-    Args:
-        records: logs to identify the vehicle on.
-        vehicle: as known before.
-        settings: of the identification.
-        validate: logs that are only predicted.
-        findings: whether the signals are checked for plausibility, with notes on what was found.
-
-    Raises:
-        SignalError: a log cannot be used; the message names the signal and the remedy.
+    A measured channel without any sample, which the check refuses, counts as absent. Logs to `validate` are only
+    predicted. `findings`: whether the signals are checked for plausibility, with notes on the findings. A SignalError
+    names the signal that makes a log unusable, and the remedy.
     """
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
@@ -121,8 +130,7 @@ def prepare_dataset(
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
         notes.append(
             f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "
-            "assumed to "
-            "be 0."
+            "assumed to be 0."
         )
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
@@ -172,12 +180,6 @@ def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ..
     """Units with neither a yaw rate nor an articulation angle among the channels, such as a dolly, front to rear."""
     measured = {SignalName.of(name).unit for name in channels}
     return tuple(unit.name for unit in vehicle.units if unit.name not in measured)
-
-
-def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:
-    """Lowest and highest speed in the usable segments of logs, m/s."""
-    speed = np.concatenate([segment.input("speed") for log in logs for segment in log.segments])
-    return float(speed.min()), float(speed.max())
 
 
 def _require_distinct_names(records: Sequence[Record], everything: Sequence[Record]) -> None:

@@ -105,12 +105,8 @@ def score_tests(
 ) -> list[ScoreTest]:
     """The score test of every considered unknown, the largest |t| first.
 
-    Args:
-        names: of the k unknowns.
-        gradient: of the cost, with the prior (k,).
-        information: H (k, k), without the prior.
-        considered: names of the considered unknowns, whose z is 0.
-        suspects: those of them that are considered in score tests only.
+    The gradient (k,) of the cost contains the prior; the information H (k, k) does not. Suspects are considered in
+    score tests only.
     """
     fixed = np.array([name in considered for name in names])
     free = ~fixed
@@ -139,11 +135,9 @@ def score_tests(
 
 
 def most_likely(tests: Sequence[ScoreTest], *, softening: float = UNUSUAL_CHANGE) -> list[ScoreTest]:
-    """The tests with an unusual change that are about as likely as the first of them.
+    """The tests with an unusual change that are about as likely as the first of them, which has the largest |t|.
 
-    Args:
-        tests: the largest |t| first.
-        softening: size from which a softening is unusual.
+    A softening is unusual from the size `softening` on.
     """
     unusual = [t for t in tests if t.size > (softening if t.name.endswith(".softening") else UNUSUAL_CHANGE)]
     return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]

@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.dataset import LogData, speed_range
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
@@ -22,12 +22,9 @@ DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}
 
 
 def parameter_estimate(unknown: Unknown, value: float, sigma_z: float, verdict: Verdict, **others: Any) -> Estimate:
-    """The estimate of an unknown parameter.
+    """The estimate of an unknown parameter: value in SI, sigma_z in units of the prior.
 
-    Args:
-        value: SI.
-        sigma_z: standard deviation in units of the prior.
-        others: further fields of `Estimate`; by default the initial value is the prior mean and the stage is 1.
+    `others` are further fields of `Estimate`; by default the initial value is the prior mean and the stage is 1.
     """
     return Estimate(
         name=unknown.name,
@@ -49,10 +46,6 @@ def derived_from_payload_height(vehicle: Vehicle, estimates: Sequence[Estimate])
     """Laden CoG height (8) and roll inertia (9) of every unit with an estimated payload height.
 
     Each sigma is that of the payload height times the derivative, by forward differences.
-
-    Args:
-        vehicle: as identified.
-        estimates: of the parameters.
     """
     derived = []
     by_name = {e.name: e for e in estimates}
@@ -89,12 +82,6 @@ def derived_from_covariance(
 
     Each sigma is sqrt(g P g'), with P the joint covariance and g the derivative with respect to all its parameters. The
     verdict is the worst of the parameters on which the quantity depends.
-
-    Args:
-        initial_vehicle: before the identification.
-        vehicle: as identified.
-        estimates: of the parameters.
-        uncertainty: joint covariance P of parameters and sensor errors.
     """
     slopes, values = _derived_slopes(vehicle, uncertainty.names), vehicle.derived()
     derived = []
@@ -145,10 +132,7 @@ def sensor_error_estimates(
 ) -> list[SensorError]:
     """The sensor errors among the unknowns, in their order; those that belong to a log once for each log.
 
-    Args:
-        logs: with their own sensor errors.
-        shared: values of the sensor errors that all logs share, SI.
-        sigma_z: standard deviations in units of the prior; those of log i by "name@i".
+    `shared` are the values of those that all logs share, SI; `sigma_z` is in units of the prior, of log i by "name@i".
     """
     errors = []
     for u in unknowns:
@@ -171,14 +155,7 @@ def sensor_error_unit(name: str) -> str:
 
 
 def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: Array) -> LogSummary:
-    """What was used of a record.
-
-    Args:
-        record: as given.
-        log: its usable segments, with N samples in total, and the noise of its m channels.
-        outputs: the m channels.
-        accepted: (N, m), 1 where a measurement was used.
-    """
+    """What was used of a record: `accepted` (N, m) is 1 where a sample of a channel was used."""
     present = np.concatenate(
         [
             np.column_stack([np.isfinite(s.signals.get(name, np.full(len(s), np.nan))) for name in outputs])
@@ -192,7 +169,7 @@ def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: 
         span=record.span,
         samples=len(record),
         used=sum(s.span[1] - s.span[0] for s in log.segments),
-        speed=speed_range([log]),
+        speed=log.speeds,
         rejected={name: float(value) for name, value in zip(outputs, rejected, strict=True) if name in measured},
         noise={name: log.noise[name] for name in measured},
         notes=record.notes,
@@ -200,10 +177,5 @@ def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: 
 
 
 def used_signals(vehicle: Vehicle, logs: Sequence[LogSummary]) -> tuple[str, ...]:
-    """Inputs and measured signals of an identification.
-
-    Args:
-        vehicle: steered as logged.
-        logs: with the noise of their measured signals.
-    """
+    """Inputs of the vehicle, steered as logged, and measured signals of the logs."""
     return ("speed", *vehicle.steer_signals(), *dict.fromkeys(name for log in logs for name in log.noise))

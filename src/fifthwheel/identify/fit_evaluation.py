@@ -23,7 +23,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_factor, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
-from fifthwheel.identify.dataset import Dataset, LogData, speed_range
+from fifthwheel.identify.dataset import Dataset, LogData
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -63,11 +63,8 @@ def evaluate_fits(
 ) -> FitEvaluation:
     """Fits of all logs of a dataset, and whether they support the estimates.
 
-    Args:
-        logs: those of the dataset that were identified on, with their estimated noise; predicted logs get the noise of
-            the first.
-        fits_of: fits of a log, and whether the vehicle was identified on it.
-        settings: of the identification.
+    `logs` are those that the vehicle was identified on, with their estimated noise; predicted logs get that of the
+    first.
     """
     fits: list[Fit] = []
     notes: list[str] = []
@@ -79,11 +76,10 @@ def evaluate_fits(
             f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}; the estimates "
             "cannot be trusted. Check the signal, the vehicle file and the initial values."
         )
-    speeds = speed_range(logs)
     for log in dataset.validation:
         log = replace(log, noise=logs[0].noise)
         fits += fits_of(log, False)
-        notes += _speed_notes(log, speeds)
+        notes += _speed_notes(log, dataset.speeds)
     return FitEvaluation(fits=tuple(fits), notes=tuple(notes), trusted=not unexplained)
 
 
@@ -100,7 +96,7 @@ def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> boo
 
 def _speed_notes(log: LogData, speeds: tuple[float, float]) -> list[str]:
     """A note if a log leaves the range of speeds (m/s) by more than the margin."""
-    (low, high), (slow, fast) = speeds, speed_range([log])
+    (low, high), (slow, fast) = speeds, log.speeds
     if slow >= (1 - SPEED_MARGIN) * low and fast <= (1 + SPEED_MARGIN) * high:
         return []
     return [
@@ -118,15 +114,9 @@ def free_run_fits(
     values: Mapping[str, float],
     identified_on: bool,
 ) -> list[Fit]:
-    """Fit of every channel of a log; a channel without variance or with fewer than three samples has none.
+    """Fit of every channel of a log by a model without free parameters; see `channel_fits`.
 
-    Args:
-        model: without free parameters.
-        vehicle: as identified.
-        log: with the noise of its channels.
-        unknowns: the sensor offsets among them have their priors here.
-        values: sensor gains and delays, SI.
-        identified_on: whether the vehicle was identified on this log.
+    The sensor offsets among the unknowns have their priors here; `values` are sensor gains and delays, SI.
     """
     runs = [_free_run(model, vehicle, log, segment, unknowns, values) for segment in log.segments]
     designs = [_Design(len(run.time), run.own, run.shared, 1 / run.deviation) for run in runs]
@@ -146,12 +136,7 @@ def channel_fits(
 ) -> list[Fit]:
     """Fit of every channel; a channel without variance or with fewer than three samples has none.
 
-    Args:
-        log: its name.
-        channels: the m channels.
-        time: (N,) s.
-        measured, predicted: (N, m).
-        identified_on: whether the vehicle was identified on this log.
+    `time` (N,) is in s, `measured` and `predicted` are (N, m).
     """
     fits = []
     for name, y, y_hat in zip(channels, measured.T.copy(), predicted.T.copy(), strict=True):
@@ -295,9 +280,7 @@ def _decayed(response: Array) -> bool:
 def _robust_solution(designs: Sequence[_Design], targets: Sequence[Array]) -> list[Array]:
     """theta (j,) of each segment in units of its prior, by least squares in three iterations without outliers.
 
-    Args:
-        designs: of each segment, in units of noise and prior.
-        targets: (N, m) of each segment, in units of noise; NaN where not measured.
+    Designs and targets (N, m) are in units of the noise; a target is NaN where not measured.
     """
     weights = [np.isfinite(target).astype(float) for target in targets]
     for _ in range(3):

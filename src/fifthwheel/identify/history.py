@@ -36,12 +36,8 @@ class ParameterHistory:
         )
 
     def settled_row(self, name: str, tolerance: float, *, first: int = 0) -> int | None:
-        """The row since which a parameter has settled (`settled_since`), counted from row `first`; None if it has not.
-
-        Args:
-            tolerance: fraction of the value.
-            first: rows before this one are not used.
-        """
+        """The row since which a parameter stays within a fraction of its value (`settled_since`), counted from row
+        `first`; None if it does not."""
         values = self.values[first:, self.names.index(name)]
         row = settled_since(values, tolerance)
         return row if is_settled(row, len(values)) else None

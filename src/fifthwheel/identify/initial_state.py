@@ -23,14 +23,9 @@ def steady_state(
     values: Mapping[str, float],
     bank: float = 0.0,
 ) -> Array:
-    """The steady state (n,) of constant inputs.
+    """The steady state (n,) of constant inputs, speed and steer angles by name, on a road with a bank, rad.
 
-    Args:
-        model: which states there are.
-        vehicle: its parameters.
-        inputs: speed and steer angles by name.
-        values: of model parameters, SI; they replace parameters of the vehicle and give steering offsets and gains.
-        bank: of the road, rad.
+    `values` of model parameters, SI, replace those of the vehicle, and give steering offsets and gains.
     """
     x0, _ = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
     return np.append(x0, bank) if model.bank else x0

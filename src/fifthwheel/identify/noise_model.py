@@ -68,9 +68,7 @@ class NoiseModel:
 def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
     """The noise model of the residuals of one channel by maximum likelihood.
 
-    Args:
-        segments: residuals of each segment (N_i,), without missing samples.
-        dt: sample interval, s.
+    Each segment has residuals (N_i,) without missing samples, at intervals of dt, s.
     """
     long = [s for s in segments if len(s) >= FEWEST_SAMPLES]
     total = max(float(np.mean(np.concatenate(list(segments)) ** 2)), np.finfo(float).tiny)
@@ -81,27 +79,16 @@ def fit_noise_model(segments: Sequence[Array], dt: float) -> NoiseModel:
 
 
 def fit_spectrum(frequency: Array, density: Array, dt: float, duration: float) -> NoiseModel:
-    """The noise model that residuals with a given spectrum would have.
+    """The noise model that residuals at intervals of dt, s, over a duration, s, would have with a given spectrum.
 
-    Args:
-        frequency: (N,) Hz, as those of a periodogram.
-        density: (N,) one-sided, SI squared per Hz.
-        dt: sample interval, s.
-        duration: of the residuals, s.
+    Frequencies (N,), Hz, as those of a periodogram; the density (N,) is one-sided, SI squared per Hz.
     """
     total = max(float(density.sum() / (len(frequency) * 2 * dt)), np.finfo(float).tiny)
     return _fit(*_binned(frequency, density), dt, duration, total)
 
 
 def _fit(frequency: Array, density: Array, count: Array, dt: float, duration: float, total: float) -> NoiseModel:
-    """The noise model of a binned periodogram.
-
-    Args:
-        frequency, density, count: of each bin, as `_binned` gives them.
-        dt: sample interval, s.
-        duration: of the longest segment, s.
-        total: variance of the residuals, SI squared.
-    """
+    """The noise model of a periodogram in bins (`_binned`), with the total variance of the residuals, SI squared."""
     if len(frequency) < 4:
         return NoiseModel(white=total)
     high = max(float(np.median(density[-max(len(density) // 6, 1) :])) / (2 * dt), 1e-4 * total)

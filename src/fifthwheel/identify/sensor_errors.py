@@ -7,7 +7,6 @@ import numpy as np
 
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
@@ -17,6 +16,7 @@ from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 
 OTHER_ROAD = 0.7
 """Standard deviation of ln friction from one road to another: half or twice as large."""

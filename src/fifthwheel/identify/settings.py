@@ -2,20 +2,27 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from fifthwheel.dynamics.saturation import DEFAULTS, FRICTION, FRICTION_RANGE, TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.variances import Variances
+from fifthwheel.names import ends_with
+from fifthwheel.options import Friction
+from fifthwheel.settings import Count, Cure, FinitePositive, Positive, Settings
+from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
 from fifthwheel.vehicle.uncertainty import Change
 
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
 
+RelativeSigmas = Annotated[Mapping[str, FinitePositive], Cure("give a standard deviation as a fraction of the value")]
+
 
 @dataclass(frozen=True, kw_only=True)
-class CommonSettings:
+class CommonSettings(Settings):
     """Settings that both methods share."""
 
     preset: str = "default"
@@ -24,11 +31,11 @@ class CommonSettings:
     """Parameters that keep the value of the vehicle file. The article fixes the front stiffness of its test vehicle."""
     initial_payload_height: float | None = 0.1
     """Initial value of a payload height, m; None takes the value of the vehicle file."""
-    prior: float = 0.3
+    prior: Positive = 0.3
     """Prior standard deviation of an estimated stiffness or inertia, as a fraction of its initial value."""
-    height_prior: float = 1.0
+    height_prior: Positive = 1.0
     """Prior standard deviation of a payload height, m."""
-    tolerance: float = 0.01
+    tolerance: Positive = 0.01
     """A parameter has settled when it stays within this fraction of its value. Two stages stop when a pass changes no
     parameter by more than a tenth of this fraction, or of its sigma if that is larger."""
     relaxation: bool = True
@@ -46,17 +53,17 @@ class CommonSettings:
     """Prior standard deviation of the bias of a gyro, rad/s; each log has its own."""
     articulation_offset_prior: float = 0.01
     """Prior standard deviation of the offset of an articulation sensor, rad; each log has its own."""
-    noise: dict[str, float] = field(default_factory=dict)
+    noise: Variances = field(default_factory=dict)
     """Noise variance by signal, SI squared. A signal that is not listed starts from the article's R."""
     adapt_noise: bool = True
     """Rescale R to the variance of the residuals after every pass or step."""
     process_noise: float = 1.0
     """Process noise as a multiple of the default (`filters.variances.PROCESS_VARIANCE`); the article has none."""
-    gate: float = 6.0
+    gate: Positive = 6.0
     """Measurements with an innovation beyond this number of standard deviations are rejected."""
-    min_speed: float = 5.0
+    min_speed: Positive = 5.0
     """Segments below this speed are not used, m/s: the linear tyre model does not hold there."""
-    correlation_time: float = 3.0
+    correlation_time: Positive = 3.0
     """Longest time over which residuals may be autocorrelated, s; used for sigma."""
     excited: float = 0.5**0.5
     """A parameter is excited when the logs bring its sigma below this fraction of the prior sigma. At the default the
@@ -66,16 +73,6 @@ class CommonSettings:
 
     method: ClassVar[str]
     """Name of the method in a result."""
-
-    def __post_init__(self) -> None:
-        require_positive(self, "prior", "height_prior", "tolerance", "gate", "min_speed", "correlation_time")
-        for name, variance in self.noise.items():
-            if not 0 < variance < math.inf:
-                raise SignalError(f"{name}: expected a finite variance above 0, got {variance}")
-
-    def as_dict(self) -> dict[str, Any]:
-        """All fields by name."""
-        return asdict(self)
 
 
 METHODS = {"one-stage": "fifthwheel.identify.settings:OneStage", "two-stage": "fifthwheel.cheng_cebon_2011:TwoStage"}
@@ -93,12 +90,6 @@ def settings_class(method: str) -> type[CommonSettings]:
     module, _, name = METHODS[method].partition(":")
     found: type[CommonSettings] = getattr(import_module(module), name)
     return found
-
-
-def require_positive(settings: CommonSettings, *names: str) -> None:
-    for name in names:
-        if not getattr(settings, name) > 0:
-            raise SignalError(f"{name}: expected a number above 0, got {getattr(settings, name)}")
 
 
 MODEL_ERRORS: Mapping[str, float] = {
@@ -121,6 +112,7 @@ DEFAULT_CONSIDERED: Mapping[str, float] = {
     "sprung.roll_inertia": 0.2,
     "yaw_inertia": 0.1,
     "relaxation_length": 0.2,
+    "pneumatic_trail": 0.2,
     "tyre.shape": 0.12,
     "tyre.stiffness_load_sensitivity": 0.4,
     "tyre.friction_load_sensitivity": 0.5,
@@ -149,10 +141,10 @@ class OneStage(CommonSettings):
     free: tuple[str, ...] | None = None
     """Paths of the estimated parameters; None for the cornering stiffness of every axle group, the yaw inertia of every
     unit behind the first, and every payload height."""
-    priors: Mapping[str, float] = field(default_factory=dict)
+    priors: RelativeSigmas = field(default_factory=dict)
     """Uncertain parameters that are estimated too: prior standard deviation as a fraction of the value, by path or end
     of a path (the longest that matches counts)."""
-    consider: Mapping[str, float] = field(default_factory=lambda: dict(DEFAULT_CONSIDERED))
+    consider: RelativeSigmas = field(default_factory=lambda: dict(DEFAULT_CONSIDERED))
     """Considered parameters (Schmidt): they keep the value of the vehicle file, and every sigma includes their
     uncertainty. Same form as `priors`. Estimated, they would absorb model error, because a log hardly separates them
     from the estimated parameters. Empty if the rest of the vehicle file is exact."""
@@ -162,21 +154,21 @@ class OneStage(CommonSettings):
     uniform_payload: bool = True
     """The payload fills its width and height uniformly, so that its height gives CoG height (8) and roll inertia (9).
     False estimates `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body separately."""
-    roll_inertia_prior: float = 0.6
+    roll_inertia_prior: Positive = 0.6
     """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
     the same height may be a point, or stand along the sides."""
-    tyres: TyreLaw | Literal["auto"] = "linear"
+    tyres: Literal["linear", "saturating", "auto"] = "linear"
     """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
-    and which is estimated too (`dynamics.saturation`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
+    and which is estimated too (`dynamics.tyres`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
     in a `Learner` saturating."""
-    friction: float = DEFAULTS[FRICTION]
+    friction: Friction = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
-    friction_prior: float = 0.4
+    friction_prior: Positive = 0.4
     """Prior standard deviation of the friction, as a fraction of its median."""
     form: Literal["output_error", "prediction_error"] = "output_error"
     """Output error: residuals of the model without correction by measurements; more robust to model error. Prediction
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
-    rate_gain_prior: float = 0.005
+    rate_gain_prior: Positive = 0.005
     """Prior standard deviation of the gain of a gyro; all logs share it."""
     steer_play_prior: float = math.radians(0.2)
     """Prior standard deviation of the play between steer sensor and road wheels, rad at the wheels; all logs share it.
@@ -199,33 +191,23 @@ class OneStage(CommonSettings):
     states none."""
     accelerometer_height_prior: float = 0.3
     """The same for its height, m."""
-    bank_prior: float = 0.03
+    bank_prior: Positive = 0.03
     """Prior standard deviation of the road's bank, rad; each segment has its own. In the prediction-error form: of the
     bank at the start of a segment."""
     bank_walk: float = 0.002
     """Standard deviation that the bank gains in one second, rad; prediction-error form only."""
-    outlier: float = 4.0
+    outlier: Positive = 4.0
     """Residuals beyond this number of standard deviations get less weight (Huber 1964)."""
-    iterations: int = 50
+    iterations: Count = 50
     """Largest number of steps."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(
-            self, "roll_inertia_prior", "rate_gain_prior", "bank_prior", "outlier", "iterations", "friction_prior"
-        )
-        for name, sigma in {**self.priors, **self.consider}.items():
-            if not 0 < sigma < math.inf:
+        for name in self.free or ():
+            if any(ends_with(name, fixed) for fixed in self.fixed):
                 raise SignalError(
-                    f"{name}: expected a standard deviation above 0, as a fraction of the value, got {sigma}"
+                    f"free, {name}: expected a parameter that is not fixed; remove it from free or from fixed"
                 )
-        if self.tyres not in ("linear", "saturating", "auto"):
-            raise SignalError(f"tyres: expected linear, saturating or auto, got {self.tyres!r}; choose one of them")
-        if not FRICTION_RANGE[0] <= self.friction <= FRICTION_RANGE[1]:
-            raise SignalError(
-                f"friction: expected between {FRICTION_RANGE[0]} and {FRICTION_RANGE[1]}, got {self.friction}; a dry "
-                "road has 0.75"
-            )
 
     @property
     def tyre_law(self) -> TyreLaw:

@@ -12,11 +12,14 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.scaling import Scaling
+from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
+    expand_names,
     given_parameters,
     group_paths,
+    lacks_roll_rate,
     one_stage_unknowns,
     suspects,
     time_base_delays,
@@ -29,7 +32,12 @@ STIFFENING = 0.5
 
 
 def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
-    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body."""
+    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body.
+
+    Raises:
+        SignalError: noise of a signal whose unit the vehicle does not have.
+    """
+    require_units(vehicle, settings.noise)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
     return vehicle if getattr(settings, "uniform_payload", True) else vehicle.lumped()
@@ -71,8 +79,7 @@ class Setup:
     def with_time_bases(self, time_bases: Mapping[str, str]) -> "Setup":
         """The setup with the delay of each further time base, and with the suspects of score tests.
 
-        Args:
-            time_bases: of signals, by their names; signals that are not listed are on the main one.
+        Signals that `time_bases` does not list are on the main one.
         """
         main = time_bases.get(self.vehicle.steer_signals()[0], "")
         more = time_base_delays(time_bases, main, self.outputs, self.settings)
@@ -86,6 +93,16 @@ class Setup:
             for u in self.unknowns
         ]
         return replace(self, unknowns=tuple(unknowns))
+
+    @cached_property
+    def fixed(self) -> tuple[str, ...]:
+        """Paths of the parameters that the settings fix."""
+        return tuple(expand_names(self.vehicle, self.settings.fixed, self.settings))
+
+    @cached_property
+    def without_roll_rate(self) -> frozenset[str]:
+        """Estimated parameters that are identifiable only from a roll rate that is not measured."""
+        return frozenset(name for name in self.estimated if lacks_roll_rate(name, self.outputs))
 
     @property
     def inputs(self) -> tuple[str, ...]:

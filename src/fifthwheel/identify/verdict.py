@@ -1,11 +1,10 @@
 """The verdict on an estimate, and all rules that decide it."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
 
 
@@ -44,25 +43,17 @@ def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: fl
 
 
 def uninformed_parameters(
-    posterior: Posterior, names: Sequence[str], channels: Collection[str], limit: float
+    posterior: Posterior, names: Sequence[str], without_roll_rate: Iterable[str], limit: float
 ) -> dict[str, Verdict]:
     """The estimated parameters that the logs do not determine, each with NOT_EXCITED or NOT_IDENTIFIABLE.
 
-    These are the parameters that `information_verdicts` does not call CONVERGED, and the roll parameters of a unit
-    without a roll rate.
-
-    Args:
-        names: of the estimated parameters.
-        channels: measured signals.
-        limit: fraction of the prior sigma.
+    These are the parameters that `information_verdicts` does not call CONVERGED, and those `without_roll_rate`. The
+    limit is a fraction of the prior sigma.
     """
     verdicts = information_verdicts(posterior, [posterior.names.index(name) for name in names], limit)
     uninformed: dict[str, Verdict] = {posterior.names[i]: v for i, v in verdicts.items() if v is not Verdict.CONVERGED}
     excited = len(uninformed) < len(names) or Verdict.NOT_IDENTIFIABLE in uninformed.values()
-    for name in names:
-        if lacks_roll_rate(name, channels):
-            uninformed[name] = Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED
-    return uninformed
+    return uninformed | dict.fromkeys(without_roll_rate, Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED)
 
 
 def estimate_verdict(
@@ -76,14 +67,9 @@ def estimate_verdict(
 ) -> Verdict:
     """NOT_EXCITED, AT_BOUND, NOT_CONVERGED, DOUBTFUL or CONVERGED: the first that applies.
 
-    At a bound means closer to it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound.
-
-    Args:
-        value: estimate, SI.
-        sigma_z: its standard deviation in units of the prior.
-        excited: a parameter is excited if sigma_z is below this limit.
-        converged: whether the estimation has converged and the model explains the logs.
-        doubtful: whether there is a doubt (`doubts`) that concerns the parameter.
+    A parameter is excited if sigma_z, in units of the prior, is below the limit `excited`. At a bound means closer to
+    it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound. `converged`: the estimation
+    has converged and the model explains the logs; `doubtful`: a doubt (`doubts`) concerns the parameter.
     """
     if not sigma_z < excited:
         return Verdict.NOT_EXCITED

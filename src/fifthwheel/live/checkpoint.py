@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.online import LearnedValue, Learner
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 from fifthwheel.observe import Status
 from fifthwheel.vehicle import Vehicle
 
@@ -59,9 +59,9 @@ class Learning:
         self._looked, self._changed = -math.inf, -math.inf
 
     @property
-    def faults(self) -> Fault:
-        """`Fault.CHANGED` for some time after a change."""
-        return Fault.CHANGED if self._looked - self._changed < REPORTED else Fault.NONE
+    def faults(self) -> LiveFault:
+        """`LiveFault.CHANGED` for some time after a change."""
+        return LiveFault.CHANGED if self._looked - self._changed < REPORTED else LiveFault.NONE
 
     def reset(self) -> None:
         """A learner starts its states again by itself."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
-from fifthwheel.live.status import HARMLESS, Fault, Health, NodeStatus
+from fifthwheel.live.status import HARMLESS, Health, LiveFault, NodeStatus
 from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
@@ -39,8 +39,8 @@ class Output:
     time: float  # since the start of the node, s; always increasing
     bus_time: float  # the same instant by the clock of the bus, s
     status: NodeStatus
-    faults: Fault
-    problems: Mapping[str, Fault]  # fault of a column
+    faults: LiveFault
+    problems: Mapping[str, LiveFault]  # fault of a column
     states: Mapping[str, float]
     """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
     observer also "nis", with a learner "learning"."""
@@ -63,7 +63,7 @@ class Node:
         extra: tuple[str, ...] = (),
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
-        self.faults = Fault.NONE
+        self.faults = LiveFault.NONE
         """Faults that the node cannot see, such as those of the bus; see `set_fault`."""
         self.extra: dict[str, float] = {}
         """Last valid value of the extra columns."""
@@ -75,7 +75,7 @@ class Node:
         self._answer: Mapping[str, float] = _INPUT_MISSING
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
 
-    def set_fault(self, fault: Fault, present: bool) -> None:
+    def set_fault(self, fault: LiveFault, present: bool) -> None:
         """Set or clear a fault that the node cannot see."""
         if (int(self.faults) & int(fault) != 0) != present:  # operations on flags are slow
             self.faults ^= fault
@@ -139,11 +139,11 @@ class Node:
         problems = self._health.problems(cycle.time)
         faults = self.faults | self._health.faults(problems)
         if cycle.time - self._jumped < SHOWN:
-            faults |= Fault.TIME_JUMP
+            faults |= LiveFault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
-            faults |= Fault.OVERLOAD
+            faults |= LiveFault.OVERLOAD
         if wheel_lifts(answer):
-            faults |= Fault.WHEEL_LIFT
+            faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
         if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):

@@ -12,7 +12,7 @@ from fifthwheel.live.node import Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
 from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 
 PARAMETER_PERIOD = 0.1
 """Time between two frames with a parameter, s."""
@@ -55,7 +55,7 @@ class Session:
             self._send(self.encoder, self.bus, output)
         if self.recorder is not None:
             self.recorder.add(self.row(output))
-        self.node.set_fault(Fault.NOT_RECORDED, bool(self.writer.errors))
+        self.node.set_fault(LiveFault.NOT_RECORDED, bool(self.writer.errors))
         for view in self.views:
             view.show(output)
 
@@ -103,7 +103,7 @@ class Session:
         return "  ".join(words)
 
     def _learn(self, learning: Learning) -> None:
-        self.node.set_fault(Fault.CHANGED, bool(learning.faults))
+        self.node.set_fault(LiveFault.CHANGED, bool(learning.faults))
         if (number := self.node.extra.get(self.trailer_column)) is not None:
             learning.couple(f"{number:.0f}")
         if self.checkpoint is not None:
@@ -120,7 +120,7 @@ class Session:
             self._sent_parameter = output.time
             self._next = (self._next + 1) % len(parameters)
             frames.append(encoder.encode_parameter(parameters[self._next], output.bus_time))
-        self.node.set_fault(Fault.NOT_SENT, bool(frames and bus.send(frames)))
+        self.node.set_fault(LiveFault.NOT_SENT, bool(frames and bus.send(frames)))
 
 
 def _words(name: str) -> str:

@@ -3,13 +3,12 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from datetime import datetime
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 from fifthwheel._atomic import reserved
-from fifthwheel.dynamics.saturation import TyreLaw
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
@@ -24,77 +23,54 @@ from fifthwheel.logs import LiveMap, SignalMap
 from fifthwheel.logs.can.database import load
 from fifthwheel.logs.can.decoder import FrameDecoder, signal_columns
 from fifthwheel.logs.signal_map import TimeColumn
-from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.observe import Observer
+from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import exported_observer, read_vehicle
 
 
-@dataclass(frozen=True, kw_only=True)
-class Inputs:
-    """Where frames and knowledge of the truck come from."""
-
-    vehicle: str  # name in the catalogue, or file
-    signals: Path
-    buses: tuple[str, ...] = ()
-    bitrate: int | None = None  # bit/s; None where it is set outside
-    trace: Path | None = None  # instead of a bus
-    speed: float = 1.0  # of the replay; 0 for as fast as possible
-    identification: Path | None = None
-    learn: bool = False
-    state: Path | None = None  # file of the learned estimates
-    trailer: str | None = None
-    trailer_signal: str | None = None  # Message.Signal with the number of the trailer
-    locks: tuple[str, ...] = ()  # parameters that are not learned
-    tyres: TyreLaw = "linear"  # law of the side forces that is learned
-    min_speed: float = 5.0  # m/s
-    friction: float | None = None
-    half_track: float = ObserverSettings.half_track  # m; see `ObserverSettings`
-    allow_outside: bool = False  # see `SignalMap.load`
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outputs:
-    """Where states and parameters go to."""
-
-    send: int | None = None  # first id of the frames
-    send_rate: float = 100.0  # Hz
-    dbc: Path = Path("fifthwheel-live.dbc")
-    record: Path | None = None
-    page: str | None = None  # port, or HOST:PORT
-    force: bool = False  # replace a record that exists
-
-
 @contextmanager
 def opened(
-    inputs: Inputs, outputs: Outputs, stop: threading.Event, say: Callable[[str], object]
+    vehicle: str,
+    signals: Path,
+    chosen: LiveOptions,
+    observer: ObserverOptions,
+    *,
+    allow_outside: bool = False,
+    force: bool = False,
+    stop: threading.Event,
+    say: Callable[[str], object],
 ) -> Iterator[tuple[Session, Iterator[Output]]]:
     """A session and the outputs for it, until `stop` is set or the trace ends; then everything is closed.
 
-    `say` receives sentences for the user. A FifthwheelError if an input cannot be used, or an output cannot be written.
+    `say` receives sentences for the user. A FifthwheelError if options contradict each other, an input cannot be
+    used, or an output cannot be written.
     """
-    vehicle = read_vehicle(inputs.vehicle)
-    signal_map = SignalMap.load(inputs.signals, allow_outside=inputs.allow_outside)
-    if inputs.trace is not None and not inputs.trace.is_file():
-        raise FifthwheelError(f"{inputs.trace}: no such file; check the path")
-    with reserved(outputs.record, force=outputs.force), reserved(inputs.state, force=True), ExitStack() as stack:
-        session = _session(inputs, outputs, vehicle, signal_map, say)
+    _require_consistent(chosen, observer)
+    speed = _speed(chosen.rate)
+    truck, signal_map = read_vehicle(vehicle), SignalMap.load(signals, allow_outside=allow_outside)
+    if chosen.replay is not None and not chosen.replay.is_file():
+        raise FifthwheelError(f"{chosen.replay}: no such file; check the path")
+    recorded = Path(datetime.now().strftime(str(chosen.record))) if chosen.record else None
+    with reserved(recorded, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
+        session = _session(chosen, observer, truck, signal_map, recorded, say)
         stack.callback(_report, session, say)
         stack.callback(session.close)
-        if outputs.page is not None:
+        if chosen.page is not None:
             from fifthwheel.live.page.server import Page
 
-            page = Page(outputs.page, vehicle, session)
+            page = Page(chosen.page, truck, session)
             session.views = [page]
             say(f"Page: {page.address}")
-        if inputs.trace is not None:
+        if chosen.replay is not None:
             notes: list[str] = []
             stack.callback(lambda: [say(note) for note in notes])
-            frames = takewhile(lambda _: not stop.is_set(), read_trace(inputs.trace, notes))
-            yield session, replay(session.node, frames, speed=inputs.speed, sleep=stop.wait)
+            frames = takewhile(lambda _: not stop.is_set(), read_trace(chosen.replay, notes))
+            yield session, replay(session.node, frames, speed=speed, sleep=stop.wait)
             return
-        arrivals, options = frame_queue(), {"bitrate": inputs.bitrate} if inputs.bitrate else {}
+        arrivals, options = frame_queue(), {"bitrate": chosen.bitrate} if chosen.bitrate else {}
         filters = session.node.decoder.filters()
-        buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(inputs.buses)]
+        buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(chosen.bus)]
         for k, bus in enumerate(buses):
             if bus.number in (other.number for other in buses[:k]):
                 bus.number = max(other.number for other in buses) + 1
@@ -104,44 +80,80 @@ def opened(
         yield session, listen(session.node, buses, arrivals, stop.is_set)
 
 
+def _require_consistent(chosen: LiveOptions, observer: ObserverOptions) -> None:
+    if (chosen.replay is None) == (not chosen.bus):
+        raise FifthwheelError("live: expected --bus or --replay; give one of them")
+    of_learning = (chosen.state, chosen.trailer, chosen.trailer_signal, chosen.lock, chosen.tyres != "linear")
+    if not chosen.learn and any(of_learning):
+        raise FifthwheelError("--state, --trailer, --trailer-signal, --lock and --tyres are for --learn; add it")
+    if chosen.learn and chosen.identification:
+        raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
+    if chosen.learn and observer != ObserverOptions(min_speed=observer.min_speed):
+        raise FifthwheelError("--friction and --half-track are for runs without --learn; omit them")
+
+
+def _speed(rate: str) -> float:
+    try:
+        speed = 0.0 if rate == "max" else float(rate)
+    except ValueError:
+        speed = -1.0
+    if not 0 <= speed < 1e6:
+        raise FifthwheelError(f"--rate {rate}: expected recorded seconds in one second, such as 1 or 10, 0 or max")
+    return speed
+
+
+def _identifier(text: str | None) -> int | None:
+    try:
+        return None if text is None else int(text, 0)
+    except ValueError:
+        raise FifthwheelError(f"--send {text}: expected the id of a CAN frame, such as 0x500") from None
+
+
 def _session(
-    inputs: Inputs, outputs: Outputs, vehicle: Vehicle, signal_map: SignalMap, say: Callable[[str], object]
+    chosen: LiveOptions,
+    observer: ObserverOptions,
+    vehicle: Vehicle,
+    signal_map: SignalMap,
+    recorded: Path | None,
+    say: Callable[[str], object],
 ) -> Session:
     """The session without its page and its bus."""
-    node, learning, states = _node(inputs, vehicle, signal_map)
+    node, learning, states = _node(chosen, observer, vehicle, signal_map)
     encoder = None
-    if outputs.send is not None:
-        encoder = FrameEncoder(outputs.send, states, [e.name for e in learning.parameters] if learning else [])
+    if (first := _identifier(chosen.send)) is not None:
+        encoder = FrameEncoder(first, states, [e.name for e in learning.parameters] if learning else [])
         if taken := node.decoder.own(encoder.ids, extended=encoder.extended):
             raise FifthwheelError(f"--send: {taken:#x} is the id of a mapped message; give another id")
-        encoder.write_dbc(outputs.dbc)
-        say(f"Written: {outputs.dbc}")
+        encoder.write_dbc(chosen.dbc)
+        say(f"Written: {chosen.dbc}")
     writer = BackgroundWriter()
     return Session(
         node=node,
         writer=writer,
         learning=learning,
-        checkpoint=Checkpoint(learning, inputs.state, writer) if learning and inputs.state else None,
-        recorder=Recorder(outputs.record, writer) if outputs.record else None,
+        checkpoint=Checkpoint(learning, chosen.state, writer) if learning and chosen.state else None,
+        recorder=Recorder(recorded, writer) if recorded else None,
         encoder=encoder,
-        send_period=1 / outputs.send_rate,
+        send_period=1 / chosen.send_rate,
         trailer_column=next(iter(node.extra_columns), ""),
     )
 
 
-def _node(inputs: Inputs, vehicle: Vehicle, signal_map: SignalMap) -> tuple[Node, Learning | None, tuple[str, ...]]:
+def _node(
+    chosen: LiveOptions, observer: ObserverOptions, vehicle: Vehicle, signal_map: SignalMap
+) -> tuple[Node, Learning | None, tuple[str, ...]]:
     """The node, its learner, and the names of its states."""
     complete = completed_map(signal_map)
-    extra = (inputs.trailer_signal,) if inputs.trailer_signal else ()
-    if inputs.learn:
+    extra = (chosen.trailer_signal,) if chosen.trailer_signal else ()
+    if chosen.learn:
         learning = make_learning(
-            vehicle, complete.signals, path=inputs.state, trailer=inputs.trailer, locks=inputs.locks, tyres=inputs.tyres
+            vehicle, complete.signals, path=chosen.state, trailer=chosen.trailer, locks=chosen.lock, tyres=chosen.tyres
         )
         return make_node(complete, learning, extra=extra), learning, learning.learner.reported
-    identification = Identification.load(inputs.identification) if inputs.identification else None
-    surroundings = {"friction": inputs.friction, "half_track": inputs.half_track}
-    observer = make_observer(vehicle, complete, identification, inputs.min_speed, **surroundings)
-    return make_node(complete, observer, extra=extra), None, observer.reported
+    identification = Identification.load(chosen.identification) if chosen.identification else None
+    surroundings = {"friction": observer.friction, "half_track": observer.half_track}
+    estimator = make_observer(vehicle, complete, identification, observer.min_speed, **surroundings)
+    return make_node(complete, estimator, extra=extra), None, estimator.reported
 
 
 def _report(session: Session, say: Callable[[str], object]) -> None:

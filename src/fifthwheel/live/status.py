@@ -23,12 +23,12 @@ class NodeStatus(IntEnum):
     INPUT_MISSING = Status.INPUT_MISSING
     INCONSISTENT = Status.INCONSISTENT
     DEGRADED = 8
-    """The states are valid, and a fault limits their quality; see `Fault`."""
+    """The states are valid, and a fault limits their quality; see `LiveFault`."""
     FAILED = 9
     """The estimator gave a state that is not finite; it starts again."""
 
 
-class Fault(IntFlag):
+class LiveFault(IntFlag):
     """What is wrong now; several may be."""
 
     NONE = 0
@@ -56,10 +56,10 @@ class Fault(IntFlag):
     """A wheel is about to lift: see `observe.states.wheel_lifts`. A fault of the truck's motion."""
 
 
-HARMLESS = Fault.NOT_RECORDED | Fault.NOT_SENT | Fault.WHEEL_LIFT
+HARMLESS = LiveFault.NOT_RECORDED | LiveFault.NOT_SENT | LiveFault.WHEEL_LIFT
 """Faults that do not limit the quality of the states."""
 
-_FAULTS = {Quality.NOT_AVAILABLE: Fault.NOT_AVAILABLE, Quality.WRONG_LENGTH: Fault.WRONG_LENGTH}
+_FAULTS = {Quality.NOT_AVAILABLE: LiveFault.NOT_AVAILABLE, Quality.WRONG_LENGTH: LiveFault.WRONG_LENGTH}
 
 
 class Health:
@@ -83,7 +83,7 @@ class Health:
             if arrivals.last > -math.inf:
                 arrivals.last = time
 
-    def problems(self, time: float) -> dict[str, Fault]:
+    def problems(self, time: float) -> dict[str, LiveFault]:
         """The fault of each column that has one at this time, s."""
         if math.isnan(self._since):
             self._since = time
@@ -95,16 +95,16 @@ class Health:
                 period = arrivals.period if arrivals.period > 0 else FIRST
                 missing = time - arrivals.last > max(SHORTEST_TIMEOUT, 1.5 * period)
             if missing:
-                found[column] = Fault.SIGNAL_MISSING
+                found[column] = LiveFault.SIGNAL_MISSING
             elif (quality := self._quality[column]) is not Quality.VALID:
                 found[column] = _FAULTS[quality]
         return found
 
-    def faults(self, problems: dict[str, Fault]) -> Fault:
+    def faults(self, problems: dict[str, LiveFault]) -> LiveFault:
         """The faults of all columns together."""
-        result = Fault.NONE
+        result = LiveFault.NONE
         for fault in problems.values():
             result |= fault
-        if problems and len(problems) == len(self._arrivals) and result == Fault.SIGNAL_MISSING:
-            return Fault.SILENT
+        if problems and len(problems) == len(self._arrivals) and result == LiveFault.SIGNAL_MISSING:
+            return LiveFault.SILENT
         return result

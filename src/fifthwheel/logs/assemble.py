@@ -1,29 +1,25 @@
 """From the columns of a log and a signal map to a record on one time base."""
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, is_input, is_of
+from fifthwheel.channels import STEER, is_input, is_of, si_unit
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
+from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress, time_column
 from fifthwheel.record.record import Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.record.timestamps import implausible_timestamps, typical_step
 from fifthwheel.units import factor, quantity
 
-TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit")
-"""Columns that are the time of a table unless the map names another, in upper or lower case."""
-_TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
-_TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
+Window = tuple[float, float]
+"""First and last instant, s."""
 _MIN_EPOCH = 1e8
 """s; a time that begins later counts from 1970."""
 _MAX_TIME = 1e100
@@ -46,11 +42,21 @@ class Samples:
     """Whether its instants differ from those of the rows: it has a time base or a delay of its own."""
 
 
-def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: ReadProgress = no_progress) -> Record:
-    """The record that a map makes of a log.
+_Key = tuple[str, str]
+"""Of a channel: "signals" or "reference", and the name of the signal."""
 
-    Raises:
-        SignalError: a column does not exist, holds no numbers, or has no usable time; the message names it.
+
+def assemble(
+    log: LogSource,
+    signal_map: SignalMap,
+    *,
+    name: str,
+    exclude: Sequence[Window] = (),
+    progress: ReadProgress = no_progress,
+) -> Record:
+    """The record that a map makes of a log, without the samples whose timestamps are in the windows `exclude`.
+
+    A SignalError names a column that does not exist, holds no numbers, or has no usable time.
     """
     if not signal_map.signals and not signal_map.reference:
         raise SignalError(f"{log.name}: no column is mapped to a signal; map columns in signals.toml")
@@ -63,8 +69,8 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     time_bases = {
         timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
     }
-    needed = {column for time_base in time_bases.values() for column in time_base.needed_columns}
-    for chunk in log.pieces(needed):
+    needed = {column for timestamps, names in columns.items() for column in (timestamps.column, *names) if column}
+    for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.pieces(needed):
         for timestamps, time_base in time_bases.items():
             if timestamps.clock == chunk.clock:
                 time_base.push(chunk)
@@ -75,21 +81,20 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     notes = [*log.notes, *(note for time_base in time_bases.values() for note in time_base.finish())]
 
     rows = next((time_base for timestamps, time_base in time_bases.items() if timestamps.of_rows), None)
-    samples: dict[str, dict[str, Samples]] = {part: {} for part in parts}
-    for (part, signal), channel in channels.items():
-        of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[part, signal]]
-        samples[part][signal], note = _samples(signal, channel, log, of_channel, rows)
+    samples = {}
+    for key, channel in channels.items():
+        of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[key]]
+        samples[key], note = _samples(key[1], channel, log, of_channel, rows)
         notes += [note] if note else []
-    row_samples = Samples(time=rows.time, values=rows.time, own_time=False) if rows else None
-    time, signals, reference = align(row_samples, rate=signal_map.rate, **samples)
+    time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
     if time[0] > _MIN_EPOCH:
         start = float(np.floor(time[0]))
         notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
         time = time - start
     record = Record(
         time=time,
-        signals=signals,
-        reference=reference,
+        signals={signal: values for (part, signal), values in aligned.items() if part == "signals"},
+        reference={signal: values for (part, signal), values in aligned.items() if part == "reference"},
         name=name,
         notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
@@ -98,7 +103,27 @@ def assemble(log: LogSource, signal_map: SignalMap, *, name: str, progress: Read
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
 
 
-def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], SignalSource]) -> dict[str, str]:
+def _outside(
+    log: LogSource, columns: Collection[str], windows: Sequence[Window], signal_map: SignalMap
+) -> Iterator[Chunk]:
+    """The samples outside the windows; a SignalError if there are none."""
+    named = signal_map.time.column if signal_map.time else None
+    rows, left = log.find(named) if named else time_column(log.columns), False
+    for chunk in log.pieces({*columns, rows or ""} - {""}):
+        time = log.times(chunk, rows)
+        if time is None:
+            yield chunk
+            left = True
+            continue
+        kept = ~np.any([(time >= start) & (time <= stop) for start, stop in windows], axis=0)
+        left |= bool(kept.any())
+        values = {name: values[kept] for name, values in chunk.values.items()}
+        yield replace(chunk, values=values, time=None if chunk.time is None else chunk.time[kept])
+    if not left:
+        raise SignalError(f"{log.name}: all samples are in the windows that are excluded; exclude less")
+
+
+def _time_bases(log: LogSource, channels: Mapping[_Key, SignalSource]) -> dict[str, str]:
     """Signal to the name of its time base, without those of the main one.
 
     It is the clock of the map, else the column with the channel's own timestamps, else the clock in the file. The main
@@ -111,14 +136,6 @@ def _time_bases(log: LogSource, channels: Mapping[tuple[str, str], SignalSource]
     main = next((n for n in names if is_of(n, STEER)), "speed" if "speed" in names else None)
     common = names[main] if main else next(iter(names.values()))
     return {signal: name or _LOGGER for signal, name in names.items() if name != common}
-
-
-def time_column(columns: Mapping[str, Column]) -> str | None:
-    """The column with the time of a table's rows by its name and unit, if there is one."""
-    rows = [column for column in columns.values() if not column.clock]
-    by_name = {column.name.lower(): column.name for column in reversed(rows)}
-    timed = [column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())]
-    return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
 
 
 class _Timestamps(NamedTuple):
@@ -152,11 +169,6 @@ class _TimeBase:
         self._seconds = factor(unit or "s", "s")
         self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
         self._last_time = np.nan
-
-    @property
-    def needed_columns(self) -> set[str]:
-        """Columns to read, that of the timestamps included."""
-        return {*self._columns, self._timestamps.column} - {""}
 
     def push(self, chunk: Chunk) -> None:
         """Add the next samples."""
@@ -206,8 +218,7 @@ def _sources(
             if log.columns[timestamps.column].clock != clock:
                 raise SignalError(
                     f"{signal}: the time column {timestamps.column!r} and {column!r} are in different groups; choose "
-                    "a time "
-                    "column of the same group, or delete `time` in signals.toml"
+                    "a time column of the same group, or delete `time` in signals.toml"
                 )
         else:
             timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")
@@ -223,8 +234,7 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
     if column is None:
         raise SignalError(
             f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
-            f"{', '.join(log.columns)}); "
-            f'give the time column in signals.toml:\n[time]\ncolumn = "..."'
+            f'{", ".join(log.columns)}); give the time column in signals.toml:\n[time]\ncolumn = "..."'
         )
     return column
 
@@ -263,39 +273,30 @@ def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]
         yield values, log.columns[column].unit
 
 
-def align(
-    rows: Samples | None, *, signals: Mapping[str, Samples], reference: Mapping[str, Samples], rate: float = np.inf
-) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Time (N,) s, signals and reference signals on one time base; no measurement is interpolated or extrapolated.
+def _align(rows: Array | None, channels: dict[_Key, Samples], rate: float) -> tuple[Array, dict[_Key, Array]]:
+    """Time (N,) s and channels on one time base; no measurement is interpolated or extrapolated.
 
-    The time base is the union of the instants of the rows and of all measurements with instants of their own. A
+    The time base is the union of the instants of the rows, s, and of all measurements with instants of their own. A
     measurement keeps its samples at their instants and is NaN elsewhere. An input (speed, steer) with instants of its
     own is interpolated linearly; outside its samples and in its gaps it is NaN. If asynchronous time bases would give
     more than 2.5 times `rate` (Hz), the time base is the multiples of 1 / rate, and measurements are moved to the
     nearest of them by `snap_to_grid`.
     """
-    channels = [*signals.items(), *reference.items()]
-    if rows is not None and not any(samples.own_time for _, samples in channels):
-        return rows.time, {n: s.values for n, s in signals.items()}, {n: s.values for n, s in reference.items()}
+    if rows is not None and not any(samples.own_time for samples in channels.values()):
+        return rows, {key: samples.values for key, samples in channels.items()}
     time = _union(rows, channels)
     if time.size > 2 and (time.size - 1) / (time[-1] - time[0]) > DECIMATION_RATIO * rate:
-        if rows is not None:
-            rows = Samples(time=np.unique(np.rint(rows.time * rate)) / rate, values=rows.values, own_time=False)
-        signals = {name: _snapped(name, samples, rate) for name, samples in signals.items()}
-        reference = {name: _snapped(name, samples, rate) for name, samples in reference.items()}
-        time = _union(rows, [*signals.items(), *reference.items()])
-    return (
-        time,
-        {name: _placed(time, name, samples) for name, samples in signals.items()},
-        {name: _placed(time, name, samples) for name, samples in reference.items()},
-    )
+        rows = None if rows is None else np.unique(np.rint(rows * rate)) / rate
+        channels = {key: _snapped(key[1], samples, rate) for key, samples in channels.items()}
+        time = _union(rows, channels)
+    return time, {key: _placed(time, key[1], samples) for key, samples in channels.items()}
 
 
-def _union(rows: Samples | None, channels: Sequence[tuple[str, Samples]]) -> Array:
+def _union(rows: Array | None, channels: Mapping[_Key, Samples]) -> Array:
     """Instants (N,) s of the rows and of the measurements with own instants, or of all channels if there are none."""
-    times = [] if rows is None else [rows.time]
-    times += [s.time[np.isfinite(s.values)] for name, s in channels if s.own_time and not is_input(name)]
-    instants = np.unique(np.concatenate(times or [s.time for _, s in channels]))
+    times = [] if rows is None else [rows]
+    times += [s.time[np.isfinite(s.values)] for (_, name), s in channels.items() if s.own_time and not is_input(name)]
+    instants = np.unique(np.concatenate(times or [s.time for s in channels.values()]))
     time = instants[np.concatenate([[True], np.diff(instants) > SAME_INSTANT])] if instants.size else instants
     if time.size < 2:
         raise SignalError(

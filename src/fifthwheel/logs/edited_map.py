@@ -6,21 +6,14 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AbstractTable
 
-from fifthwheel.errors import SignalError
+from fifthwheel.channels import REFERENCE, split_header
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.record.signal_names import REFERENCE, split_header
 
 
 def with_channel(text: str, signal: str, **keys: Any) -> str:
-    """The map with keys of a signal changed; a key with its default value is left out.
+    """The map with keys of a signal changed, such as sign, unit, delay; a key with its default value is left out.
 
-    Args:
-        text: of a signals.toml that is accepted.
-        signal: its table is added if it is missing.
-        keys: of `SignalSource`, such as sign, unit, delay.
-
-    Raises:
-        SignalError: the changed map is not accepted.
+    The table of the signal is added if it is missing. A SignalError if the changed map is not accepted.
     """
     document = tomlkit.parse(text)
     holder, key = _holder(document, signal)
@@ -58,7 +51,7 @@ def without_channel(text: str, signal: str) -> str:
 
 def _holder(document: Any, signal: str) -> tuple[Any, str]:
     """The table that has a signal, and its key there: "yaw_rate.tractor" may be written as nested tables."""
-    part = "reference" if signal in _named(document.get("reference", {})) else "signals"
+    part = "reference" if signal in SignalMap.parse(tomlkit.dumps(document)).reference else "signals"
     holder = document.setdefault(part, tomlkit.table(is_super_table=True))
     rest = signal
     while rest not in holder:
@@ -69,15 +62,7 @@ def _holder(document: Any, signal: str) -> tuple[Any, str]:
     return holder, rest
 
 
-def _named(part: Any) -> set[str]:
-    parsed = SignalMap.model_validate({"reference": part.unwrap() if hasattr(part, "unwrap") else part})
-    return set(parsed.reference)
-
-
 def _checked(document: Mapping[str, Any]) -> str:
     text = tomlkit.dumps(document)
-    try:
-        SignalMap.parse(text)
-    except SignalError as error:
-        raise SignalError(str(error)) from None
+    SignalMap.parse(text)
     return text

@@ -1,6 +1,7 @@
 """Read a log file of any supported format into a Record; write a Record as CSV or Parquet."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
@@ -8,14 +9,15 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.channels import REFERENCE, header, split_header
 from fifthwheel.errors import SignalError, printable
-from fifthwheel.logs.assemble import assemble
+from fifthwheel.logs.assemble import Window, assemble
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.signal_map import SignalMap
 from fifthwheel.logs.source import LogSource, ReadProgress, no_progress
-from fifthwheel.logs.windows import Window, WithoutWindows
 from fifthwheel.record.record import Record
-from fifthwheel.record.signal_names import REFERENCE, header, split_header
+
+_LISTED_COLUMNS = 40
 
 
 def read_log(
@@ -64,19 +66,14 @@ def record_of(
     """The record in an open log; arguments and errors as in `read_log`."""
     complete = (signals or SignalMap()).completed(log.columns)
     if not complete.signals and not complete.reference:
+        more = len(log.columns) - _LISTED_COLUMNS
+        names = ", ".join(list(log.columns)[:_LISTED_COLUMNS]) + (f" and {more} more" if more > 0 else "")
         raise SignalError(
-            f"{log.name}: no column has the name of a signal, the columns are {_listed(log.columns)}; map columns "
-            "to signals in a signals.toml, which `fifthwheel signals` proposes:\n"
+            f"{log.name}: no column has the name of a signal, the columns are {names}; map columns to "
+            "signals in a signals.toml, which `fifthwheel signals` proposes:\n"
             f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
         )
-    if exclude:
-        log = WithoutWindows(log, exclude, complete.time.column if complete.time else None)
-    return assemble(log, complete, name=printable(name), progress=progress)
-
-
-def _listed(names: Iterable[str], limit: int = 40) -> str:
-    every = list(names)
-    return ", ".join(every[:limit]) + (f" and {len(every) - limit} more" if len(every) > limit else "")
+    return assemble(log, complete, name=printable(name), exclude=exclude, progress=progress)
 
 
 def write_record(record: Record, path: str | Path) -> None:
@@ -118,7 +115,8 @@ def write_record(record: Record, path: str | Path) -> None:
 
 def record_writer(path: Path) -> Callable[[pa.Table, Path], None]:
     """The function that writes a file with the ending of `path`; a SignalError for an unknown ending."""
-    writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
+    write_parquet = partial(pq.write_table, write_page_checksum=True)
+    writers: dict[str, Callable[[pa.Table, Path], None]] = {".csv": _write_csv, ".parquet": write_parquet}
     if path.suffix.lower() not in writers:
         raise SignalError(f"{path.name}: no format for {path.suffix!r}; end the name in {' or '.join(writers)}")
     return writers[path.suffix.lower()]
@@ -128,7 +126,3 @@ def _write_csv(table: pa.Table, path: Path) -> None:
     with path.open("wb") as file:
         file.write((",".join(table.column_names) + "\n").encode())
         pacsv.write_csv(table, file, pacsv.WriteOptions(include_header=False))
-
-
-def _write_parquet(table: pa.Table, path: Path) -> None:
-    pq.write_table(table, path, write_page_checksum=True)

@@ -6,12 +6,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from fifthwheel.channels import is_input
+from fifthwheel.channels import is_input, si_unit, split_header
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.assemble import SAME_INSTANT, interpolated, time_column
+from fifthwheel.logs.assemble import SAME_INSTANT, interpolated
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.logs.source import Column, find_column
-from fifthwheel.record.signal_names import si_unit, split_header
+from fifthwheel.logs.source import Column, find_column, time_column
 from fifthwheel.units import factor, quantity
 
 _SOURCE = "live samples"

@@ -24,19 +24,48 @@ clock = "trailer logger"            # which clock gave them
 """
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from fifthwheel._types import Array
+from fifthwheel.channels import REFERENCE, checked_name, si_unit, split_header
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
-from fifthwheel.input_files import parse_toml, read_toml, require_inside
+from fifthwheel.input_files import flat_tables, parse_toml, read_toml, require_inside
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import REFERENCE, checked_name, si_unit, split_header
 from fifthwheel.units import factor, quantity
+
+
+def _sampling_rate(value: float | str) -> float:
+    rate = quantity(value, "Hz")
+    if not rate >= 1.0:
+        raise ValueError(f"at least 1 Hz expected, got {rate:g} Hz")
+    return rate
+
+
+def _rising(value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if len(value) < 2:
+        raise ValueError(f"at least 2 pairs of numbers expected, got {len(value)}; add points of the calibration")
+    if any(b[0] <= a[0] for a, b in pairwise(value)):
+        raise ValueError("the first numbers of the pairs must increase; sort the pairs")
+    return value
+
+
+def _channels(value: Any) -> Any:
+    """Channels by signal, from the short form (name of a column) and nested tables, [signals.yaw_rate.tractor]."""
+    if not isinstance(value, Mapping):
+        return value
+    return {n: {"column": c} if isinstance(c, str) else c for n, c in flat_tables(value).items()}
+
+
+Rate = Annotated[float | str, AfterValidator(_sampling_rate)]
+Seconds = Annotated[float | str, AfterValidator(partial(quantity, si="s"))]
+Points = Annotated[tuple[tuple[float, float], ...], AfterValidator(_rising)]
+Name = Annotated[str, AfterValidator(checked_name)]
 
 
 class TimeColumn(BaseModel):
@@ -48,25 +77,12 @@ class TimeColumn(BaseModel):
     """Header of the time column of a table, with or without its [unit]. Default: "time" or "t"."""
     unit: str | None = None
     """Default: that of the header, else s."""
-    rate: float | str = 100.0
+    rate: Rate = 100.0
     """Sampling rate, Hz; channels with 2.5 times this rate or more are decimated to it, without aliasing."""
-    start: float | str | None = None
+    start: Seconds | None = None
     """Earlier samples are left out, s."""
-    stop: float | str | None = None
+    stop: Seconds | None = None
     """Later samples are left out, s."""
-
-    @field_validator("rate")
-    @classmethod
-    def _hertz(cls, value: float | str) -> float:
-        rate = quantity(value, "Hz")
-        if not rate >= 1.0:
-            raise ValueError(f"at least 1 Hz expected, got {rate:g} Hz")
-        return rate
-
-    @field_validator("start", "stop")
-    @classmethod
-    def _instant(cls, value: float | str | None) -> float | None:
-        return None if value is None else quantity(value, "s")
 
 
 class SignalSource(BaseModel):
@@ -86,9 +102,9 @@ class SignalSource(BaseModel):
     """Factor, such as 1 / steering ratio."""
     offset: float | str = 0.0
     """Subtracted last; a number in SI, or a text with a unit: "0.1 deg"."""
-    points: tuple[tuple[float, float], ...] | None = None
+    points: Points | None = None
     """Calibration: pairs of the column's value and the value in `unit`; piecewise linear, extrapolated at the ends."""
-    delay: float | str = 0.0
+    delay: Seconds = 0.0
     """Time by which the timestamps are late, s, or a text with a unit: "200 ms"."""
     time: str | None = None
     """Column with the channel's own timestamps, where the log has several rates."""
@@ -101,36 +117,17 @@ class SignalSource(BaseModel):
             raise ValueError("either column = ... or sum = [...] expected; give one of them")
         return self
 
-    @field_validator("delay")
-    @classmethod
-    def _seconds(cls, value: float | str) -> float:
-        return quantity(value, "s")
-
-    @field_validator("points")
-    @classmethod
-    def _rising(cls, value: tuple[tuple[float, float], ...] | None) -> tuple[tuple[float, float], ...] | None:
-        if value is not None and len(value) < 2:
-            raise ValueError(f"at least 2 pairs of numbers expected, got {len(value)}; add points of the calibration")
-        if value is not None and any(b[0] <= a[0] for a, b in pairwise(value)):
-            raise ValueError("the first numbers of the pairs must increase; sort the pairs")
-        return value
-
     def calibrated(self, values: Array, log_unit: str | None, si: str) -> Array:
         """Values (n,) of a column in the SI unit `si`; `log_unit` is the unit in the log."""
         if self.points is None:
             return values * factor(self.unit or log_unit or si, si)
         x, y = np.array(self.points).T
         k = np.clip(np.searchsorted(x, values) - 1, 0, x.size - 2)
-        return np.asarray(y[k] + (values - x[k]) * ((y[k + 1] - y[k]) / (x[k + 1] - x[k]))) * factor(
-            self.unit or si, si
-        )
+        calibrated = y[k] + (values - x[k]) * ((y[k + 1] - y[k]) / (x[k + 1] - x[k]))
+        return np.asarray(calibrated) * factor(self.unit or si, si)
 
     def converted(self, columns: Iterable[tuple[Array, str | None]], si: str) -> Array:
-        """The signal (n,) in the SI unit `si`, without the delay.
-
-        Args:
-            columns: values (n,) of each column, and its unit in the log.
-        """
+        """The signal (n,) in the SI unit `si`, without the delay, from the values and log units of its columns."""
         total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
         return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
 
@@ -140,20 +137,7 @@ class SignalSource(BaseModel):
         return self.sum or (self.column or "",)
 
 
-def _channels(value: Any) -> Any:
-    """Channels by signal, from the short form (name of a column) and nested tables, [signals.yaw_rate.tractor]."""
-    if not isinstance(value, Mapping):
-        return value
-    flat: dict[str, Any] = {}
-    for name, entry in value.items():
-        if isinstance(entry, Mapping) and entry and all(isinstance(inner, Mapping) for inner in entry.values()):
-            flat |= {f"{name}.{inner}": channel for inner, channel in _channels(entry).items()}
-        else:
-            flat[name] = {"column": entry} if isinstance(entry, str) else entry
-    return flat
-
-
-Name = Annotated[str, AfterValidator(checked_name)]
+Channels = Annotated[dict[Name, SignalSource], BeforeValidator(_channels)]
 
 
 class SignalMap(BaseModel):
@@ -174,19 +158,14 @@ class SignalMap(BaseModel):
 
     time: TimeColumn | None = None
     """Default: the column "time" or "t"."""
-    signals: dict[Name, SignalSource] = Field(default_factory=dict)
+    signals: Channels = Field(default_factory=dict)
     """Signals for the estimators."""
-    reference: dict[Name, SignalSource] = Field(default_factory=dict)
+    reference: Channels = Field(default_factory=dict)
     """Reference signals, for comparison only."""
     ignore: tuple[str, ...] = ()
     """Columns or signals to leave out; other columns with names of signals are used without a map."""
     databases: tuple[Path, ...] = ()
     """DBC or ARXML files for CAN frames, relative to the folder of the map, and in it or below."""
-
-    @field_validator("signals", "reference", mode="before")
-    @classmethod
-    def _flat(cls, value: Any) -> Any:
-        return _channels(value)
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

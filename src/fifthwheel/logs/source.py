@@ -1,15 +1,24 @@
 """A log file of any format: named columns of samples, described when it is opened and read in chunks."""
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
 from fifthwheel._types import Array
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import split_header
+from fifthwheel.record.timestamps import TimestampFilter
+from fifthwheel.units import factor
+
+TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit")
+"""Columns that are the time of a table unless the map names another, in upper or lower case."""
+_TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
+_TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
 
 ReadProgress = Callable[[float], None]
 """Receives the fraction of the file that has been read, 0 to 1; may raise an exception to stop."""
@@ -22,6 +31,20 @@ def no_progress(done: float) -> None:
 def reason(error: Exception) -> str:
     """What an exception of a library says, in one line; its type where it says nothing."""
     return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+@contextmanager
+def damage(note: Callable[[str], object]) -> Iterator[None]:
+    """Give `note` the reason where the block fails: in a library, damaged bytes can cause any exception.
+
+    A MemoryError passes, because the reading process has a limit.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        note(reason(error))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,12 +78,7 @@ class Chunk:
 
 
 def find_column(text: str, columns: Collection[str], log: str) -> str:
-    """Name of the column that a text refers to; see `LogSource.find`.
-
-    Args:
-        columns: names of all columns, without units.
-        log: name of the log, for messages.
-    """
+    """`LogSource.find` among the names of columns; `log` is for messages."""
     if text in columns:
         return text
     name = split_header(text)[0]
@@ -74,21 +92,33 @@ def find_column(text: str, columns: Collection[str], log: str) -> str:
     raise SignalError(f"{log}: no column {name!r}; {suggestion(name, list(columns))}")
 
 
+def time_column(columns: Mapping[str, Column]) -> str | None:
+    """The column with the time of a table's rows by its name and unit, if there is one."""
+    rows = [column for column in columns.values() if not column.clock]
+    by_name = {column.name.lower(): column.name for column in reversed(rows)}
+    timed = [column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())]
+    return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
+
+
+def unused_name(name: str, used: Collection[str]) -> str:
+    """The name with as many apostrophes as make it unique."""
+    while name in used:
+        name += "'"
+    return name
+
+
 class LogSource(ABC):
     """An open log: its columns, and its samples in chunks, so that memory does not grow with the file."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, columns: Mapping[str, Column]) -> None:
         self.name = name
         """File name, for messages."""
+        self.columns = columns
+        """By name, in the order of the file."""
         self.notes: list[str] = []
         """What was left out or is damaged, one sentence each; complete after all chunks are read."""
         self.unusable: dict[str, str] = {}
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
-
-    @property
-    @abstractmethod
-    def columns(self) -> Mapping[str, Column]:
-        """Columns by name, in the order of the file."""
 
     @abstractmethod
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
@@ -100,8 +130,7 @@ class LogSource(ABC):
     def find(self, text: str) -> str:
         """Name of the column that a text refers to: its name, its name with a unit in brackets, or without "@source".
 
-        Raises:
-            SignalError: no column, or more than one, has that name.
+        A SignalError if no column, or more than one, has that name.
         """
         return find_column(text, self.columns, self.name)
 
@@ -116,6 +145,27 @@ class LogSource(ABC):
             if name in requested:
                 clocks.setdefault(column.clock, []).append(name)
         return clocks
+
+    def times(self, chunk: Chunk, rows: str | None) -> Array | None:
+        """Timestamps (n,) of a chunk, s: its own, else the column `rows` of a table; None without either."""
+        if chunk.time is not None or rows is None:
+            return chunk.time
+        return chunk.values[rows] * factor(self.columns[rows].unit or "s", "s")
+
+    def note(self, *notes: str) -> None:
+        """Add notes that are not there yet; a log that is read twice repeats them."""
+        self.notes.extend(note for note in notes if note not in self.notes)
+
+    def increasing(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        """The samples whose timestamps increase on their time base, and at the end a note on those left out."""
+        stamps = TimestampFilter()
+        for chunk in chunks:
+            assert chunk.time is not None
+            kept = stamps.keep(chunk.clock, chunk.time)
+            if kept.any():
+                values = {name: values[kept] for name, values in chunk.values.items()}
+                yield replace(chunk, values=values, time=chunk.time[kept])
+        self.note(*stamps.notes)
 
     def close(self) -> None:  # noqa: B027  what holds no file has nothing to close
         """Close the file."""

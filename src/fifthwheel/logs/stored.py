@@ -5,17 +5,15 @@ each block of 256 samples, so that a plot of the whole log reads 1 % of it.
 """
 
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import asdict
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.logs.assemble import time_column
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, time_column
 from fifthwheel.plots import downsample
 from fifthwheel.units import factor
 
@@ -27,16 +25,9 @@ _INDEX = "index.json"
 
 
 def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress) -> None:
-    """Write all samples of an open log to a folder, which `StoredLog` reads.
+    """Write all samples of an open log to an empty folder, which `StoredLog` reads.
 
-    Args:
-        log: open.
-        folder: exists and is empty.
-        progress: receives the fraction read.
-
-    Raises:
-        SignalError: the log cannot be read.
-        OSError: there is no space.
+    A SignalError if the log cannot be read, an OSError if there is no space.
     """
     numbers = {name: k for k, name in enumerate(log.columns)}
     clocks = {clock: k for k, clock in enumerate(dict.fromkeys(column.clock for column in log.columns.values()))}
@@ -72,29 +63,20 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
 
 
 class StoredLog(LogSource):
-    """A log in a folder that `store_log` has written.
+    """A log in a folder that `store_log` has written, and that may not be changed while it is used.
 
-    Args:
-        folder: may not be changed while it is used.
-        span: first and last instant of the samples that `pieces` gives, s; default: all.
-
-    Raises:
-        OSError: it is incomplete.
+    `pieces` gives the samples in the span, s; default: all. An OSError if the folder is incomplete.
     """
 
     def __init__(self, folder: Path, span: tuple[float, float] | None = None) -> None:
         index = json.loads((folder / _INDEX).read_text(encoding="utf-8"))
-        super().__init__(index["name"])
+        super().__init__(index["name"], {column["name"]: Column(**column) for column in index["columns"]})
         self._folder, self._span = folder, span
-        self._columns = {column["name"]: Column(**column) for column in index["columns"]}
         self._clocks: dict[str, Any] = index["clocks"]
-        self._numbers = {name: k for k, name in enumerate(self._columns)}
+        self._axes: dict[str, Array] = {}
+        self._numbers = {name: k for k, name in enumerate(self.columns)}
         self._clock_numbers = {clock: k for k, clock in enumerate(self._clocks)}
         self.notes, self.unusable = index["notes"], index["unusable"]
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns, one time base after the other."""
@@ -105,7 +87,8 @@ class StoredLog(LogSource):
         for clock, names in groups.items():
             first, last = limits[clock]
             arrays = {name: self._values(name) for name in names}
-            time = _mapped(self._folder / f"time{self._clock_numbers[clock]}") if self._timed(clock) else None
+            timed = self._clocks[clock]["timed"]
+            time = _mapped(self._folder / f"time{self._clock_numbers[clock]}") if timed else None
             for start in range(first, last, _ROWS):
                 part = slice(start, min(start + _ROWS, last))
                 read += part.stop - part.start
@@ -135,7 +118,7 @@ class StoredLog(LogSource):
         At most about `points` of them, without losing an extreme. One sample outside the window is included on each
         side.
         """
-        axis, values = self.axis(self._columns[name].clock), self._values(name)
+        axis, values = self.axis(self.columns[name].clock), self._values(name)
         first = max(int(np.searchsorted(axis, start)) - 1, 0)
         last = min(int(np.searchsorted(axis, stop, side="right")) + 1, axis.size)
         if last - first <= BLOCK * points // 4:
@@ -148,7 +131,7 @@ class StoredLog(LogSource):
 
     def most_active(self, name: str, length: float) -> tuple[float, float]:
         """The window of a length, s, in which the extremes of a column are farthest apart on average."""
-        axis = self.axis(self._columns[name].clock)
+        axis = self.axis(self.columns[name].clock)
         first, last = float(axis[0]), float(axis[-1])
         if last - first <= length:
             return first, last
@@ -172,13 +155,6 @@ class StoredLog(LogSource):
     def _extremes(self, name: str) -> Array:
         """(2, blocks) smallest and largest value of each block."""
         return _mapped(self._folder / f"extremes{self._numbers[name]}").reshape(-1, 2).T
-
-    def _timed(self, clock: str) -> bool:
-        return bool(self._clocks[clock]["timed"])
-
-    @cached_property
-    def _axes(self) -> dict[str, Array]:
-        return {}
 
 
 def _append(path: Path, values: Array) -> None:

@@ -1,7 +1,7 @@
 """Manoeuvres of the linear model and of the nonlinear plant, in one catalogue.
 
 catalogue       MANOEUVRES: every name with the forms in which it exists; `acceleration_course` and `course` by name
-accelerations   lateral acceleration over time, for the linear model
+accelerations   lateral acceleration over time, for the linear model; waveforms for all
 open_loops      steer angle over time, for the plant
 paths           paths for a driver, for the plant
 courses         the data of an open loop and of a path

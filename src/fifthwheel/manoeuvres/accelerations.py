@@ -1,9 +1,32 @@
-"""Lateral acceleration of the first unit's CoG over time, m/s^2: manoeuvres for the linear model."""
+"""Lateral acceleration of the first unit's CoG over time, m/s^2, for the linear model; waveforms for all courses."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.manoeuvres.waveforms import multisine, noise_spectrum, swept_sine, trapezoid
+
+
+def trapezoid(x: Array, start: float, end: float, ramp: float) -> Array:
+    """Rise from 0 to 1 within `ramp` after `start`, and fall to 0 within `ramp` before `end`, (N,)."""
+    result: Array = np.clip(np.minimum(x - start, end - x) / ramp, 0, 1)
+    return result
+
+
+def swept_frequency(time: Array, low: float, high: float, duration: float) -> Array:
+    """Frequency of the swept sine, (N,): rises linearly from `low` to `high`, Hz, within `duration` s."""
+    return low + (high - low) * time / duration
+
+
+def swept_sine(time: Array, low: float, high: float, duration: float) -> Array:
+    """Sine of amplitude 1 whose frequency rises linearly from `low` to `high`, Hz, within `duration` s, (N,)."""
+    phase = 2 * np.pi * (low * time + (high - low) * time**2 / (2 * duration))
+    return np.sin(phase)
+
+
+def noise_spectrum(size: int, frequency: Array, low: float, high: float, seed: int) -> NDArray[np.complex128]:
+    """Discrete Fourier transform (K,) of `size` samples of white Gaussian noise in a band, Hz, limits included."""
+    band = (frequency >= low) & (frequency <= high)
+    return np.asarray(band * np.fft.rfft(np.random.default_rng(seed).normal(size=size)))
 
 
 def straight(time: Array) -> Array:
@@ -31,14 +54,3 @@ def random(time: Array, *, seed: int) -> Array:
 def bend(time: Array) -> Array:
     """A bend of 1 m/s^2 to the left from 1 to 9 s, (N,): entry 1 s, constant 6 s, exit 1 s."""
     return trapezoid(time, 1.0, 9.0, 1.0)
-
-
-def short_sweep(time: Array) -> Array:
-    """Swept sine of 1 m/s^2 from 0.2 to 1.2 Hz, from 1 to 17 s, (N,); it needs the width of about one lane."""
-    return swept_sine(time - 1.0, 0.2, 1.2, 16.0) * trapezoid(time - 1.0, 0.0, 16.0, 1.0)
-
-
-def short_random(time: Array) -> Array:
-    """Sines from 2/16 to 1 Hz with random phases, always the same, from 1 to 17 s, (N,); largest value 1 m/s^2."""
-    wave = multisine(time - 1.0, np.arange(2, 17) / 16.0, seed=0) * trapezoid(time - 1.0, 0.0, 16.0, 1.0)
-    return np.asarray(wave / np.abs(wave).max())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.manoeuvres import accelerations
+from fifthwheel.manoeuvres.accelerations import bend, swept_sine, trapezoid
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.linear import DECAY_TIME, inverse_steer
 from fifthwheel.vehicle import Vehicle
@@ -50,9 +50,9 @@ def candidate_manoeuvres(speed: float, frequencies: tuple[float, ...]) -> list[C
     others = [
         CandidateManoeuvre(kind=kind, frequency=None, speed=speed, period=period, acceleration=acceleration)
         for kind, period, acceleration in (
-            ("sweep", 20.0, accelerations.short_sweep),
-            ("random", 20.0, accelerations.short_random),
-            ("bend", 14.0, accelerations.bend),
+            ("sweep", 20.0, _short_sweep),
+            ("random", 20.0, _short_random),
+            ("bend", 14.0, bend),
         )
     ]
     return lane_changes + others
@@ -68,3 +68,16 @@ def _lane_change(speed: float, frequency: float) -> CandidateManoeuvre:
         period=lane_change.period(speed),
         acceleration=lambda time: lane_change.acceleration(time, speed, 1),
     )
+
+
+def _short_sweep(time: Array) -> Array:
+    """Swept sine of 1 m/s^2 from 0.2 to 1.2 Hz, from 1 to 17 s, (N,); it needs the width of about one lane."""
+    return swept_sine(time - 1.0, 0.2, 1.2, 16.0) * trapezoid(time - 1.0, 0.0, 16.0, 1.0)
+
+
+def _short_random(time: Array) -> Array:
+    """Sines from 2/16 to 1 Hz with random phases, always the same, from 1 to 17 s, (N,); largest value 1 m/s^2."""
+    phase = np.random.default_rng(0).uniform(0, 2 * np.pi, 15)
+    sines = np.sin(2 * np.pi * np.outer(time - 1.0, np.arange(2, 17) / 16.0) + phase)
+    wave = sines.sum(axis=1) * trapezoid(time - 1.0, 0.0, 16.0, 1.0)
+    return np.asarray(wave / np.abs(wave).max())

@@ -32,10 +32,7 @@ class LaneChange:
 
     def period(self, speed: float) -> float:
         """Time from the start of a lane change to the start of the next, s."""
-        return self._period(self.length / speed)
-
-    def _period(self, duration: float) -> float:
-        return max(self.min_period, duration + self.rest)
+        return max(self.min_period, self.length / speed + self.rest)
 
     def acceleration(self, time: Array, speed: float, count: int) -> Array:
         """Lateral acceleration (N,), m/s^2, of `count` lane changes over time (N,), s.
@@ -64,7 +61,7 @@ class LaneChange:
         x = np.linspace(0.0, length, 2001)
         slope = offset / length * (1 - np.cos(2 * np.pi * x / length))
         arc_of_x = cumulative_simpson(np.hypot(1, slope), x=x, initial=0)  # within one lane change, m
-        period = self._period(arc_of_x[-1] / speed) * speed  # m of arc
+        period = max(self.min_period, arc_of_x[-1] / speed + self.rest) * speed  # m of arc
         duration = self.lead + count * period / speed
         arc = arc_length_grid(duration * speed)
         k = np.clip(np.floor((arc - self.lead * speed) / period), 0, count - 1)

@@ -43,13 +43,9 @@ def inverse_steer(vehicle: Vehicle, speed: float, time: Array, acceleration: Arr
 
 
 def lateral_acceleration(vehicle: Vehicle, speed: float, steer: Array, rate: float) -> Array:
-    """Lateral acceleration (N, units), m/s^2, of every unit's CoG for a steer angle (N,), rad.
+    """Lateral acceleration (N, units), m/s^2, of every unit's CoG by a steer angle (N,), rad.
 
-    Args:
-        vehicle: truck, stable at this speed.
-        speed: constant, m/s.
-        steer: of the first steered axle (N,), rad.
-        rate: sampling rate, Hz.
+    The truck is stable at the constant speed, m/s; the sampling rate is in Hz.
     """
     names = [unit.name for unit in vehicle.units]
     outputs = [f"{quantity}.{name}" for quantity in ("lateral_velocity", "yaw_rate") for name in names]

@@ -6,8 +6,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
+from fifthwheel.manoeuvres.accelerations import noise_spectrum, swept_frequency, swept_sine, trapezoid
 from fifthwheel.manoeuvres.courses import STANDARD_SPEED, OpenLoop, require_positive
-from fifthwheel.manoeuvres.waveforms import noise_spectrum, swept_frequency, swept_sine, trapezoid
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
@@ -103,13 +103,8 @@ def sweep(
 ) -> OpenLoop:
     """A sine of the steer angle from 0.1 to 1.5 Hz, with soft ends of 2 s: ISO 14793, continuous sinusoidal input.
 
-    The amplitude changes with the frequency so that the amplitude of the front axle's lateral acceleration stays.
-
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate amplitude of the front axle's lateral acceleration, m/s^2.
-        duration: of the run, s.
+    The amplitude changes with the frequency so that the amplitude of the front axle's lateral acceleration, m/s^2,
+    stays about that for which the steer angle is scaled. Speed in m/s, duration in s.
     """
     time = _time(duration)
     band = 0.1, 1.5, time[-1]
@@ -122,14 +117,8 @@ def random(
 ) -> OpenLoop:
     """Random steer angle for a lateral acceleration with a flat spectrum from 0.05 to 1 Hz: ISO 14793, random input.
 
-    Soft ends of 2 s.
-
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate rms of the front axle's lateral acceleration without the soft ends, m/s^2.
-        duration: of the run, s.
-        seed: seed of the noise.
+    Soft ends of 2 s. `acceleration` is the approximate rms of the front axle's lateral acceleration without them,
+    m/s^2; speed in m/s, duration in s.
     """
     time = _time(duration)
     frequency: Array = np.fft.rfftfreq(len(time), INTERVAL).astype(np.float64)

@@ -6,8 +6,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
+from fifthwheel.manoeuvres.accelerations import trapezoid
 from fifthwheel.manoeuvres.courses import ARC_STEP, STANDARD_SPEED, Path, arc_length_grid, require_positive
-from fifthwheel.manoeuvres.waveforms import trapezoid
 
 
 def straight(*, speed: float = STANDARD_SPEED, duration: float = 60.0) -> Path:

@@ -10,13 +10,13 @@ The measurements disagree with the state if the gate rejects at least half of th
 of two that contradict each other, one is right.
 """
 
-from typing import overload
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.update import ChannelUpdate
+from fifthwheel.filters.kalman import ChannelUpdate
 
 START: Array = np.array([1.0, 0.0, -1.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
@@ -34,18 +34,11 @@ DIVERGED = 1e3
 def monitor(
     carry: ca.SX, channels: list[ChannelUpdate], weight: ca.SX, dt: ca.SX, limit: ca.SX, settings: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """One step of the monitor.
+    """One step of the monitor: its carry, see `START`, and [NIS, 1 if the filter must restart, else 0].
 
-    Args:
-        carry: see `START`.
-        channels: updates of the m channels.
-        weight: of the channels (m,), 1 if measured, else 0.
-        dt: time since the last row, s.
-        limit: squared gate.
-        settings: [time constant of the average, s; duration of a disagreement, 0 or more, before a restart, s].
-
-    Returns:
-        The carry, and [NIS, 1 if the filter must restart, else 0].
+    The weights (m,) of the channels are 1 if measured, else 0; dt is the time since the last row, s; the limit is the
+    squared gate. settings = [time constant of the average, s; duration of a disagreement, 0 or more, before a restart,
+    s].
     """
     nis, elapsed, duration = carry[0], carry[1] + dt, carry[2]
     window, restart_after = settings[0], settings[1]
@@ -62,14 +55,9 @@ def monitor(
     return ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration), ca.vertcat(nis, restart)
 
 
-@overload
-def excess(nis: Array) -> Array: ...
-@overload
-def excess(nis: ca.SX) -> ca.SX: ...
-def excess(nis: Array | ca.SX) -> Array | ca.SX:
-    """Factor of the variances of the states: how far the NIS exceeds what may be chance; at least 1."""
-    ratio = nis / CHANCE
-    return ca.fmax(ratio, 1.0) if isinstance(ratio, ca.SX) else np.maximum(ratio, 1.0)
+def excess(nis: Any) -> Any:
+    """Factor of the variances of the states, at least 1: how far the NIS exceeds what may be chance."""
+    return ca.fmax(nis / CHANCE, 1.0) if isinstance(nis, ca.SX) else np.maximum(nis / CHANCE, 1.0)
 
 
 def diverged(values: ca.SX, variances: ca.SX, dt: ca.SX) -> ca.SX:

@@ -14,17 +14,15 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.vehicle import Vehicle
 
 
 class ObservedChain:
     """A `filters.model.Model` without parameters p, built by `observed_chain`.
 
-    Args:
-        chain: its states come first, its free parameters are offsets.
-        offsets: names of the offsets, those of the steer angles first; the last states.
-        estimates_bank: whether the bank is a state, the last one of the chain; otherwise it is the last parameter of c.
+    The states of the chain come first; the offsets, whose names begin with those of the steer angles, are the last
+    states. The bank, the last state of the chain, is either estimated, or the last parameter of c.
     """
 
     def __init__(self, chain: ChainModel, offsets: tuple[str, ...], estimates_bank: bool) -> None:

@@ -16,6 +16,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import LATERAL_ACCELERATION, MEASURED, ROLL, ROLL_RATE, is_of, measured_signals, names_of
 from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.filters.variances import require_units
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
 from fifthwheel.observe.observed_chain import ObservedChain
@@ -80,6 +81,7 @@ class Observer:
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
+        require_units(vehicle, self.settings.noise)
         groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
         for path in self.settings.brakes:
             if path not in groups:

@@ -21,9 +21,9 @@ from fifthwheel.channels import (
     names_of,
 )
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.saturation import FRICTION, HALF_TRACK, braked_masses
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit, step_limit
+from fifthwheel.dynamics.tyres import braked_masses
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import (
@@ -34,30 +34,25 @@ from fifthwheel.filters.initial_state import (
     steer_effects,
 )
 from fifthwheel.filters.model import pack_array
-from fifthwheel.names import ParameterPath
 from fifthwheel.native import Scan
 from fifthwheel.observe.observed_chain import ObservedChain, observed_chain
 from fifthwheel.observe.observer_step import observer_step
 from fifthwheel.observe.settings import ObserverSettings
-from fifthwheel.observe.uncertainty import SigmaPointPair, Uncertainty
+from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION, HALF_TRACK
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""
 SHORTEST = 0.01
 """s; the change of this time is plausible within any shorter time, because of noise and repeated samples."""
 NO_CHANGES: Mapping[str, float] = {}
-SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", "roll_yaw_product"})
-"""Quantities of a vehicle that may be negative; all others keep their sign."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObserverModel:
-    """A vehicle with the models of its measured and its reported signals, which are built when they are first used.
-
-    `changed` are values of parameters and sensor errors, by name, that replace the given ones; they are not validated.
-    """
+    """A vehicle with the models of its measured and its reported signals, which are built when they are first used."""
 
     vehicle: Vehicle  # with the measured steer angles
     settings: ObserverSettings
@@ -148,12 +143,6 @@ class ObserverModel:
         estimated |= {name for name in self.model.offsets if self.settings.offset_sigma(name)}
         return uncertainty.among(known - estimated)
 
-    def pairs(self, uncertainty: Uncertainty) -> list[SigmaPointPair]:
-        """Sigma points of the vehicle, for names of `uncertain`."""
-        parameters = self.vehicle.parameters()
-        positive = {n for n, value in parameters.items() if value > 0 and ParameterPath.of(n).quantity not in SIGNED}
-        return uncertainty.pairs(self.values(), positive)
-
     def _is_error_of_a_sensor(self, name: str) -> bool:
         """Whether a name is an error that a sensor on the vehicle can have."""
         error = SensorErrorName.of(name)
@@ -167,7 +156,10 @@ class ObserverModel:
         return name in sensor_parameters(self.vehicle, error.signal)
 
     def constant(self, changed: Mapping[str, float] = NO_CHANGES, gate: float | None = None) -> Array:
-        """Constant of the compiled step (see `observer_step`); by default with the settings' gate."""
+        """Constant of the compiled step (see `observer_step`), by default with the gate of the settings.
+
+        Parameters and sensor errors may be changed, by name; their values are not validated.
+        """
         settings, outputs = self.settings, self.outputs
         constant = {STEER.quantity: 0.0, LATERAL_ACCELERATION.quantity: 0.0}  # offsets
         drift = variances.OBSERVER_PROCESS_VARIANCE | constant

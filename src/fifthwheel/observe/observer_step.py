@@ -35,8 +35,8 @@ from fifthwheel.channels import (
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import pack, packed_size, sizes, split, unpack
-from fifthwheel.filters.update import ChannelUpdate
+from fifthwheel.filters.kalman import ChannelUpdate
+from fifthwheel.filters.model import pack, packed_size, partitioned, sizes, split, unpack
 from fifthwheel.native import DirectionScan, Scan, compiled
 from fifthwheel.observe import monitor
 from fifthwheel.observe.observed_chain import ObservedChain
@@ -44,14 +44,8 @@ from fifthwheel.vehicle import Vehicle
 
 
 def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
-    """Signals that an observer reports.
-
-    Args:
-        vehicle: gives the units.
-        roll: whether the model has roll; then roll angles, roll rates and, if the static axle loads are determined,
-            the load transfer ratio of each axle group, present and predicted, are reported.
-        bank: whether the bank of the road is estimated; then it is reported.
-    """
+    """Signals that an observer reports: with roll also roll angles, roll rates and, if the static axle loads are
+    determined, the load transfer ratio of each axle group, present and predicted; the bank of the road if estimated."""
     units = [unit.name for unit in vehicle.units]
     names = [f"{channel.quantity}.{u}" for channel in (SIDESLIP, YAW_RATE) for u in units]
     names += [f"{ARTICULATION.quantity}.{u}" for u in units[1:]]
@@ -143,23 +137,12 @@ def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: Fil
     restart].
     """
     layout = ObserverLayout.of(model, report)
-    carry, sample, constant = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", sum(layout.carry) + len(monitor.START)),
-            ("sample", sum(layout.sample)),
-            ("constant", sum(layout.constant) + 2),
-        )
-    )
-    filtered, monitored = split(carry, [sum(layout.carry), len(monitor.START)])
-    numbers, monitor_settings = split(constant, [sum(layout.constant), 2])
-    dt, d, _, weight = split(sample, layout.sample)
+    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START))
+    sample, dt, d, _, weight = partitioned("sample", *layout.sample)
+    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2)
     _, _, _, limit, c_report, _ = split(numbers, layout.constant)
     step = filter_step(model, layout, filtered, sample, numbers)
-    reported, H = kalman.observe(report, step.after, d, ca.SX(0, 1), c_report)
-    variances = ca.vertcat(
-        *[H[i, :] @ step.covariance @ H[i, :].T + ca.sumsqr(H[i, :] @ step.considered) for i in range(H.shape[0])]
-    )
+    reported, variances = kalman.report_outputs(report, step.after, step.covariance, step.considered, d, c_report)
     monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, limit, monitor_settings)
     nis, disagrees = ca.vertsplit(findings)
     restart = ca.fmax(disagrees, monitor.diverged(reported, variances, dt))
@@ -178,21 +161,11 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     """
     layout = ObserverLayout.of(model, report)
     n_x, n_c, n_report = layout.carry[0], layout.constant[0], layout.constant[4]
-    carry, sample, constant, x_dot, parameters_dot = (
-        ca.SX.sym(name, size)
-        for name, size in (
-            ("carry", sum(layout.carry)),
-            ("sample", sum(layout.sample)),
-            ("constant", sum(layout.constant)),
-            ("x_dot", n_x),
-            ("parameters_dot", n_c + n_report),
-        )
-    )
-    x, *_ = split(carry, layout.carry)
-    dt, d, _, _ = split(sample, layout.sample)
-    c, *_, c_report, _ = split(constant, layout.constant)
-    c_dot, report_dot = split(parameters_dot, [n_c, n_report])
-    no_p, state = ca.SX(0, 1), ca.SX.sym("state", n_x)
+    carry, x, *_ = partitioned("carry", *layout.carry)
+    sample, dt, d, _, _ = partitioned("sample", *layout.sample)
+    constant, c, *_, c_report, _ = partitioned("constant", *layout.constant)
+    parameters_dot, c_dot, report_dot = partitioned("parameters_dot", n_c, n_report)
+    no_p, x_dot, state = ca.SX(0, 1), ca.SX.sym("x_dot", n_x), ca.SX.sym("state", n_x)
     step = filter_step(model, layout, carry, sample, constant)
     before_dot = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
     direct_dot, after_dot = ca.jtimes(model.observation(state, d, no_p, c), c, c_dot), before_dot
@@ -201,11 +174,7 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     reported = report.observation(state, d, no_p, c_report)
     _, H = kalman.observe(report, step.after, d, no_p, c_report)
     reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
-    results = [
-        step.carry,
-        ca.sum2((H @ step.considered) ** 2),
-        after_dot,
-        ca.substitute(reported_dot, state, step.after),
-    ]
+    of_bank = ca.sum2((H @ step.considered) ** 2)
+    results = [step.carry, of_bank, after_dot, ca.substitute(reported_dot, state, step.after)]
     arguments = [carry, sample, constant, x_dot, parameters_dot]
     return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +9,15 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
-from fifthwheel.filters import kalman, smoother
-from fifthwheel.filters.model import packed_size, sizes
+from fifthwheel.filters import smoother
+from fifthwheel.filters.model import packed_size
 from fifthwheel.observe import monitor
-from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.parameter_variance import SigmaPoints, parameter_variance, sigma_point_variance
 from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
-
-CHUNK = 500
-"""Number of rows in one pass, which bounds the memory of the smoother. Its forward pass stores only the carry before
-each chunk; the backward pass repeats the filter chunk by chunk."""
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
@@ -72,7 +66,7 @@ def reported_states(
     excess = monitor.excess(output[:, -2:-1])
     values, raised = output[:, :n], output[:, n : 2 * n]
     own = raised / excess
-    run = partial(smoother_pass, model, observer.report, part.rows)
+    run = partial(smoother.smoothed_rows, model, observer.report, part.rows)
     if smooth:
         start = start[: len(model.states) + packed_size(len(model.states))]
         values, own = np.hsplit(run(start[None], observer.constant(gate=np.inf)[None])[0, part.sample_indices], 2)
@@ -115,7 +109,7 @@ def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[
     is_sample = np.zeros(len(segment.rows), dtype=bool)
     is_sample[samples] = True
     while row < len(segment.rows):
-        end = row + CHUNK
+        end = row + smoother.CHUNK
         rows = segment.rows[row:end] if row > first else segment.part(first, end).rows
         carry, output = observer.scan(carry, rows, constant)
         restarts = np.flatnonzero((output[:, -1] > 0) & is_sample[row:end])
@@ -130,28 +124,6 @@ def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[
         first, start = row, observer.start(segment.inputs(row), suspect=True)
         carry = np.append(start, monitor.after_restart(output[restart, -2]))
     yield segment.part(first, row), start, outputs[first:]
-
-
-def smoother_pass(model: ObservedChain, report: ObservedChain, rows: Array, carry: Array, constant: Array) -> Array:
-    """Outputs of `report` and their variances given all M rows, for B carries and constants, (B, M, 2 n)."""
-    n_x, n_d, _, _, n_y = sizes(model)
-    n_P = packed_size(n_x)
-    forwards, backwards = kalman.kalman_step(model), smoother.smoother_step(model, report)
-    filter_constant, constant = constant[:, : forwards.n_constant], constant[:, : backwards.n_constant]
-    slices = [slice(*edges) for edges in pairwise([*range(0, len(rows), CHUNK), len(rows)])]
-    starts = [carry]
-    for chunk in slices[:-1]:
-        starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
-    back = np.zeros((len(carry), backwards.n_carry))
-    back[:, -n_d:] = rows[-1, 1 : 1 + n_d]
-    result = np.empty((len(carry), len(rows), backwards.n_output))
-    for chunk, start in zip(reversed(slices), reversed(starts), strict=True):
-        _, out = forwards.batch(start, rows[chunk], filter_constant)
-        shared = np.hstack([rows[chunk], rows[chunk, -n_y:]])  # every sample with a weight is accepted
-        samples = np.broadcast_to(shared, (len(carry), *shared.shape)), out[:, :, -(n_x + n_P) :]
-        back, smoothed = backwards.batch(back, np.concatenate(samples, axis=2)[:, ::-1], constant)
-        result[:, chunk] = smoothed[:, ::-1]
-    return result
 
 
 def _states(record: Record, observer: ObserverModel, output: Array, status: NDArray[np.int8]) -> States:

@@ -13,9 +13,10 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.names import ParameterPath
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.observer_step import ObserverLayout, sensitivity_step
-from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.observe.uncertainty import SIGNED, Uncertainty
 
 CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""
@@ -39,7 +40,9 @@ class SigmaPoints(NamedTuple):
     @classmethod
     def of(cls, observer: ObserverModel, uncertainty: Uncertainty) -> Self:
         """The sigma points of an observer's vehicle, for names of `ObserverModel.uncertain`."""
-        pairs = observer.pairs(uncertainty)
+        parameters = observer.vehicle.parameters()
+        positive = {n for n, value in parameters.items() if value > 0 and ParameterPath.of(n).quantity not in SIGNED}
+        pairs = uncertainty.pairs(observer.values(), positive)
         constants = [observer.constant(values, gate=np.inf) for pair in pairs for values in (pair.plus, pair.minus)]
         slopes = [
             [(pair.plus.get(n, 0.0) - pair.minus.get(n, 0.0)) / (2 * pair.step) for n in observer.model.unknowns]
@@ -52,15 +55,11 @@ class SigmaPoints(NamedTuple):
 def parameter_variance(
     observer: ObserverModel, points: SigmaPoints, effects: Array, start: Array, rows: Array
 ) -> Array:
-    """Variance (N, n) of the n reported signals, as a filter gives them, over the parameters.
+    """Variance (N, n) of the n reported signals, as a filter gives them for N rows, over the parameters.
 
-    With the bank among them, it is without the variance of the filter, which considers the bank itself.
-
-    Args:
-        observer, points: the models, and the uncertain parameters.
-        effects: change (u, n_x) of the first state per unit of bank and offsets.
-        start: [x, P, s] before the first row; it does not depend on the other parameters, because P is wide enough.
-        rows: (N, n_sample); their weights determine the samples that are used.
+    With the bank among them, it is without the variance of the filter, which considers the bank itself. `effects` is
+    the change (u, n_x) of the first state per unit of bank and offsets; `start`, [x, P, s] before the first row, does
+    not depend on the other parameters, because P is wide enough.
     """
     scan = sensitivity_step(observer.model, observer.report)
     n_c, *between, n_report, _ = ObserverLayout.of(observer.model, observer.report).constant
@@ -73,9 +72,8 @@ def parameter_variance(
     for first in range(0, len(rows), CHUNK):
         chunk = slice(first, first + CHUNK)
         result = scan(carry, rows[chunk], constant, carry_dot, directions, threads=os.cpu_count() or 1)
-        variance[chunk] = (
-            np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot) - points.with_bank * result.output
-        )
+        squares = np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot)
+        variance[chunk] = squares - points.with_bank * result.output
         carry, carry_dot = result.carry, result.carry_dot
     return variance
 

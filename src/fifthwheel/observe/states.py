@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of
+from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, shown
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Span, downsample
 from fifthwheel.plots.palette import BLUE, GREY, ORANGE, PURPLE, VERMILLION
 from fifthwheel.plots.panels import trimmed, visible_range
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.stream import Status
 
 if TYPE_CHECKING:

@@ -23,6 +23,8 @@ NEGLIGIBLE = 1e-6
 MAX_LOG_CHANGE = 0.5
 """Largest change of the logarithm of a parameter at a sigma point. A longer column is shortened and its effect scaled:
 a very different vehicle may be unstable, or need shorter steps than the record has."""
+SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", "roll_yaw_product"})
+"""Quantities of a vehicle that may be negative; all others keep their sign."""
 
 
 class SigmaPointPair(NamedTuple):

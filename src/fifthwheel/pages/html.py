@@ -33,12 +33,7 @@ def notebook(document: pages.Document) -> str:
 
 
 def blocks(parts: Iterable[pages.Block], place: Callable[[pages.CaptionedPlot], str] = lambda _: "") -> str:
-    """Blocks as HTML.
-
-    Args:
-        parts: the blocks.
-        place: gives the id of the place of a figure.
-    """
+    """Blocks as HTML; `place` gives the id of the place of a figure."""
     return "\n".join(_block(part, place) for part in parts)
 
 

@@ -145,11 +145,6 @@ def compressed(data: bytes) -> bytes:
     return base64.b64encode(zlib.compress(data, LEVEL))
 
 
-def decompressed(data: bytes) -> bytes:
-    """The inverse of `compressed`."""
-    return zlib.decompress(base64.b64decode(data))
-
-
 def _data_script(key: str, data: bytes) -> bytes:
     return b'<script type="application/octet-stream" id="%b">%b</script>\n' % (key.encode(), data)
 

@@ -8,7 +8,7 @@ from fifthwheel.errors import printable_lines
 from fifthwheel.formatting import plain_ascii
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console as Console
 
 COLOURS = {
     "converged": "green",
@@ -24,11 +24,9 @@ COLOURS = {
 
 def show(document: pages.Document, console: "Console | None" = None) -> None:
     """Print the blocks of a document, except plots and HTML; in ASCII where that is no terminal with Unicode."""
-    if console is None:
-        from rich.console import Console
+    from rich.console import Console  # slow to import
 
-        console = Console()
-    _Printer(console).show(document.blocks)
+    _Printer(console or Console()).show(document.blocks)
 
 
 class _Printer:

@@ -46,9 +46,8 @@ class SprungBody:
 def sprung_bodies(vehicle: Vehicle, properties: Properties) -> tuple[SprungBody, ...]:
     """The sprung body of every unit, front to rear.
 
-    Raises:
-        VehicleError: a property names an unknown axle group; the masses or inertias of the axles exceed those of their
-            unit; the first unit has no steered axle.
+    A VehicleError if a property names an unknown axle group, if the masses or inertias of the axles exceed those of
+    their unit, or if the first unit has no steered axle.
     """
     groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
     by_group = properties.roll_centre, properties.roll_steer, properties.lash, properties.brakes
@@ -145,5 +144,5 @@ def _axle_yaw_inertia(axle: BeamAxle, properties: Properties) -> float:
     wheel = axle.wheel_mass * properties.wheel_gyration**2
     wheels = (
         2 * axle.wheel_mass * properties.half_track**2 + wheel
-    )  # about its diameter, a disc has half its spin inertia
+    )  # about a diameter, a disc has half its spin inertia
     return beam + wheels

@@ -19,11 +19,11 @@ front axle.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import Course, Path
+from fifthwheel.settings import FiniteNonNegative, FinitePositive, Settings
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
@@ -53,30 +53,23 @@ class Command(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriverSettings:
+class DriverSettings(Settings):
     """Settings of the path-following law; an open loop does not use them.
 
     Raises:
         SignalError: a value outside its range.
     """
 
-    bandwidth: float = 1.0
+    bandwidth: FinitePositive = 1.0
     """w, natural frequency of the path error, rad/s; about 1 for a human driver."""
-    damping: float = 0.8
+    damping: FinitePositive = 0.8
     """zeta, damping ratio of the path error."""
-    preview: float = 0.05
+    preview: FiniteNonNegative = 0.05
     """t_p, preview time of the curvature, s: the time in which tyres and steering build up a force."""
-    steer_rate: float = 0.3
+    steer_rate: FinitePositive = 0.3
     """Highest rate of the road wheels, rad/s; at the steering wheel about 20 times as much."""
-    slowest: float = 2.0
+    slowest: FinitePositive = 2.0
     """Lower limit of the speed in the law, m/s, so that the steer angle stays finite when the truck stops."""
-
-    def __post_init__(self) -> None:
-        for name in (field.name for field in fields(self)):
-            value, may_be_zero = getattr(self, name), name == "preview"
-            if not 0 <= value < math.inf or (value == 0 and not may_be_zero):
-                expected = "of 0 or more" if may_be_zero else "above 0"
-                raise SignalError(f"{name}: expected a finite number {expected}, got {value}; correct it")
 
 
 class Driver:

@@ -7,7 +7,6 @@ picture are right + i up.
 import io
 import math
 import textwrap
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.errors import SignalError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,9 @@ AXLE_QUANTITIES = ("vertical_force", "load_transfer")
 """Quantities of the last axle group that a picture needs."""
 
 STRIP_INSTANTS, STRIP_DURATION = 6, 4.0  # s
-FILM_DURATION, FILM_RATE, MAX_FRAMES = 6.0, 20, 160  # s, frames per second
+FILM_DURATION, FILM_RATE = 6.0, 20  # s, frames per second
+EXAGGERATION = 5.0
+"""Factor on roll angle and tyre deflection in the view from behind; the view from above is to scale."""
 PICTURE_HEIGHT = 5.4  # in, of the view from above
 
 LANE_WIDTH, DASH_LENGTH, DASH_PERIOD = 3.5, 4.0, 12.0  # m
@@ -44,56 +46,34 @@ BODY_AHEAD_OF_KINGPIN, CLEARANCE_BEHIND_CAB = 1.2, 1.9  # m
 LIGHT, FRAME, MIDDLE, DARK, FIRST, LAST = "#e4e4e4", "#c4c4c4", "#9a9a9a", "#222222", "#0072B2", "#D55E00"
 
 
-def film(
-    run: "PlantRun", path: Path, *, start: float | None = None, stop: float | None = None, exaggerate: float = 5.0
-) -> Path:
-    """Draw the moving truck from the true signals of a run.
+def film(run: "PlantRun", path: Path) -> Path:
+    """Draw the moving truck from the true signals of a run; returns the path.
 
-    Args:
-        run: result of `Plant.drive`.
-        path: a strip of six instants (.png, .svg) or an animation in real time (.gif; faster if longer than 8 s).
-        start: start of the drawn window, s; by default, 4 s (animation: 6 s) around the largest lateral acceleration of
-            the last unit.
-        stop: end of that window, s.
-        exaggerate: factor on roll angle and tyre deflection in the view from behind; the view from above is to scale.
-
-    Returns:
-        The path of the written file.
-
-    Raises:
-        SignalError: another suffix, a window outside the run, or a missing true signal.
-        FifthwheelError: matplotlib is not installed.
+    A strip of six instants within 4 s (.png, .svg) or an animation of 6 s in real time (.gif), around the largest
+    lateral acceleration of the last unit. A SignalError for another suffix, or a missing true signal.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise SignalError(f"{path}: expected the suffix {', '.join(SUFFIXES)}, got {suffix or 'none'}; rename the file")
-    if not 0 < exaggerate <= 30:
-        raise SignalError(f"exaggerate: expected above 0 and up to 30, got {exaggerate:g}; give 1 for true angles")
     _check_signals(run)
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-        from PIL import Image
-    except ImportError:
-        raise FifthwheelError(
-            "the pictures need matplotlib, which is not installed; pip install 'fifthwheel[figures]'"
-        ) from None
+    matplotlib, image = require("matplotlib", "figures"), require("PIL.Image", "figures")
+    new_figure = require("matplotlib.figure", "figures").Figure
     animated = suffix == ".gif"
-    first, last = _window(run, start, stop, FILM_DURATION if animated else STRIP_DURATION)
-    count = min(max(round((last - first) * FILM_RATE) + 1, 2), MAX_FRAMES) if animated else STRIP_INSTANTS
-    scene = _Scene.of(run, np.linspace(first, last, count), exaggerate)
+    first, last = _window(run, FILM_DURATION if animated else STRIP_DURATION)
+    count = max(round((last - first) * FILM_RATE) + 1, 2) if animated else STRIP_INSTANTS
+    scene = _Scene(run, np.linspace(first, last, count))
     with matplotlib.rc_context({"font.size": 8, "svg.hashsalt": "fifthwheel"}), atomic_write(path) as temporary:
         if animated:
             frames = []
             for k in range(count):
-                figure = scene.draw(Figure(), range(k, k + 1), side_by_side=True)
+                figure = scene.draw(new_figure(), range(k, k + 1), side_by_side=True)
                 figure.savefig(buffer := io.BytesIO(), format="png", dpi=100)
-                frames.append(Image.open(buffer).convert("RGB").quantize(64, Image.Quantize.FASTOCTREE))
+                frames.append(image.open(buffer).convert("RGB").quantize(64, image.Quantize.FASTOCTREE))
             frames[0].save(
                 temporary, "GIF", save_all=True, append_images=frames[1:], duration=1000 // FILM_RATE, loop=0
             )
         else:
-            figure = scene.draw(Figure(), range(count))
+            figure = scene.draw(new_figure(), range(count))
             figure.savefig(temporary, format=suffix[1:], dpi=150, metadata={"Date": None})
     return Path(path)
 
@@ -106,21 +86,13 @@ def _check_signals(run: "PlantRun") -> None:
         raise SignalError(f"{missing[0]}: missing in the true signals of {run.name}; use a run of Plant.drive")
 
 
-def _window(run: "PlantRun", start: float | None, stop: float | None, duration: float) -> tuple[float, float]:
-    """First and last instant, s; by default around the largest lateral acceleration of the last unit."""
+def _window(run: "PlantRun", duration: float) -> tuple[float, float]:
+    """First and last instant, s, around the largest lateral acceleration of the last unit."""
     time, end = run.time, float(run.time[-1])
-    if start is None and stop is None:
-        power = run.truth[f"lateral_acceleration.{run.vehicle.units[-1].name}"] ** 2 + 1e-9
-        power = power * (np.abs(time - time[power.argmax()]) < duration / 2)
-        start = max(min(float((power * time).sum() / power.sum()) - duration / 2, end - duration), 0.0)
-    start = max((stop or 0.0) - duration, 0.0) if start is None else start
-    stop = min(start + duration, end) if stop is None else stop
-    if not 0 <= start < stop <= end:
-        raise SignalError(
-            f"start, stop: expected 0 <= start < stop <= {end:g} s, got {start:g} and {stop:g}; choose a window within"
-            " the run"
-        )
-    return start, stop
+    power = run.truth[f"lateral_acceleration.{run.vehicle.units[-1].name}"] ** 2 + 1e-9
+    power = power * (np.abs(time - time[power.argmax()]) < duration / 2)
+    start = max(min(float((power * time).sum() / power.sum()) - duration / 2, end - duration), 0.0)
+    return start, min(start + duration, end)
 
 
 class _Block(NamedTuple):
@@ -185,22 +157,10 @@ class _Line(NamedTuple):
     order: int  # lines of a higher order cover the others
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class _Scene:
-    """The true signals at the instants to draw, the road, and the position and size of the view from above."""
+    """A run at some instants (N,), s: true signals, the road, and the position and size of the view from above."""
 
-    run: "PlantRun"
-    time: Array  # (N,) instants, s
-    truth: dict[str, Array]  # (N,) by signal
-    exaggerate: float
-    heading: Array  # (N,) direction on the road that points up in the view from above, rad
-    middle: Points  # (N,) middle of that view
-    size: tuple[float, float]  # width and height of that view, m
-    lines: list[_Line]  # paths and lane markings
-
-    @classmethod
-    def of(cls, run: "PlantRun", time: Array, exaggerate: float) -> "_Scene":
-        """The scene of a run at some instants, s."""
+    def __init__(self, run: "PlantRun", time: Array) -> None:
         units = run.vehicle.units
         truth = {name: np.interp(time, run.time, values) for name, values in run.truth.items()}
         front, rear = max(axle.position for axle in units[0].axles), min(axle.position for axle in units[-1].axles)
@@ -219,26 +179,18 @@ class _Scene:
             width = lateral_range[1] - lateral_range[0] + BODY_WIDTH + 1.0
         else:  # a bend: the path of the first axle is the middle of its lane
             centre, lateral_range, width, heading = paths[0], (0.0, 0.0), 0.5 * length, np.angle(ends[0] - ends[1])
-        lowest, highest = (
-            math.floor(lateral_range[0] / LANE_WIDTH + 0.3),
-            math.ceil(lateral_range[1] / LANE_WIDTH - 0.3),
-        )
-        lines = [_Line(paths[0], FIRST, "-", 6), _Line(paths[1], LAST, "--", 6)]
+        lowest = math.floor(lateral_range[0] / LANE_WIDTH + 0.3)
+        highest = math.ceil(lateral_range[1] / LANE_WIDTH - 0.3)
+        self.lines = [_Line(paths[0], FIRST, "-", 6), _Line(paths[1], LAST, "--", 6)]
         leftward = 1j * np.exp(1j * np.angle(np.gradient(centre)))
         for k in range(lowest, highest + 2):
             is_gap = (np.arange(len(centre)) * 0.5 % DASH_PERIOD > DASH_LENGTH) & (lowest < k <= highest)
             marking = np.where(is_gap, np.nan, centre + leftward * LANE_WIDTH * (k - 0.5))
-            lines.append(_Line(marking, MIDDLE, "-", 1))
-        return cls(
-            run=run,
-            time=time,
-            truth=truth,
-            exaggerate=exaggerate,
-            heading=heading,
-            middle=middle,
-            size=(max(width, 0.3 * length), max(length, 2 * width)),
-            lines=lines,
-        )
+            self.lines.append(_Line(marking, MIDDLE, "-", 1))
+        self.run, self.time, self.truth = run, time, truth
+        self.heading = heading  # (N,) direction on the road that points up in the view from above, rad
+        self.middle = middle  # (N,) of that view
+        self.size = max(width, 0.3 * length), max(length, 2 * width)  # of that view, m
 
     def draw(self, figure: "Figure", instants: range, *, side_by_side: bool = False) -> "Figure":
         """Draw instants side by side; the view from behind is below that from above, or beside it. All sizes in in."""
@@ -261,7 +213,7 @@ class _Scene:
         caption = (
             f"{self.run.vehicle.name}, {self.run.name}. Lateral accelerations: left positive. From above, to scale;"
             " solid: path of the first axle; dashed: path of the last axle. From behind, roll angles and tyre"
-            f" deflections times {self.exaggerate:g}; darker tyre: higher load; dots: roll axis and CoG of the body;"
+            f" deflections times {EXAGGERATION:g}; darker tyre: higher load; dots: roll axis and CoG of the body;"
             " arrow: lateral acceleration; dashed outlines: units in front."
         )
         text = textwrap.fill(caption, int(19.5 * total_width))
@@ -311,7 +263,7 @@ class _Scene:
                 cab_top = CAB_HEIGHT if MIDDLE in shades else FLOOR_HEIGHT
                 boxes = [(0.5, TOP_HEIGHT if LIGHT in shades else cab_top, BODY_WIDTH, "none")]
                 style, order = "--", 5
-            lean = np.exp(-1j * self.exaggerate * truth[f"roll.{other.name}"][k])
+            lean = np.exp(-1j * EXAGGERATION * truth[f"roll.{other.name}"][k])
             axis = roll_axis - ((_points(truth, other, other.cog)[k] - position) / forward).imag
             for low, high, width, shade in boxes:
                 outline = axis + (1j * _rectangle(low, high, width) - roll_axis) * lean
@@ -329,7 +281,7 @@ class _Scene:
         loads = np.array([truth[f"vertical_force.{unit.name}.{axle.name}"][k] for axle in group.axles])
         transfers = [truth[f"load_transfer.{unit.name}.{axle.name}"][k] for axle in group.axles]
         transferred, total = float(loads @ transfers), float(loads.sum())
-        deflection = self.exaggerate * transferred * half_track**2 / group.tyre_roll_stiffness  # right side, m
+        deflection = EXAGGERATION * transferred * half_track**2 / group.tyre_roll_stiffness  # right side, m
         ends = [radius + deflection, radius - deflection]
         axes.plot([-half_track, half_track], ends, color=DARK, lw=2.5, zorder=2)
         for side in (-1, 1):

@@ -76,16 +76,9 @@ def _add_coupling(body: Xml.Element, coupling: Coupling, *, is_hinged: bool) -> 
 def _add_axle(parent: Xml.Element, axle: BeamAxle, properties: Properties) -> None:
     element = Xml.SubElement(parent, "body", name=axle.name, pos=f"{axle.x!r} 0 {axle.roll_centre_height!r}")
     preload = -(axle.load - axle.mass * GRAVITY) / axle.vertical_stiffness
-    Xml.SubElement(
-        element,
-        "joint",
-        name=f"{axle.name}.lift",
-        type="slide",
-        axis="0 0 1",
-        stiffness=repr(axle.vertical_stiffness),
-        damping=repr(axle.vertical_damping),
-        springref=repr(preload),
-    )
+    spring = {"stiffness": axle.vertical_stiffness, "damping": axle.vertical_damping, "springref": preload}
+    numbers = {key: repr(value) for key, value in spring.items()}
+    Xml.SubElement(element, "joint", numbers, name=f"{axle.name}.lift", type="slide", axis="0 0 1")
     _add_hinge(element, f"{axle.name}.roll", "1 0 0", "0 0 0", axle.roll_stiffness, axle.roll_damping)
     height = properties.wheel_radius - axle.roll_centre_height  # of the wheel centres over the roll centre
     beam_mass = axle.mass - 2 * axle.wheel_mass
@@ -118,29 +111,16 @@ def _add_halves(front: Xml.Element, body: SprungBody, torsion: float, height: fl
 def _add_hinge(
     body: Xml.Element, name: str, axis: str, position: str, stiffness: float = 0.0, damping: float = 0.0
 ) -> None:
-    Xml.SubElement(
-        body,
-        "joint",
-        name=name,
-        type="hinge",
-        axis=axis,
-        pos=position,
-        stiffness=repr(stiffness),
-        damping=repr(damping),
-    )
+    spring = {"stiffness": repr(stiffness), "damping": repr(damping)}
+    Xml.SubElement(body, "joint", spring, name=name, type="hinge", axis=axis, pos=position)
 
 
 def _add_inertia(
     body: Xml.Element, mass: float, position: tuple[float, float, float], inertia: tuple[float, float, float, float]
 ) -> None:
     xx, yy, zz, product = inertia
-    Xml.SubElement(
-        body,
-        "inertial",
-        mass=repr(mass),
-        pos=" ".join(map(repr, position)),
-        fullinertia=f"{xx!r} {yy!r} {zz!r} 0 {-product!r} 0",
-    )
+    tensor = f"{xx!r} {yy!r} {zz!r} 0 {-product!r} 0"
+    Xml.SubElement(body, "inertial", mass=repr(mass), pos=" ".join(map(repr, position)), fullinertia=tensor)
 
 
 def _add_frame_sensors(sensors: Xml.Element, body: str) -> None:

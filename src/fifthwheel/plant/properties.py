@@ -117,15 +117,10 @@ class Properties:
 
 
 def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properties:
-    """A copy with some properties changed.
+    """A copy with some properties changed, those of single axle groups by "property.group".
 
-    Args:
-        properties: the original.
-        changes: value by property, and by "property.group" for properties of single axle groups: {"bank": "2 deg",
-            "roll_steer.semitrailer": 0.1}. A value is a number in SI, or a text with a unit where `UNITS` has one.
-
-    Raises:
-        VehicleError: an unknown property, or a value outside its range.
+    {"bank": "2 deg", "roll_steer.semitrailer": 0.1}: a value is a number in SI, or a text with a unit where `UNITS` has
+    one. A VehicleError for an unknown property, or a value outside its range.
     """
     names = [f.name for f in fields(Properties) if f.name != "tyre"]
     values: dict[str, Any] = {}
@@ -135,9 +130,8 @@ def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properti
             raise VehicleError(f"{name}: the nonlinear truck has no such property; {suggestion(name, names)}")
         by_group = isinstance(getattr(properties, name), Mapping)
         if by_group != bool(group):
-            expected = (
-                f"{name}.<axle group>, such as {name}.semitrailer" if by_group else f"{name} without an axle group"
-            )
+            of_group = f"{name}.<axle group>, such as {name}.semitrailer"
+            expected = of_group if by_group else f"{name} without an axle group"
             raise VehicleError(f"{key}: expected {expected}; correct the name")
         if name == "twin_tyres":
             values[name] = tuple(value.split(",") if isinstance(value, str) else value)

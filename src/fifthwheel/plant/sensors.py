@@ -25,11 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SignalName, is_input
+from fifthwheel.channels import SignalName, checked_name, is_input, si_unit
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
-from fifthwheel.input_files import parse_toml, read_toml
+from fifthwheel.input_files import flat_tables, parse_toml, read_toml
 from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.record.signal_names import checked_name, si_unit
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
@@ -190,25 +189,14 @@ def read_sensors(path: str | Path) -> dict[str, Sensor]:
     except FifthwheelError as error:
         raise SignalError(f"{Path(path).name}: not valid TOML, {error}; correct that line") from None
     try:
-        return {name: _sensor(name, table) for name, table in _by_signal(tables).items()}
+        return {name: _sensor(name, table) for name, table in flat_tables(tables).items()}
     except SignalError as error:
         raise SignalError(f"{Path(path).name}: {error}") from error
 
 
-def _by_signal(tables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Tables by signal; TOML reads the header [yaw_rate.tractor] without quotes as a table in a table."""
-    flat: dict[str, dict[str, Any]] = {}
-    for name, table in tables.items():
-        if not isinstance(table, dict):
-            raise SignalError(f'{name}: expected a table for each signal, got {table!r}; write ["yaw_rate.tractor"]')
-        if table and all(isinstance(inner, dict) for inner in table.values()):
-            flat |= {f"{name}.{inner}": entry for inner, entry in _by_signal(table).items()}
-        else:
-            flat[name] = table
-    return flat
-
-
-def _sensor(name: str, table: Mapping[str, Any]) -> Sensor:
+def _sensor(name: str, table: Any) -> Sensor:
+    if not isinstance(table, dict):
+        raise SignalError(f'{name}: expected a table for each signal, got {table!r}; write ["yaw_rate.tractor"]')
     si = si_unit(checked_name(name)) or "1"
     units = {"bias": si, "noise": si, "quantisation": si, "misalignment": "rad", "latency": "s", "dropout_length": "s"}
     units["rate"] = "Hz"

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
-from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import Course
-from fifthwheel.native import Scan
 from fifthwheel.plant import tyre_forces
-from fifthwheel.plant.bodies import BeamAxle, SprungBody, sprung_bodies
+from fifthwheel.plant.bodies import SprungBody, sprung_bodies
 from fifthwheel.plant.driver import Driver, Pose
 from fifthwheel.plant.mujoco_model import SIDES, model_xml
 from fifthwheel.plant.properties import Properties
 from fifthwheel.plant.sensors import Sensor, article_sensors, measure
-from fifthwheel.plant.truth import ROLLOVER_ANGLE, Samples, true_signals
+from fifthwheel.plant.truth import ROLLOVER_ANGLE, true_signals
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -91,7 +91,7 @@ class Plant:
         Raises:
             FifthwheelError: MuJoCo is not installed.
         """
-        return Multibody.of(self.vehicle, self.properties)
+        return Multibody(self.vehicle, self.properties)
 
     def drive(
         self,
@@ -140,61 +140,30 @@ class Plant:
         if count < rate:
             raise SignalError(f"{course.name}: expected a run of 1 s or more, the truck rolls over; reduce its speed")
         time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
-        truth = true_signals(time, Samples(sensed[:count], wheels[:count]), self.vehicle, self.properties, layout)
+        truth = true_signals(time, sensed[:count], wheels[:count], self.vehicle, self.properties, layout)
         return PlantRun(
             vehicle=self.vehicle, properties=self.properties, time=time, truth=truth, name=name or course.name
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Multibody:
-    """A truck as compiled for the simulation."""
+    """A truck as compiled for the simulation: MuJoCo's model, and the step of the tyre forces with its constants."""
 
-    axles: tuple[BeamAxle, ...]
-    model: Any
-    """mujoco.MjModel."""
-    layout: tyre_forces.Layout
-    forces: Scan
-    """The compiled step of the tyre forces."""
-    constants: Array
-    """Constants of that step."""
-
-    @classmethod
-    def of(cls, vehicle: Vehicle, properties: Properties) -> "Multibody":
-        """Compile a truck.
-
-        Raises:
-            FifthwheelError: MuJoCo is not installed.
-            VehicleError: see `Plant`.
-        """
+    def __init__(self, vehicle: Vehicle, properties: Properties) -> None:
         bodies = sprung_bodies(vehicle, properties)
-        model = mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
-        layout = _layout(model, bodies)
-        return cls(
-            axles=tuple(axle for body in bodies for axle in body.axles),
-            model=model,
-            layout=layout,
-            forces=tyre_forces.forces(layout, bodies, properties),
-            constants=tyre_forces.constants(bodies, properties, TIME_STEP),
-        )
+        self.axles = tuple(axle for body in bodies for axle in body.axles)
+        self.model = mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
+        self.layout = _layout(self.model, bodies)
+        self.forces = tyre_forces.forces(self.layout, bodies, properties)
+        self.constants = tyre_forces.constants(bodies, properties, TIME_STEP)
 
 
 def mujoco() -> Any:
-    """The module mujoco.
-
-    Raises:
-        FifthwheelError: it is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError:
-        raise FifthwheelError(
-            "the nonlinear truck needs MuJoCo, which is not installed; pip install 'fifthwheel[plant]'"
-        ) from None
-    return mujoco
+    """The module mujoco, which may not be installed."""
+    return require("mujoco", "plant")
 
 
-def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
+def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayout:
     body_type = mujoco().mjtObj.mjOBJ_BODY
 
     def row(name: str) -> int:
@@ -202,7 +171,7 @@ def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.Layout:
 
     axles = [axle for body in bodies for axle in body.axles]
     rows = [row(axle.name) for axle in axles]
-    return tyre_forces.Layout(
+    return tyre_forces.StepLayout(
         bodies=tuple(row(body.name) for body in bodies),
         axles=tuple(rows),
         carriers=tuple(int(model.body_parentid[k]) for k in rows),
@@ -235,7 +204,7 @@ class Simulation:
         self._bodies = list(layout.bodies)
         self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
         self._start_speed = float(course.speed[0])
-        self.speed_controller = SpeedController.of(plant, self._start_speed)
+        self.speed_controller = SpeedController(plant, self._start_speed)
         self.data.qvel[0] = self._start_speed
         self.data.qvel[self._spin] = self._start_speed / plant.properties.wheel_radius
         self._sin_bank, self._cos_bank = math.sin(plant.properties.bank), math.cos(plant.properties.bank)
@@ -286,43 +255,26 @@ class Simulation:
         self._steer += self._steer_increment
 
 
-@dataclass(kw_only=True)
 class SpeedController:
-    """A PI controller of the speed through driven wheels and brakes."""
+    """A PI controller of the speed through driven wheels and brakes, for a truck that starts at a speed, m/s.
 
-    mass: float
-    """Mass of the whole truck, kg."""
-    wheel_radius: float
-    """m."""
-    drive_fractions: Array
-    """Fraction of the driving force on each wheel."""
-    brake_fractions: Array
-    """Fraction of the braking force on each wheel."""
-    integral: float
-    """Integral part of the force, N."""
+    Driven wheels share the driving force equally; the wheels of a group brake in proportion to their load.
+    """
 
-    @classmethod
-    def of(cls, plant: Plant, speed: float) -> "SpeedController":
-        """The controller of a truck that starts at a speed, m/s, with the integral at its driving resistance.
-
-        Driven wheels share the driving force equally; the wheels of a group brake in proportion to their load.
-        """
+    def __init__(self, plant: Plant, speed: float) -> None:
         properties, axles = plant.properties, plant.multibody.axles
-        mass = sum(unit.mass for unit in plant.vehicle.units)
-        rolling = properties.rolling_resistance * mass * GRAVITY
+        self.mass = sum(unit.mass for unit in plant.vehicle.units)  # kg, of the whole truck
+        self.wheel_radius = properties.wheel_radius
         driven = np.array([float(axle.driven) for axle in axles for _ in SIDES])
         loads = plant.vehicle.axle_loads()
         of_group = {path: properties.brakes.get(path, 0.0) / load for path, load in loads.items()}
         braking = np.array(
             [axle.load * (of_group[axle.group] if properties.brakes else 1.0) for axle in axles for _ in SIDES]
         )
-        return cls(
-            mass=mass,
-            wheel_radius=properties.wheel_radius,
-            drive_fractions=driven / max(driven.sum(), 1.0),
-            brake_fractions=braking / braking.sum(),
-            integral=rolling + tyre_forces.AIR_DENSITY / 2 * properties.drag_area * speed**2,
-        )
+        self.drive_fractions = driven / max(driven.sum(), 1.0)  # of the driving force on each wheel
+        self.brake_fractions = braking / braking.sum()  # of the braking force on each wheel
+        rolling = properties.rolling_resistance * self.mass * GRAVITY
+        self.integral = rolling + tyre_forces.AIR_DENSITY / 2 * properties.drag_area * speed**2  # N, driving resistance
 
     def __call__(self, error: float) -> Array:
         """Torque of each wheel, N m, (wheels,), for a speed error, m/s; called once per command."""

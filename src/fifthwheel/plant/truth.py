@@ -7,7 +7,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, Layout
+from fifthwheel.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, StepLayout
 from fifthwheel.vehicle import Vehicle
 
 ROLLOVER_ANGLE = 0.6
@@ -16,16 +16,6 @@ JACKKNIFE_ANGLE = 1.5
 """Articulation angle at which units touch, rad."""
 LOWEST_SPEED = 1.0
 """Speed below which the tyre model is not valid, m/s."""
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Sensed values and wheel outputs at the sampling instants of a run."""
-
-    sensed: Array
-    """(N, sensed values and steer angles)."""
-    wheels: Array
-    """(N, `WHEEL_OUTPUTS` of each wheel)."""
 
 
 @dataclass(frozen=True)
@@ -53,33 +43,36 @@ class Frame:
         """Continuous heading angle of the x axis, rad, (N,)."""
         return np.unwrap(np.arctan2(self.x_axis[:, 1], self.x_axis[:, 0]))
 
-    def at(self, x: float, z: float) -> tuple[Array, Array]:
-        """Position and velocity, each (N, 3), of a point of the body."""
+    def horizontal_motion(self, x: float, z: float) -> tuple[Array, Array, Array]:
+        """Longitudinal and lateral velocity in the horizontal plane, (N,), and position, (N, 3), of a point."""
         arm = x * self.x_axis + z * self.z_axis
-        return self.position + arm, self.velocity + np.cross(self.angular_velocity, arm)
+        velocity = self.velocity + np.cross(self.angular_velocity, arm)
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        u, v = c * velocity[:, 0] + s * velocity[:, 1], c * velocity[:, 1] - s * velocity[:, 0]
+        return u, v, self.position + arm
 
 
 def true_signals(
-    time: Array, samples: Samples, vehicle: Vehicle, properties: Properties, layout: Layout
+    time: Array, sensed: Array, wheels: Array, vehicle: Vehicle, properties: Properties, layout: StepLayout
 ) -> dict[str, Array]:
     """Every signal of a run, (N,) each, by name.
+
+    From the sensed values and steer angles at each instant, and the `WHEEL_OUTPUTS` of each wheel.
 
     Yaw and roll rates are those of gyros fixed to the sprung body. Sideslip is that of the point of the body on the
     roll axis below the CoG of the whole unit, in the horizontal plane. Accelerations are those of an accelerometer on
     the body, where the vehicle file has it, by default at that point; they contain gravity. Lateral force and slip
-    angle of an axle combine both wheels; load transfer is the right load minus the left one, divided by their sum.
-
-    Raises:
-        SignalError: the truck rolls over, jackknifes or stops.
+    angle of an axle combine both wheels; load transfer is the right load minus the left one, divided by their sum. A
+    SignalError if the truck rolls over, jackknifes or stops.
     """
     signals: dict[str, Array] = {}
     headings: list[Array] = []
     for i, unit in enumerate(vehicle.units):
-        frame = Frame.of(samples.sensed[:, BODY_SENSORS * i : BODY_SENSORS * (i + 1)])
-        acceleration = samples.sensed[:, BODY_SENSORS * i + 15 : BODY_SENSORS * i + 18]
+        of_body = sensed[:, BODY_SENSORS * i : BODY_SENSORS * (i + 1)]
+        frame, acceleration = Frame.of(of_body), of_body[:, 15:18]
         heading, z_axis = frame.heading, frame.z_axis
         headings.append(heading)
-        u, v, position = horizontal_motion(frame, heading, unit.cog, unit.roll_axis_height)
+        u, v, position = frame.horizontal_motion(unit.cog, unit.roll_axis_height)
         signals |= {
             f"{quantity}.{unit.name}": values
             for quantity, values in {
@@ -101,14 +94,14 @@ def true_signals(
         if i:
             signals[f"articulation.{unit.name}"] = heading - headings[i - 1]
         if i == len(vehicle.units) - 1 and i:
-            u, v, _ = horizontal_motion(frame, heading, properties.landing_leg, 0.0)
+            u, v, _ = frame.horizontal_motion(properties.landing_leg, 0.0)
             signals[f"sideslip.{unit.name}.landing_leg"] = np.arctan2(v, u)
     signals["speed"] = signals[f"longitudinal_velocity.{vehicle.units[0].name}"]
-    signals |= {name: samples.sensed[:, layout.sensed + k] for k, name in enumerate(vehicle.steer_signals())}
+    signals |= {name: sensed[:, layout.sensed + k] for k, name in enumerate(vehicle.steer_signals())}
     axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.axles]
     for i, axle in enumerate(axles):
         left, right = (
-            dict(zip(WHEEL_OUTPUTS, samples.wheels[:, 4 * k : 4 * k + 4].T, strict=True)) for k in (2 * i, 2 * i + 1)
+            dict(zip(WHEEL_OUTPUTS, wheels[:, 4 * k : 4 * k + 4].T, strict=True)) for k in (2 * i, 2 * i + 1)
         )
         load = left["vertical_force"] + right["vertical_force"]
         signals |= {
@@ -120,13 +113,6 @@ def true_signals(
         }
     check_run(time, signals, vehicle)
     return signals
-
-
-def horizontal_motion(frame: Frame, heading: Array, x: float, z: float) -> tuple[Array, Array, Array]:
-    """Longitudinal and lateral velocity in the horizontal plane, (N,), and position, (N, 3), of a point of a body."""
-    position, velocity = frame.at(x, z)
-    c, s = np.cos(heading), np.sin(heading)
-    return c * velocity[:, 0] + s * velocity[:, 1], c * velocity[:, 1] - s * velocity[:, 0], position
 
 
 def check_run(time: Array, signals: dict[str, Array], vehicle: Vehicle) -> None:

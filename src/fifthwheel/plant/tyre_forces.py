@@ -28,7 +28,7 @@ AXLE_SENSORS = 18
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class StepLayout:
     """Indices into the inputs and outputs of the compiled step; rows are numbers of MuJoCo bodies."""
 
     bodies: tuple[int, ...]
@@ -94,7 +94,7 @@ def _of_truck(p: Properties, time_step: float) -> dict[str, float]:
     }
 
 
-def forces(layout: Layout, bodies: tuple[SprungBody, ...], properties: Properties) -> Scan:
+def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Properties) -> Scan:
     """The compiled step.
 
     carry = [transient slip and longitudinal slip of every wheel, steer angle and aligning moment of every steered

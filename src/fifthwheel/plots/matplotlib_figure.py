@@ -37,12 +37,7 @@ STYLE: Any = {
 
 
 def figure(plot: PanelGrid, size: tuple[float, float] | None = None) -> "Figure":
-    """The plot as a figure of matplotlib that no window or global state belongs to.
-
-    Args:
-        plot: what to draw.
-        size: width and height, inches.
-    """
+    """The plot as a figure of matplotlib that no window or global state belongs to; its size in inches."""
     mpl = require("matplotlib", "figures")
     from matplotlib.figure import Figure
 

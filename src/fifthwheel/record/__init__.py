@@ -1,4 +1,4 @@
-"""A record: named signals in SI on one time base, their names, timestamps, resampling and sensor noise."""
+"""A record: named signals in SI on one time base, their timestamps, resampling and sensor noise."""
 
 from fifthwheel.record.record import Record
 

@@ -6,27 +6,19 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, SignalName
+from fifthwheel.channels import CHANNELS, REFERENCE, SignalName
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import digits, percent, shown
 from fifthwheel.pages.html import course
 from fifthwheel.plots import Axis, Line, Panel, Plot
 from fifthwheel.plots.palette import CYCLE
-from fifthwheel.record.signal_names import REFERENCE
 from fifthwheel.record.timestamps import typical_step
 
 
 def channel_plot(time: Array, channels: Mapping[str, Array], names: Sequence[str], title: str) -> Plot:
-    """One panel for each quantity, with one line for each of its channels; reference signals are dashed.
+    """One panel for each quantity, with one line for each of its channels (N,), SI, over the time (N,), s.
 
-    Args:
-        time: (N,) s.
-        channels: (N,) values by name, SI; "reference.<name>" for reference signals.
-        names: channels to draw; empty for all.
-        title: of the plot.
-
-    Raises:
-        SignalError: a name is not among the channels.
+    Channels named "reference.<name>" are dashed. Without names all are drawn; a SignalError for an unknown name.
     """
     for name in names:
         if name not in channels:

@@ -10,13 +10,10 @@ AVERAGING_TIME = 0.5
 
 
 def largest_lateral_acceleration(record: Record, unit: str, *, offset: float = 0.0, min_speed: float = 5.0) -> float:
-    """Largest magnitude of speed times yaw rate of a unit, averaged over 0.5 s, m/s^2; NaN without the signals.
+    """Largest magnitude of speed times yaw rate of the first unit, averaged over 0.5 s, m/s^2; NaN without the signals.
 
-    Args:
-        record: its samples are evenly spaced, apart from gaps.
-        unit: name of the first unit.
-        offset: of the yaw rate, rad/s.
-        min_speed: slower samples are left out, m/s.
+    The record's samples are evenly spaced, apart from gaps. `offset` is that of the yaw rate, rad/s; samples slower
+    than `min_speed`, m/s, are left out.
     """
     name = f"yaw_rate.{unit}"
     if name not in record.signals or "speed" not in record.signals:

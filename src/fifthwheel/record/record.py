@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,19 +12,37 @@ from fifthwheel import pages
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
+from fifthwheel.channels import REFERENCE, checked_name
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
 from fifthwheel.record.display import channel_plot, channel_table
-from fifthwheel.record.read_only import ReadOnlyDict
-from fifthwheel.record.signal_names import REFERENCE, checked_name
 from fifthwheel.record.timestamps import require_increasing, typical_step
 
 if TYPE_CHECKING:
     import pandas as pd
 
+V = TypeVar("V")
+
 SHOWN_NAMES = 8
 """The largest number of signals that the text of a record names."""
+
+
+class ReadOnlyDict(dict[str, V]):
+    """A dictionary that refuses changes.
+
+    It is a `dict` and not a `MappingProxyType`, because pandas reads any other mapping as a list of its keys:
+    `pandas.DataFrame(record.signals)` would be one column of names.
+    """
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("read-only; make a new record, for example by record.with_signals")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ReadOnlyDict, (dict(self),)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -32,7 +50,7 @@ class Record:
     """Measured signals of a truck in SI and ISO 8855 on one strictly increasing time base.
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
-    quantity.unit[.axle] (signal_names.py). Two records are equal if time, signals and reference are equal; name,
+    quantity.unit[.axle]. Two records are equal if time, signals and reference are equal; name,
     notes and time bases are not compared. In a notebook a record shows a table of its channels.
 
     Example:
@@ -147,9 +165,8 @@ class Record:
         if not rows.size or gaps[longest] > max_gap + 1e-9:
             raise SignalError(
                 f"{name}: {1 - present.mean():.0%} of the samples are missing; the longest gap is "
-                f"{time[edges[longest]]:.2f} to "
-                f"{time[edges[longest + 1]]:.2f} s; up to {max_gap:g} s is permitted; map another column, or cut the "
-                "record with start and stop"
+                f"{time[edges[longest]]:.2f} to {time[edges[longest + 1]]:.2f} s; up to {max_gap:g} s is permitted; "
+                "map another column, or cut the record with start and stop"
             )
         return _frozen(name, np.interp(time, time[present], values[present]))
 
@@ -218,6 +235,32 @@ class Record:
         signals = {n: v[rows] for n, v in self.signals.items()}
         reference = {n: v[rows] for n, v in self.reference.items()}
         return replace(self, time=self.time[rows], signals=signals, reference=reference, name=name)
+
+
+def segments_above(record: Record, min_speed: float) -> list[Record]:
+    """The segments of a record without time gaps in which the speed stays at `min_speed` (m/s) or above.
+
+    A SignalError if there is none.
+    """
+    speed = record.input("speed")
+    fast = speed >= min_speed
+    if not fast.any():
+        raise SignalError(
+            f"speed: at most {speed.max():.1f} m/s in {record.name}, {min_speed:g} m/s needed for rolling tyres; "
+            "check the column and unit of speed in signals.toml, or log a faster run"
+        )
+    edges = np.flatnonzero(np.diff(fast.astype(int))) + 1
+    runs = [
+        record.cut(record.time[rows[0]], record.time[rows[-1]])
+        for rows in np.split(np.arange(len(fast)), edges)
+        if fast[rows[0]] and len(rows) > 1
+    ]
+    if not runs:
+        raise SignalError(
+            f"speed: never at {min_speed:g} m/s or above for two samples in succession in {record.name}; "
+            "map a smoother speed, or log a faster run"
+        )
+    return [segment for run in runs for segment in run.segments()]
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

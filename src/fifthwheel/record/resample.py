@@ -22,15 +22,11 @@ _OVERLAP = 6
 
 
 def _shape(x: Array) -> Array:
+    """Windowed sinc at x new steps from its centre."""
     return np.asarray(2 * _CUT_OFF * np.sinc(2 * _CUT_OFF * x) * np.cos(np.pi * x / (2 * _HALF_WIDTH)) ** 2)
 
 
 _AREA = float(np.sum(_shape(np.arange(-_HALF_WIDTH, _HALF_WIDTH, 1e-3))) * 1e-3)
-
-
-def _kernel(x: Array) -> Array:
-    """Windowed sinc at x new steps from its centre; its integral is 1."""
-    return _shape(x) / _AREA
 
 
 def typical_steps(time: Array, values: Array) -> Array:
@@ -43,21 +39,13 @@ def typical_steps(time: Array, values: Array) -> Array:
 
 
 def decimate(time: Array, values: Array, rate: float, steps: Array | None = None) -> tuple[Array, Array]:
-    """Columns at the multiples of 1 / rate, low-passed below half of that rate.
+    """Columns (n, c) at the multiples of 1 / rate, low-passed below half of that rate: time (m,), s, and values (m, c).
 
     Each new value is the convolution with a symmetric windowed sinc, by the trapezoidal rule over the samples at their
     own times: jitter has no effect, and no delay results. A value is NaN where more than 2 % of the kernel's weight
     lies in a gap (three typical steps without a sample, or an end). There are no new instants further than half a new
-    step from every sample. A column with fewer samples than 2.5 times the rate is moved by `snap_to_grid` instead.
-
-    Args:
-        time: (n,) s, increasing.
-        values: (n, c), NaN where missing.
-        rate: Hz.
-        steps: (c,) s, typical steps of the columns; default: those of these samples.
-
-    Returns:
-        Time (m,) s and values (m, c).
+    step from every sample. A column with fewer samples than 2.5 times the rate is moved by `snap_to_grid` instead. The
+    typical `steps` (c,) of the columns, s, are by default those of these samples.
     """
     steps = typical_steps(time, values) if steps is None else steps
     grid = np.unique(np.rint(time * rate))
@@ -86,7 +74,7 @@ def _convolved(time: Array, values: Array, grid: Array, rate: float, step: float
     first = np.flatnonzero(np.diff(below, prepend=-np.inf))
     total = np.zeros((grid.size, rows.shape[1]))
     for shift in range(1 - _HALF_WIDTH, _HALF_WIDTH + 1):
-        sums = np.add.reduceat(_kernel(time * rate - below - shift)[:, None] * rows, first, axis=0)
+        sums = np.add.reduceat((_shape(time * rate - below - shift) / _AREA)[:, None] * rows, first, axis=0)
         place = np.minimum(np.searchsorted(grid, below[first] + shift), grid.size - 1)
         on_grid = grid[place] == below[first] + shift
         total[place[on_grid]] += sums[on_grid]

@@ -32,14 +32,8 @@ def estimate_noise_variance(time: Array, values: Array) -> float | None:
     samples have a smaller variance, but they are autocorrelated and count as fewer white samples. The same applies to a
     channel that repeats each sample until the next one. Below a sampling rate of 20 Hz the upper third of the spectrum
     is used, which contains some vehicle motion. A sensor filter below 5 Hz attenuates most of the band: the estimate is
-    then too small by a factor of several.
-
-    Args:
-        time: (N,) s, not necessarily regular; a step above three median steps ends a segment.
-        values: (N,), NaN where missing.
-
-    Returns:
-        The variance per sample; None for fewer than four segments.
+    then too small by a factor of several. The time (N,), s, need not be regular; a step above three median steps ends a
+    segment. None for fewer than four segments.
     """
     present = np.isfinite(values)
     time, values = time[present], values[present]

@@ -25,15 +25,9 @@ def typical_step(time: Array) -> float:
 
 
 def require_increasing(time: Array, name: str = "time", rows_before: int = 0) -> Array:
-    """The timestamps themselves, s, if they are finite and strictly increasing.
+    """The timestamps (n,) themselves, s, if they are finite and strictly increasing.
 
-    Args:
-        time: (n,) s.
-        name: of the time base, for the message.
-        rows_before: rows that came earlier, for the message.
-
-    Raises:
-        SignalError: names the first row (counted from 1) that is not finite or not later than the one before it.
+    Otherwise a SignalError names the first wrong row, counted from 1 after `rows_before` earlier ones.
     """
     if not np.isfinite(time).all():
         row = int((~np.isfinite(time)).argmax()) + rows_before
@@ -66,13 +60,9 @@ class TimestampFilter:
         self._dropped: dict[Hashable, int] = {}
 
     def keep(self, clock: Hashable, time: Array) -> NDArray[np.bool_]:
-        """Mask (n,) of the samples to keep: those later than all before them on this time base.
+        """Mask (n,) of the samples to keep: those later than all before them on this time base, also in earlier calls.
 
         Timestamps that go back by more than 1 s and stay there begin again; the reader of the log decides about them.
-
-        Args:
-            clock: name of the time base.
-            time: (n,) s, the timestamps that follow those of the last call.
         """
         last = self._last.get(clock, -np.inf)
         if time.size and time[0] > last and np.isfinite(time).all() and (np.diff(time) > 0).all():
@@ -115,8 +105,3 @@ class TimestampFilter:
             for clock, count in self._dropped.items()
             if count
         ]
-
-
-def add_notes(notes: list[str], *more: str) -> None:
-    """Append the notes that the list does not hold yet; a log that is read twice repeats its notes."""
-    notes.extend(note for note in more if note not in notes)

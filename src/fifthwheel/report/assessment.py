@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +10,7 @@ import fifthwheel
 from fifthwheel import pages
 from fifthwheel._types import Array
 from fifthwheel.assess import Assessment, MeasureResult
-from fifthwheel.assess.lane_change import LaneChange
+from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
 from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.rollover import Rollover, rollover
@@ -24,10 +23,7 @@ from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import CYCLE, GREY
 from fifthwheel.report.provenance import Provenance
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-Runs = Mapping[str, LaneChange]
+Runs = Mapping[str, LaneChangeRun]
 """The lane change by model, "linear" and "nonlinear"."""
 LIKELY = 0.95
 """Probability from which a threshold counts as met without doubt."""
@@ -80,7 +76,7 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
     yield from map(pages.Hint, assessment.notes)
 
 
-def show_assessment(assessment: Assessment, console: "Console | None" = None) -> None:
+def show_assessment(assessment: Assessment, console: "terminal.Console | None" = None) -> None:
     """Print an assessment: measures with sigma, thresholds and notes."""
     terminal.show(assessment_document(assessment), console)
 
@@ -187,7 +183,7 @@ def _paths(runs: Runs) -> Panel:
 
 
 def _over_time(
-    caption: str, title: str, unit: str, runs: Runs, series: Callable[[LaneChange], Mapping[str, Array]]
+    caption: str, title: str, unit: str, runs: Runs, series: Callable[[LaneChangeRun], Mapping[str, Array]]
 ) -> pages.CaptionedPlot:
     items: list[Item] = []
     for model, run in runs.items():
@@ -198,7 +194,7 @@ def _over_time(
     return _figure(caption, title, panel, group="lane change")
 
 
-def _load_transfer(run: LaneChange) -> Mapping[str, Array]:
+def _load_transfer(run: LaneChangeRun) -> Mapping[str, Array]:
     """At 1 all inner wheels of the following axles lift."""
     return {"load transfer ratio": run.load_transfer}
 
@@ -212,8 +208,7 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> Panel:
     items: list[Item] = []
     shown = int(np.argmax(np.append(run.origins[:, -1].imag > RADIUS + SHOWN, True))) or len(run.steer)
     width, last = truck.body.width, len(truck.vehicle.units) - 1
-    for i, (unit, front) in enumerate(zip(truck.vehicle.units, truck.front_ends(), strict=True)):
-        rear = min(axle.position for axle in unit.axles) - ((truck.body.rear_overhang or 0.0) if i == last else 0.0)
+    for i, (unit, (rear, front)) in enumerate(zip(truck.vehicle.units, truck.ends(), strict=True)):
         corners = np.array([front + 0.5j * width, rear + 0.5j * width, rear - 0.5j * width, front - 0.5j * width])
         outlines = [
             np.append(run.origins[row, i] + np.append(corners, corners[0]) * np.exp(1j * run.headings[row, i]), np.nan)

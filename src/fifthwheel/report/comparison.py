@@ -1,15 +1,11 @@
 """A comparison of identifications: its page, and its result on a terminal and in the workbench."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.comparison import Comparison
 from fifthwheel.pages import page, terminal
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 EXPLANATION = (
     "Difference: from the first run, in units of the sigma of this difference. Beyond 2 sigma a difference is real "
@@ -35,7 +31,7 @@ def write_comparison_page(path: Path, comparison: Comparison) -> None:
     page.write(path, pages.Document("Comparison", blocks, subtitle))
 
 
-def show_comparison(comparison: Comparison, console: "Console | None" = None) -> None:
+def show_comparison(comparison: Comparison, console: "terminal.Console | None" = None) -> None:
     """Print the estimates of each run with their differences from the first."""
     terminal.show(comparison_document(comparison), console)
 

@@ -2,28 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
-from fifthwheel.diagnose.run_summary import summarise_runs
-from fifthwheel.diagnose.state_summary import StateSummary, summarise_states, valid_fraction
+from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
-
-if TYPE_CHECKING:
-    from fifthwheel.identify.design.assess import InformationAssessment
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +57,7 @@ class Conclusion:
 def conclude_identification(
     identification: Identification,
     records: Sequence[Record] = (),
-    outlook: "InformationAssessment | None" = None,
+    outlook: InformationAssessment | None = None,
     states: Sequence[States] = (),
 ) -> Conclusion:
     """The conclusion of an identification.
@@ -130,8 +127,7 @@ def _validated(predicted: PredictedLog) -> str:
         explained = percent(predicted.explained, round_down=True)
         result = (
             f"the model explains at least {explained} of the variance of each channel whose residual is larger than "
-            "the "
-            "sensor noise"
+            "the sensor noise"
         )
     elif predicted.excited:
         result = "no residual is larger than the sensor noise"

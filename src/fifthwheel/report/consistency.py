@@ -7,7 +7,7 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel._types import Array
 from fifthwheel.diagnose import whiteness
-from fifthwheel.diagnose.state_summary import innovation_size, normalised_innovation, rejected_samples
+from fifthwheel.diagnose.summaries import innovation_size, normalised_innovation, rejected_samples
 from fifthwheel.diagnose.whiteness import Autocorrelation, SegmentRms
 from fifthwheel.formatting import percent
 from fifthwheel.identify import Fit

@@ -1,19 +1,16 @@
 """A designed experiment: the run to drive, its predicted sigmas, alternatives, missed targets."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.diagnose.advice import describe_remedy
+from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.formatting import approximate, fixed, percent
 from fifthwheel.identify import Verdict
+from fifthwheel.identify.design import ExperimentDesign, ProposedRun, UnmetTarget
 from fifthwheel.report.information import PREDICTION_NOTE, explain_known
 from fifthwheel.report.words import spoken_verdict
-
-if TYPE_CHECKING:
-    from fifthwheel.identify.design import ExperimentDesign, ProposedRun, UnmetTarget
 
 KINDS = {
     "lane_change": "lane change",
@@ -27,7 +24,7 @@ ROAD_NOTE = "It includes the noise of an uneven road."
 """Follows the note on the prediction."""
 
 
-def design_document(plan: "ExperimentDesign") -> pages.Document:
+def design_document(plan: ExperimentDesign) -> pages.Document:
     """The proposed run, its predicted sigma of each parameter, alternatives, and missed targets."""
     remedies = [remedy for target in plan.unmet for remedy in target.remedies]
     channels = f"Logged channels: {', '.join(plan.channels)} at {plan.rate:.0f} Hz."
@@ -42,20 +39,20 @@ def design_document(plan: "ExperimentDesign") -> pages.Document:
     return pages.Document("Design of a test run", blocks)
 
 
-def _headline(plan: "ExperimentDesign") -> str:
+def _headline(plan: ExperimentDesign) -> str:
     if plan.met:
         return f"A run of {fixed(plan.best.duration, 0)} s reaches all targets."
     return f"No run reaches all targets: {len(plan.unmet)} of {len(plan.targets)} missed by the best run, shown here."
 
 
-def _row(plan: "ExperimentDesign", name: str) -> tuple[pages.Cell, ...]:
+def _row(plan: ExperimentDesign, name: str) -> tuple[pages.Cell, ...]:
     target = f"±{percent(plan.targets[name])}" if name in plan.targets else ""
     predicted = f"±{percent(plan.best.sigma[name])}" if plan.best.verdicts[name] is Verdict.CONVERGED else "–"
     verdict = plan.best.verdicts[name]
     return name, target, predicted, pages.Mark(spoken_verdict(verdict, predicted=True), verdict)
 
 
-def _summary(run: "ProposedRun") -> str:
+def _summary(run: ProposedRun) -> str:
     """ "4 x lane change of 0.4 Hz at 88 km/h, 1.5 m/s², 32 s"."""
     kind = KINDS[run.kind].partition(",")[0]
     if run.frequency:
@@ -65,7 +62,7 @@ def _summary(run: "ProposedRun") -> str:
     return f"{run.repetitions} x {kind} at {speed}, {acceleration}, {fixed(run.duration, 0)} s"
 
 
-def _instructions(run: "ProposedRun") -> Iterator[str]:
+def _instructions(run: ProposedRun) -> Iterator[str]:
     kind = KINDS[run.kind] + (f" of {run.frequency:g} Hz" if run.frequency else "")
     repeated = ""
     if run.repetitions > 1:
@@ -83,13 +80,13 @@ def _instructions(run: "ProposedRun") -> Iterator[str]:
     )
 
 
-def _worst(plan: "ExperimentDesign", run: "ProposedRun") -> str:
+def _worst(plan: ExperimentDesign, run: ProposedRun) -> str:
     """ "semitrailer.yaw_inertia 1.9 %": the largest predicted sigma in units of its target."""
     name = max(plan.targets, key=lambda target: run.sigma[target] / plan.targets[target])
     return f"{name} {percent(run.sigma[name])}"
 
 
-def _missed(target: "UnmetTarget") -> str:
+def _missed(target: UnmetTarget) -> str:
     start = percent(target.sigma) if target.verdict is Verdict.CONVERGED else spoken_verdict(target.verdict)
     text = f"{target.name}: {start}, target {percent(target.wanted)}"
     if not target.remedies:

@@ -3,38 +3,32 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.assess import Assessment
-from fifthwheel.channels import SensorErrorName
+from fifthwheel.channels import SensorErrorName, si_unit
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
-from fifthwheel.diagnose.run_summary import summarise_runs
+from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, seconds, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Fit, Identification, Verdict
+from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.result import display
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
 from fifthwheel.pages.html import cell, prose, text
 from fifthwheel.plots import Plot
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report import assessment, consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_identification
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.states import StateConditions, states_section
 from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_role
 from fifthwheel.vehicle import Vehicle, unit_of
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from fifthwheel.identify.design.assess import InformationAssessment
 
 ESTIMATES = (
     *("Parameter|name", "Verdict|full", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Prior>|full"),
@@ -50,7 +44,7 @@ def write_report(
     *,
     title: str,
     conclusion: Conclusion | None = None,
-    outlook: "InformationAssessment | None" = None,
+    outlook: InformationAssessment | None = None,
     performance: Assessment | None = None,
     conditions: StateConditions | None = None,
     provenance: Provenance | None = None,
@@ -104,7 +98,7 @@ def write_report(
 
 
 def show_identification(
-    identification: Identification, console: "Console | None" = None, conclusion: Conclusion | None = None
+    identification: Identification, console: "terminal.Console | None" = None, conclusion: Conclusion | None = None
 ) -> None:
     """Print an identification; the conclusion as of `identification_document`."""
     terminal.show(identification_document(identification, conclusion), console)
@@ -113,8 +107,7 @@ def show_identification(
 def identification_document(identification: Identification, conclusion: Conclusion | None = None) -> pages.Document:
     """Parameters with sigma and verdict, derived quantities, the fit, cautions and next steps.
 
-    Args:
-        conclusion: of the identification with its logs and states; without it, one from the identification alone.
+    Without a conclusion, that of the identification without its logs and states.
     """
     conclusion = conclusion or conclude_identification(identification)
     blocks: list[pages.Block] = [
@@ -222,7 +215,7 @@ def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
     )
 
 
-def _information(identification: Identification, outlook: "InformationAssessment | None") -> Iterator[pages.Block]:
+def _information(identification: Identification, outlook: InformationAssessment | None) -> Iterator[pages.Block]:
     rows = information_summary(identification, outlook)
     if not rows:
         return
@@ -302,10 +295,9 @@ def _fits(identification: Identification) -> Iterator[pages.Block]:
     yield pages.Hint(
         "The prediction is the output of the free-running model of the identified truck: it uses speed and steer angle "
         "only, and no measurement corrects it. Explained is the fraction of the channel's variance that the "
-        "prediction explains. Sensor noise "
-        "cannot be explained. A slow wave in the residual indicates a model error. Of each log only the sensor "
-        "offsets are fitted, and of each segment the bank of the road and the state at its start, about the steady "
-        "state of its first steer angle: to all samples, within their priors."
+        "prediction explains. Sensor noise cannot be explained. A slow wave in the residual indicates a model "
+        "error. Of each log only the sensor offsets are fitted, and of each segment the bank of the road and the "
+        "state at its start, about the steady state of its first steer angle: to all samples, within their priors."
     )
     for log, fits in _fits_by_log(identification).items():
         yield pages.Heading(log, badge="" if fits[0].identified_on else "validation log")

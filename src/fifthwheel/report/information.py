@@ -1,21 +1,18 @@
 """The information in logs: which parameters are identifiable, what would help, and errors in the logs."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.diagnose.advice import describe_remedy
+from fifthwheel.channels import si_unit
+from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Verdict
-from fifthwheel.record.signal_names import si_unit
+from fifthwheel.identify.design.assess import InformationAssessment, ParameterAssessment
+from fifthwheel.identify.design.remedies import Remedy
 from fifthwheel.report.words import spoken_verdict
-
-if TYPE_CHECKING:
-    from fifthwheel.identify.design.assess import InformationAssessment, ParameterAssessment
-    from fifthwheel.identify.design.remedies import Remedy
 
 PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
@@ -27,7 +24,7 @@ HEADS = (
 )
 
 
-def information_document(outlook: "InformationAssessment") -> pages.Document:
+def information_document(outlook: InformationAssessment) -> pages.Document:
     """Predicted sigma and verdict of each parameter, what would help, and what is wrong with the logs."""
     errors = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity == "error"]
     others = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity != "error"]
@@ -46,12 +43,12 @@ def information_document(outlook: "InformationAssessment") -> pages.Document:
     return pages.Document("Information in the logs", blocks)
 
 
-def is_identifiable(assessment: "ParameterAssessment") -> bool:
+def is_identifiable(assessment: ParameterAssessment) -> bool:
     """Whether an identification would estimate it."""
     return assessment.verdict is Verdict.CONVERGED
 
 
-def _row(p: "ParameterAssessment") -> tuple[pages.Cell, ...]:
+def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
     return (
         pages.Code(p.name),
         with_sigma(p.value, None, p.unit),
@@ -62,7 +59,7 @@ def _row(p: "ParameterAssessment") -> tuple[pages.Cell, ...]:
     )
 
 
-def _bar(p: "ParameterAssessment") -> pages.Markup:
+def _bar(p: ParameterAssessment) -> pages.Markup:
     """Prior and predicted sigma as bars of up to 100 % of the value."""
     prior, predicted = (min(sigma / abs(p.value), 1.0) if p.value else 1.0 for sigma in (p.prior, p.sigma))
     return pages.Markup(
@@ -71,7 +68,7 @@ def _bar(p: "ParameterAssessment") -> pages.Markup:
     )
 
 
-def explain_known(remedies: "Sequence[Remedy]") -> Iterator[str]:
+def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
     """What "known" means, if a remedy uses it."""
     texts = " ".join(map(describe_remedy, remedies))
     if "--fix" in texts:
@@ -80,7 +77,7 @@ def explain_known(remedies: "Sequence[Remedy]") -> Iterator[str]:
         yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
 
 
-def _headline(outlook: "InformationAssessment", identifiable: "Sequence[ParameterAssessment]", has_errors: bool) -> str:
+def _headline(outlook: InformationAssessment, identifiable: Sequence[ParameterAssessment], has_errors: bool) -> str:
     """How many parameters are identifiable, and whether the logs have errors."""
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
     if not identifiable:
@@ -95,14 +92,14 @@ def _headline(outlook: "InformationAssessment", identifiable: "Sequence[Paramete
     return text
 
 
-def _improvement(p: "ParameterAssessment") -> str:
+def _improvement(p: ParameterAssessment) -> str:
     """ "name: 20 % -> 12 % if semitrailer.roll_axis_height is calibrated, -> 9 % if one more lane change is driven"."""
     start = relative(p.value, p.sigma) if is_identifiable(p) else spoken_verdict(p.verdict)
     changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy)}" for remedy in p.remedies]
     return f"{p.name}: {start} {', '.join(changes)}"
 
 
-def _notes(outlook: "InformationAssessment") -> Iterator[str]:
+def _notes(outlook: InformationAssessment) -> Iterator[str]:
     """What the words and numbers mean, and the assumed noise."""
     remedies = [remedy for p in outlook.parameters for remedy in p.remedies]
     if any(remedy.drive == "lane_change" for remedy in remedies):

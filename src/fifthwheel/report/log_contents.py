@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.checks import Finding
 from fifthwheel.formatting import digits, percent
 from fifthwheel.logs.mapping.propose import MapProposal
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 
 
 def survey_document(survey: LogSurvey, proposal: MapProposal) -> pages.Document:

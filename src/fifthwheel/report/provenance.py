@@ -12,7 +12,7 @@ from pathlib import Path
 
 import fifthwheel
 from fifthwheel import pages
-from fifthwheel.diagnose.run_summary import RunSummary
+from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.formatting import fixed, kmh, percent, seconds
 from fifthwheel.identify import Identification
 from fifthwheel.record import Record

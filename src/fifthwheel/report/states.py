@@ -3,15 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import fifthwheel
 from fifthwheel import pages
-from fifthwheel.channels import is_sensor_error
-from fifthwheel.diagnose.run_summary import summarise_records
-from fifthwheel.diagnose.state_summary import StateSummary, record_of, summarise_states
+from fifthwheel.channels import is_sensor_error, si_unit
+from fifthwheel.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
 from fifthwheel.observe import States, Status
@@ -21,14 +19,10 @@ from fifthwheel.pages.html import text
 from fifthwheel.plots import Plot
 from fifthwheel.plots.palette import rgba
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.report import consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_states
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.words import STATUSES, counted, sentence
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +74,7 @@ def write_states_report(
 def show_states(
     states: Sequence[States],
     records: Sequence[Record],
-    console: "Console | None" = None,
+    console: "terminal.Console | None" = None,
     conclusion: Conclusion | None = None,
 ) -> None:
     """Print how reliable states are, with their uncertainty, cautions and next steps."""

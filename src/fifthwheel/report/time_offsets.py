@@ -8,12 +8,12 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel._types import Array
+from fifthwheel.channels import si_unit
 from fifthwheel.formatting import shown
 from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.time_bases.offsets import TimeOffset, offsets_of
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.vehicle import Vehicle

@@ -1,28 +1,25 @@
 """A vehicle: loads, handling, oscillations, the numbers that are assumed, and those that a measurement has set."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from fifthwheel import pages
 from fifthwheel.checks.axle_loads import StaticLoad
+from fifthwheel.diagnose.assumptions import AssumedNumber
+from fifthwheel.dynamics.summary import VehicleSummary
 from fifthwheel.formatting import enumerated, percent, with_sigma
 from fifthwheel.vehicle import Vehicle, unit_of
-
-if TYPE_CHECKING:
-    from fifthwheel.diagnose.assumptions import AssumedNumber
-    from fifthwheel.dynamics.summary import VehicleSummary
 
 NOTHING_ASSUMED = "No number is assumed from a vehicle class."
 
 
-def vehicle_document(vehicle: Vehicle, summary: "VehicleSummary", assumed: "Sequence[AssumedNumber]") -> pages.Document:
+def vehicle_document(vehicle: Vehicle, summary: VehicleSummary, assumed: Sequence[AssumedNumber]) -> pages.Document:
     """The summary of a vehicle, and its assumed numbers."""
     headline = f"{vehicle.name}: {' + '.join(unit.name for unit in vehicle.units)}, {summary.at_speed}"
     rest = assumed_blocks(assumed) if assumed else [pages.Paragraph(f"\n{NOTHING_ASSUMED}")]
     return pages.Document(vehicle.name, [pages.Headline(headline), summary.table(), *rest])
 
 
-def assumed_blocks(numbers: "Sequence[AssumedNumber]") -> list[pages.Block]:
+def assumed_blocks(numbers: Sequence[AssumedNumber]) -> list[pages.Block]:
     """The numbers that a vehicle file leaves to classes, with their effects and sources."""
     rows = [
         (pages.Code(n.path), with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll))
@@ -49,12 +46,7 @@ def _effect(fraction: float | None) -> str:
 
 
 def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Vehicle) -> pages.Document:
-    """Measured axle loads and those of the vehicle file, and the masses and CoG positions from them.
-
-    Args:
-        before: the vehicle of the file.
-        after: the vehicle with masses and CoG positions from the measured loads.
-    """
+    """Measured axle loads, with masses and CoG positions before, of the vehicle file, and after, from these loads."""
     old_loads, new_loads = before.axle_loads(), after.axle_loads()
     rows = []
     for path in old_loads:
@@ -71,12 +63,7 @@ def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Ve
 
 
 def roll_test_document(before: Vehicle, after: Vehicle) -> pages.Document:
-    """The numbers that a roll test has set.
-
-    Args:
-        before: the vehicle of the file.
-        after: the vehicle with the result of the test.
-    """
+    """The numbers that a roll test has set: before it, by the vehicle file, and after it."""
     old = before.parameters()
     rows = [
         (path, with_sigma(value, after.stated[path], unit_of(path)), with_sigma(old[path], None, unit_of(path)))

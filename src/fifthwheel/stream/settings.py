@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from fifthwheel.checks.samples import limit_of
+from fifthwheel.channels import limit_of
 from fifthwheel.dynamics import SPEED_RATE
 
 

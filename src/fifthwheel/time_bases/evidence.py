@@ -49,11 +49,9 @@ class SignalEvidence:
 
 
 def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvidence:
-    """Compare the signals of a record with what the kinematics and the linear model of the truck predict.
+    """Compare the signals of a record with what kinematics and the linear model of the truck predict.
 
-    Args:
-        record: with speed and a steer angle; without them nothing is predicted.
-        vehicle: default: any usual tractor and semitrailer.
+    Nothing is predicted without speed and a steer angle. The default vehicle is any usual tractor and semitrailer.
     """
     findings = check_record(record, vehicle)
     prediction = predict_channels(record, vehicle)

@@ -1,12 +1,16 @@
 """All findings on a record: those of `checks`, and time offsets, clocks and exchanged gyros by the model."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
-from fifthwheel.channels import YAW_RATE, is_input, is_of
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.channels import YAW_RATE, channel_of, is_input, is_of
 from fifthwheel.checks import Fault, Finding, check
-from fifthwheel.checks.findings import remedy_text
+from fifthwheel.checks.findings import error, remedy_text, warning
 from fifthwheel.record import Record
-from fifthwheel.time_bases.exchanged import exchanged_pairs
+from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
 from fifthwheel.time_bases.offsets import TimeOffset, common_offsets, offsets_of
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.time_bases.rates import ClockRate, channel_rates, common_rates
@@ -16,6 +20,9 @@ _BY_TIME = (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN)
 """Faults that a time offset or an exchange of channels can be taken for."""
 _WELL_EXPLAINED = 0.8
 """Fraction of the variance from which a channel with a corrected offset is neither wrong nor inverted."""
+
+_COMMON_LAG = 0.12
+"""s; lag of all channels behind a steer angle that is not quite on time."""
 
 
 def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Finding, ...]:
@@ -56,15 +63,10 @@ def time_base_findings(record: Record, prediction: Prediction, offsets: Sequence
     """Findings by a prediction of the channels: exchanged gyros, else clock rates and time offsets."""
     exchanged = list(exchanged_pairs(prediction))
     for front, rear in exchanged:
-        is_yaw = is_of(rear, YAW_RATE)
-        yield Finding(
-            signal=rear,
-            fault=Fault.EXCHANGED,
-            severity="error" if is_yaw else "warning",
-            message=f"{rear}: follows the motion expected of {front}, and {front} that of {rear}; exchange the columns "
-            "of both in signals.toml",
-            others=(front,),
-        )
+        finding = error if is_of(rear, YAW_RATE) else warning
+        problem = f"follows the motion expected of {front}, and {front} that of {rear}"
+        cure = "exchange the columns of both in signals.toml"
+        yield finding(rear, Fault.EXCHANGED, f"{problem}; {cure}", others=(front,))
     if exchanged:
         return
     rates = list(channel_rates(prediction))
@@ -78,6 +80,40 @@ def time_base_findings(record: Record, prediction: Prediction, offsets: Sequence
         yield _offset_finding(offset, record.time_bases)
 
 
+def exchanged_pairs(prediction: Prediction) -> Iterator[tuple[str, str]]:
+    """Pairs of yaw rates or roll rates that are better explained by the prediction of the other one.
+
+    Exchanged channels have one common lag of up to 0.12 s. They must be explained better than by a free lag of each
+    channel, so that a time offset is not taken for an exchange.
+    """
+    for first, second in combinations(range(len(prediction.names)), 2):
+        channel = channel_of(prediction.names[first])
+        exchange = channel.exchange if channel else None
+        if exchange is None or channel_of(prediction.names[second]) is not channel:
+            continue
+        straight, crossed = np.inf, np.inf
+        for predicted, curves in zip(prediction.predicted, prediction.curves, strict=True):
+            own = [curves[first], curves[second]]
+            other = [
+                lag_curve(prediction.measured[:, measured], predicted[:, by])
+                for measured, by in ((first, second), (second, first))
+            ]
+            if all(curve is not None for curve in (*own, *other)):
+                straight = min(straight, sum(float(_residual(curve).min()) for curve in own if curve))
+                both = np.array([_residual(curve) for curve in other if curve])
+                middle, steps = both.shape[1] // 2, round(_COMMON_LAG * RATE)
+                both = both[:, middle - steps : middle + steps + 1]
+                both[:, both.max(axis=0) > np.log(1 - exchange.least_explained)] = np.inf
+                crossed = min(crossed, float(both.sum(axis=0).min()))
+        if crossed < straight - exchange.margin:
+            yield prediction.names[first], prediction.names[second]
+
+
+def _residual(curve: LagCurve) -> Array:
+    """Logarithm of the unexplained fraction of the variance (k,) by lag."""
+    return np.asarray(np.log(np.maximum(1 - curve.explained, 1e-4)))
+
+
 def _offset_finding(offset: TimeOffset, time_bases: Mapping[str, str]) -> Finding:
     """One finding on all signals with a common offset."""
     signal, *others = offset.signals
@@ -87,14 +123,8 @@ def _offset_finding(offset: TimeOffset, time_bases: Mapping[str, str]) -> Findin
     cure = remedy_text({"delay": delay})
     if others:
         late, cure = f"{late}, like {', '.join(others)}", f"{cure} for each of them"
-    return Finding(
-        signal=signal,
-        fault=Fault.TIME_OFFSET,
-        severity="warning",
-        message=f"{signal}: {late}; {cure}, more if it has a delay already",
-        remedy={"delay": delay},
-        others=tuple(others),
-    )
+    problem = f"{late}; {cure}, more if it has a delay already"
+    return warning(signal, Fault.TIME_OFFSET, problem, remedy={"delay": delay}, others=tuple(others))
 
 
 def _drift_finding(rates: Sequence[ClockRate]) -> Finding:
@@ -102,22 +132,13 @@ def _drift_finding(rates: Sequence[ClockRate]) -> Finding:
     signal, *others = (name for rate in rates for name in rate.signals)
     mean = sum(rate.rate for rate in rates) / len(rates)
     like = f", like that of {', '.join(others)}" if others else ""
-    return Finding(
-        signal=signal,
-        fault=Fault.CLOCK_RATE,
-        severity="warning",
-        message=f"{signal}: its clock runs {abs(mean):.1%} {'fast' if mean > 0 else 'slow'} against that of the steer "
-        f"angle{like}; correct the timestamps of this logger, no delay in signals.toml can",
-        others=tuple(others),
-    )
+    problem = f"its clock runs {abs(mean):.1%} {'fast' if mean > 0 else 'slow'} against that of the steer angle{like}"
+    cure = "correct the timestamps of this logger, no delay in signals.toml can"
+    return warning(signal, Fault.CLOCK_RATE, f"{problem}; {cure}", others=tuple(others))
 
 
 def _common_rate_finding(rate: ClockRate) -> Finding:
-    more = "more" if rate.rate > 0 else "less"
-    return Finding(
-        signal="time",
-        fault=Fault.CLOCK_RATE,
-        severity="warning",
-        message=f"time: {abs(rate.rate):.1%} {more} than yaw rates and articulation angle agree with, with a sigma of "
-        f"{rate.sigma:.1%}; correct the unit or the rate of the time, or the gain of a yaw rate, in signals.toml",
-    )
+    change = f"{abs(rate.rate):.1%} {'more' if rate.rate > 0 else 'less'}"
+    problem = f"{change} than yaw rates and articulation angle agree with, with a sigma of {rate.sigma:.1%}"
+    cure = "correct the unit or the rate of the time, or the gain of a yaw rate, in signals.toml"
+    return warning("time", Fault.CLOCK_RATE, f"{problem}; {cure}")

@@ -101,12 +101,7 @@ class LagCurve:
 
 
 def lag_curve(measured: Array, predicted: Array) -> LagCurve | None:
-    """The curve of a channel; None for too few samples or without variance.
-
-    Args:
-        measured: (N,) SI at RATE, NaN where missing.
-        predicted: (N,) SI, NaN where unknown.
-    """
+    """The curve of a channel (N,) at RATE, in SI, and its prediction (N,); None for too few samples or no variance."""
     steps = round(MAX_LAG * RATE)
     if measured.size <= 2 * steps + 2:
         return None

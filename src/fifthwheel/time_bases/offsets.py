@@ -11,8 +11,6 @@ from fifthwheel.time_bases.lags import LagCurve
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.vehicle import Vehicle
 
-MAX_OFFSET = 2.0
-"""s; larger offsets are not found."""
 MIN_EXPLAINED = 0.3
 """Channels of which the prediction explains less are not measured."""
 MIN_OFFSET = 0.2
@@ -119,13 +117,11 @@ def offsets_of(record: Record, prediction: Prediction) -> tuple[TimeOffset, ...]
 def _measure_lags(prediction: Prediction) -> _Lags | None:
     """Lags of all channels that some variant explains; variants without a lag of one of them are left out."""
     curves = prediction.curves
-    best = [[None if curve is None else curve.best() for curve in row] for row in curves]
-    explained = np.array(
-        [
-            [0.0 if c is None or b is None else c.explained_at(b[0]) for c, b in zip(*rows, strict=True)]
-            for rows in zip(curves, best, strict=True)
-        ]
-    )
+    best = np.array([[(curve.best() if curve else None) or (np.nan, np.nan) for curve in row] for row in curves])
+    explained = np.zeros(best.shape[:2])
+    for v, c in np.argwhere(np.isfinite(best[:, :, 0])):
+        if (curve := curves[v][c]) is not None:
+            explained[v, c] = curve.explained_at(best[v, c, 0])
     used = np.flatnonzero(explained[0] >= MIN_EXPLAINED)
     complete = np.flatnonzero((explained[:, used] > 0).all(axis=1))
     if not used.size:
@@ -133,12 +129,11 @@ def _measure_lags(prediction: Prediction) -> _Lags | None:
     misfit = np.log(np.maximum(1 - explained[np.ix_(complete, used)], 1e-4)).mean(axis=1)
     weight = np.exp(2 * (misfit.min() - misfit))
     first = int(complete[misfit.argmin()])
-    found = [[best[v][c] or (0.0, 0.0) for c in used] for v in complete]
     return _Lags(
         names=tuple(prediction.names[c] for c in used),
         curves=[curve for c in used if (curve := curves[first][c]) is not None],
-        lag=np.array([[lag for lag, _ in row] for row in found]),
-        sigma=np.array([(best[first][c] or (0.0, 0.0))[1] for c in used]),
+        lag=best[np.ix_(complete, used)][:, :, 0],
+        sigma=best[first, used, 1],
         weight=weight / weight.sum(),
         generic=prediction.generic,
     )
@@ -154,38 +149,29 @@ def _channel_offsets(lags: _Lags, prediction: Prediction, record: Record) -> lis
         reference = None
     origin = np.zeros(len(lags.weight)) if reference is None else lags.lag[:, reference]
     origin_sigma = 0.0 if reference is None else float(lags.sigma[reference])
-    offsets = []
-    if reference is not None:
-        mean, spread = lags.mean(-origin)
-        curve = lags.curves[reference]
-        offsets.append(
-            TimeOffset(
-                name=steer,
-                signals=(steer,),
-                offset=mean,
-                sigma=float(np.sqrt(spread**2 + origin_sigma**2 + _MODEL_SIGMA**2)),
-                explained_at_0=curve.explained_at(0.0),
-                explained=curve.explained_at(-mean),
-                smallest=MIN_GENERIC_OFFSET if lags.generic else MIN_STEER_OFFSET,
-            )
+
+    def offset(name: str, c: int, lag: Array, sigma: float, at: float, sign: float, smallest: float) -> TimeOffset:
+        """By the lags (v,) of a signal; the curve of channel c moves from the lag `at` by sign times the offset."""
+        mean, spread = lags.mean(lag)
+        return TimeOffset(
+            name=name,
+            signals=(name,),
+            offset=mean,
+            sigma=float(np.sqrt(spread**2 + sigma**2 + origin_sigma**2 + _MODEL_SIGMA**2)),
+            explained_at_0=lags.curves[c].explained_at(at),
+            explained=lags.curves[c].explained_at(at + sign * mean),
+            smallest=MIN_GENERIC_OFFSET if lags.generic else smallest,
         )
-    for c, name in enumerate(lags.names):
-        if c == reference:
-            continue
-        mean, spread = lags.mean(lags.lag[:, c] - origin)
-        base, _ = lags.mean(origin)
-        offsets.append(
-            TimeOffset(
-                name=name,
-                signals=(name,),
-                offset=mean,
-                sigma=float(np.sqrt(spread**2 + lags.sigma[c] ** 2 + origin_sigma**2 + _MODEL_SIGMA**2)),
-                explained_at_0=lags.curves[c].explained_at(base),
-                explained=lags.curves[c].explained_at(base + mean),
-                smallest=MIN_GENERIC_OFFSET if lags.generic else MIN_OFFSET,
-            )
-        )
-    return offsets
+
+    base, _ = lags.mean(origin)
+    channels = [
+        offset(name, c, lags.lag[:, c] - origin, float(lags.sigma[c]), base, 1.0, MIN_OFFSET)
+        for c, name in enumerate(lags.names)
+        if c != reference
+    ]
+    if reference is None:
+        return channels
+    return [offset(steer, reference, -origin, 0.0, 0.0, -1.0, MIN_STEER_OFFSET), *channels]
 
 
 def _leading_is_wrong(lags: _Lags, leading: int, time_bases: Mapping[str, str], steer: str) -> bool:

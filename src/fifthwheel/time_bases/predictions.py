@@ -18,8 +18,8 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
+from fifthwheel.record.record import segments_above
 from fifthwheel.record.resample import decimate
-from fifthwheel.record.segments import segments_above
 from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
 from fifthwheel.vehicle import Vehicle, catalogue
 
@@ -66,15 +66,13 @@ class Prediction:
 def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Prediction | None:
     """The prediction of every channel that the vehicle has, for each variant of the vehicle that is stable.
 
-    Args:
-        record: with speed and a steer angle.
-        vehicle: its cornering stiffness varies by 30 %. Default: a tractor and semitrailer of which stiffness and
-            length vary over the range of usual ones.
-
-    Returns:
-        None where the record has no speed or steer angle that can be used, no such channel, or almost only gaps.
+    The cornering stiffness of a given vehicle varies by 30 %; by default, stiffness and length of a tractor and
+    semitrailer vary over the range of usual ones. None where the record has no speed or steer angle that can be used,
+    no such channel, or almost only gaps.
     """
-    variants = _generic_variants() if vehicle is None else _stiffness_variants(vehicle)
+    variants = _generic_variants()
+    if vehicle is not None:
+        variants = [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
     measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)
     names = tuple(name for name in record.signals if name in measured_names)
     try:
@@ -123,11 +121,6 @@ def _response(vehicle: Vehicle, names: Sequence[str], time: Array, inputs: dict[
     outputs = free_response(model, dynamics.all_parameters(vehicle, names), time, inputs, x0)[1]
     outputs[: round(_START * RATE)] = np.nan
     return outputs
-
-
-def _stiffness_variants(vehicle: Vehicle) -> list[Vehicle]:
-    """The vehicle with several factors of its cornering stiffness, its own first."""
-    return [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
 
 
 def _generic_variants() -> list[Vehicle]:

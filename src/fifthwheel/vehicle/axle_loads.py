@@ -11,7 +11,7 @@ from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.unit import Coupling, Unit
 
 
-class Body(NamedTuple):
+class SupportedBody(NamedTuple):
     """What the static loads of a unit depend on."""
 
     name: str
@@ -34,12 +34,10 @@ class Joint(NamedTuple):
 def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[Coupling]) -> dict[str, Any]:
     """Vertical load of each axle group of a vehicle by its path, N; see `static_axle_loads`, also for the error.
 
-    Args:
-        p: parameters by path; numbers or symbols.
-        units, couplings: give names and structure; their numbers are not used.
+    p has the parameters by path, numbers or symbols; units and couplings give names and structure only.
     """
     bodies = [
-        Body(
+        SupportedBody(
             unit.name,
             p[f"{unit.name}.mass"],
             p[f"{unit.name}.cog"],
@@ -55,16 +53,13 @@ def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[
     return static_axle_loads(bodies, joints)
 
 
-def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[str, Any]:
+def static_axle_loads(units: Sequence[SupportedBody], joints: Sequence[Joint]) -> dict[str, Any]:
     """Vertical load of each axle group, N, by its path, front to rear, on level ground.
 
     The supports of a unit are its axle groups, at the mean position of their axles, and its front coupling. They carry
     its weight and the load of the unit behind. The moments are solved from the last unit to the first. Two units whose
-    joint is not free in pitch are one body, with the axle groups of both as its supports.
-
-    Args:
-        units: front to rear.
-        joints: the couplings, front to rear.
+    joint is not free in pitch are one body, with the axle groups of both as its supports. Units and joints are in the
+    order from front to rear.
 
     Raises:
         VehicleError: a unit does not have exactly two supports at two positions, so its loads are not determined.
@@ -97,7 +92,7 @@ def static_axle_loads(units: Sequence[Body], joints: Sequence[Joint]) -> dict[st
     return loads
 
 
-def _joined(units: Sequence[Body], joints: Sequence[Joint]) -> tuple[list[Body], list[Joint]]:
+def _joined(units: Sequence[SupportedBody], joints: Sequence[Joint]) -> tuple[list[SupportedBody], list[Joint]]:
     """The bodies that pitch on their own, and the joints between them."""
     bodies, between = list(units), list(joints)
     for i in reversed(range(len(between))):
@@ -107,7 +102,7 @@ def _joined(units: Sequence[Body], joints: Sequence[Joint]) -> tuple[list[Body],
         front, rear, shift = bodies[i], bodies.pop(i + 1), joint.leading - joint.trailing
         del between[i]
         mass = front.mass + rear.mass
-        bodies[i] = Body(
+        bodies[i] = SupportedBody(
             name=front.name,
             mass=mass,
             cog=(front.mass * front.cog + rear.mass * (rear.cog + shift)) / mass,

@@ -37,10 +37,7 @@ Texts = Annotated[Mapping[str, str], AfterValidator(HashableDict)]
 def number(unit: str, description: str, **limits: Any) -> Any:
     """A field that is a parameter: a number with a path.
 
-    Args:
-        unit: SI; the same wherever a component has this key.
-        description: of the field, without the unit.
-        limits: default and limits, as those of `pydantic.Field`.
+    Its SI unit is the same wherever a component has this key; default and limits are those of `pydantic.Field`.
     """
     return Field(description=description, json_schema_extra={"unit": unit}, **limits)
 

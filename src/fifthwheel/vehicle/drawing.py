@@ -23,14 +23,7 @@ _CIRCLE = np.linspace(0, 2 * np.pi, 33)
 
 
 def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint], derived: Mapping[str, float]) -> Plot:
-    """The drawing; x is forward, 0 at the origin of the first unit.
-
-    Args:
-        name: title.
-        units: from front to rear.
-        joints: couplings from front to rear.
-        derived: `Vehicle.derived`.
-    """
+    """The drawing; x is forward, 0 at the origin of the first unit. `derived` is `Vehicle.derived`."""
     origins = [0.0]
     for leading, trailing, *_ in joints:
         origins.append(origins[-1] + leading - trailing)

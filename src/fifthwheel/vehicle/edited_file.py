@@ -9,12 +9,9 @@ from fifthwheel.vehicle.vehicle import Vehicle
 
 
 def edited(text: str, vehicle: Vehicle) -> str:
-    """The text of a vehicle file with the numbers of another vehicle where they differ.
+    """The text of a vehicle file with the numbers, standard deviations and source of another vehicle where they differ.
 
-    Args:
-        text: of a vehicle file.
-        vehicle: the vehicle of the text with other numbers, standard deviations or source. If the text has other units,
-            axle groups or payloads, the result is `vehicle.to_toml()`, without comments.
+    If the text has other units, axle groups or payloads, the result is `vehicle.to_toml()`, without comments.
     """
     before = Vehicle.loads(text)
     if before.parameters().keys() != vehicle.parameters().keys() or vehicle.is_exact != before.is_exact:
@@ -29,13 +26,8 @@ def edited(text: str, vehicle: Vehicle) -> str:
 
 
 def with_numbers(text: str, vehicle: Vehicle, paths: Iterable[str]) -> str:
-    """The text of a vehicle file with the name, the source and some numbers of another vehicle of the same units.
-
-    Args:
-        text: of a vehicle file.
-        vehicle: gives the numbers.
-        paths: of the numbers. Numbers that the classes give follow from them.
-    """
+    """The text of a vehicle file with the name, the source and the numbers at `paths` of another vehicle of the same
+    units; numbers that the classes give follow from them."""
     import tomlkit  # slow to import
 
     document = tomlkit.parse(text)

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.names import ParameterPath
+from fifthwheel.options import ObserverOptions
 from fifthwheel.vehicle.component import SI_UNITS
 
 FRICTION = "road.friction"
-FRICTION_RANGE = (0.05, 1.5)
-"""Of the peak friction of a road."""
 SHAPE = "tyre.shape"
 HALF_TRACK = "body.half_track"
 STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
@@ -27,7 +26,7 @@ class TyreParameter(NamedTuple):
 TYRE_PARAMETERS: Mapping[str, TyreParameter] = {
     FRICTION: TyreParameter("1", 0.75),  # of truck tyres on a dry road
     SHAPE: TyreParameter("1", 1.1),
-    HALF_TRACK: TyreParameter("m", 1.0),  # half the distance of the tyres of both sides
+    HALF_TRACK: TyreParameter("m", ObserverOptions.half_track),  # half the distance of the tyres of both sides
     STIFFNESS_SENSITIVITY: TyreParameter("1", 0.2),  # of four truck and bus tyres: 0.1 to 0.3
     FRICTION_SENSITIVITY: TyreParameter("1", 0.09),  # of the same tyres: 0.08 to 0.11
     COMBINED_SLIP: TyreParameter("1", 1.0),

@@ -6,35 +6,23 @@ The functions use only + - * /, so they accept floats, NumPy arrays and CasADi s
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, NamedTuple
 
 from fifthwheel.vehicle.unit import Unit
 
 
-class Arithmetic(Protocol):
-    """A number, an array or a symbol."""
+class Laden(NamedTuple):
+    """The sprung body with its payload; numbers, arrays or symbols."""
 
-    def __add__(self, other: Any, /) -> Self: ...
-    def __sub__(self, other: Any, /) -> Self: ...
-    def __mul__(self, other: Any, /) -> Self: ...
-    def __truediv__(self, other: Any, /) -> Self: ...
-
-
-T = TypeVar("T", bound=Arithmetic)
-
-
-class Laden(NamedTuple, Generic[T]):
-    """The sprung body with its payload."""
-
-    mass: T
+    mass: Any
     """kg."""
-    cog_height: T
+    cog_height: Any
     """Above the ground, m."""
-    roll_inertia: T
+    roll_inertia: Any
     """About the roll axis, kg m^2."""
 
 
-def laden_cog_height(*, mass: T, cog_height: T, payload_mass: T, payload_height: T, floor_height: T) -> T:
+def laden_cog_height(*, mass: Any, cog_height: Any, payload_mass: Any, payload_height: Any, floor_height: Any) -> Any:
     """CoG height of the laden sprung body above the ground, m; equation (8).
 
     Args:
@@ -49,14 +37,14 @@ def laden_cog_height(*, mass: T, cog_height: T, payload_mass: T, payload_height:
 
 def laden_roll_inertia(
     *,
-    roll_inertia: T,
-    payload_mass: T,
-    payload_height: T,
-    payload_width: T,
-    floor_height: T,
-    roll_axis_height: T,
+    roll_inertia: Any,
+    payload_mass: Any,
+    payload_height: Any,
+    payload_width: Any,
+    floor_height: Any,
+    roll_axis_height: Any,
     uniform: bool = True,
-) -> T:
+) -> Any:
     """Roll inertia of the laden sprung body about the roll axis, kg m^2; equation (9).
 
     Args:
@@ -73,7 +61,7 @@ def laden_roll_inertia(
     return total + payload_mass * (payload_width * payload_width + payload_height * payload_height) / 12
 
 
-def laden(p: Mapping[str, T], unit: Unit) -> Laden[T]:
+def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
     """Laden sprung mass, CoG height and roll inertia of a unit.
 
     Args:

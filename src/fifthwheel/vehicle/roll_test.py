@@ -22,7 +22,7 @@ from typing import NamedTuple
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.payload import laden
-from fifthwheel.vehicle.unit import AxleGroup, Unit
+from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 
 MAX_ROLL = math.radians(5.0)
@@ -69,7 +69,12 @@ def with_roll_test(vehicle: Vehicle, test: RollTest, sigmas: Mapping[str, float]
         VehicleError: there is no such unit, it has several axle groups, or the readings are not plausible.
     """
     unit = vehicle.unit(test.unit)
-    group = _only_group(unit)
+    group, *others = unit.axle_groups
+    if others:
+        raise VehicleError(
+            f"{unit.name}: expected one axle group, got {len(unit.axle_groups)}; the test does not divide the stiffness"
+            " among several. Test a trailer, or state each roll_stiffness in the vehicle file"
+        )
     path = unit.group_path(group)
     _check_readings(test)
     moment = test.load.value * STANDARD_GRAVITY * test.shift.value
@@ -82,8 +87,8 @@ def with_roll_test(vehicle: Vehicle, test: RollTest, sigmas: Mapping[str, float]
         )
     relative = [m.sigma / m.value for m in (test.load, test.shift, test.roll)]
     own = {f"{path}.roll_stiffness", f"{path}.tyre_roll_stiffness"}
-    others = [_effect(vehicle, unit.name, p, s) for p, s in sigmas.items() if s and p not in own]
-    total_sigma = math.hypot(*(moment / test.roll.value * r for r in relative), *others)
+    effects = [_effect(vehicle, unit.name, p, s) for p, s in sigmas.items() if s and p not in own]
+    total_sigma = math.hypot(*(moment / test.roll.value * r for r in relative), *effects)
     suspension = 1 / (1 / total - 1 / group.tyre_roll_stiffness)
     values = {f"{path}.roll_stiffness": suspension}
     stated = {f"{path}.roll_stiffness": (suspension / total) ** 2 * total_sigma, f"{path}.tyre_roll_stiffness": 0.0}
@@ -114,7 +119,8 @@ def _own(p: Mapping[str, float], unit: Unit) -> float:
 
 def _gravity(p: Mapping[str, float], unit: Unit) -> float:
     body = laden(p, unit)
-    return -body.mass * STANDARD_GRAVITY * (body.cog_height - unit.roll_axis_height)
+    moment: float = body.mass * STANDARD_GRAVITY * (body.cog_height - unit.roll_axis_height)
+    return -moment
 
 
 def _in_series(a: float, b: float) -> float:
@@ -126,15 +132,6 @@ def _effect(vehicle: Vehicle, unit: str, path: str, sigma: float) -> float:
     value = vehicle.parameters()[path]
     higher, lower = (stiffness_of_rest(vehicle.replace({path: value + step * sigma}), unit) for step in (STEP, -STEP))
     return (higher - lower) / (2 * STEP)
-
-
-def _only_group(unit: Unit) -> AxleGroup:
-    if len(unit.axle_groups) > 1:
-        raise VehicleError(
-            f"{unit.name}: expected one axle group, got {len(unit.axle_groups)}; the test does not divide the stiffness"
-            " among several. Test a trailer, or state each roll_stiffness in the vehicle file"
-        )
-    return unit.axle_groups[0]
 
 
 def _check_readings(test: RollTest) -> None:

@@ -35,11 +35,7 @@ def read(path: Path) -> str:
 
 
 def parse(text: str, vehicle: type[Component]) -> tuple[Table, bool]:
-    """Fields of a vehicle, and whether all its numbers are exact.
-
-    Args:
-        text: TOML.
-        vehicle: the class with these fields.
+    """Fields of a vehicle, which its class has, and whether all its numbers are exact.
 
     Raises:
         VehicleError: not TOML, an unknown key, or a value that is no quantity of its unit.
@@ -81,7 +77,7 @@ def text(value: float, si: str, sigma: float | None) -> str:
 def _file_value(value: Any) -> Any:
     """Fields in the form of a file: with its keys, and without those that have no value."""
     if isinstance(value, dict):
-        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None}
+        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None and v != {}}
     return [_file_value(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
@@ -92,6 +88,12 @@ def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
     for key, kind in (("sprung", SprungMass), ("payload", Payload), ("accelerometer", Accelerometer)):
         if key in fields:
             fields[key] = _fields(_table(fields[key], f"{path}.{key}"), f"{path}.{key}", kind, stated)
+    if "accelerometers" in fields:
+        places = f"{path}.accelerometers"
+        fields["accelerometers"] = {
+            name: _fields(_table(table, f"{places}.{name}"), f"{places}.{name}", Accelerometer, stated)
+            for name, table in _table(fields["accelerometers"], places).items()
+        }
     groups = _tables(fields, "axle_groups", path)
     fields["axle_groups"] = [_group(group, path, stated, only=len(groups) == 1) for group in groups]
     return fields
@@ -139,15 +141,8 @@ _CURES = {
 def read_quantity(value: Any, si: str, path: str) -> tuple[float, float | None]:
     """A value of a vehicle file and its stated standard deviation, in the SI unit `si`.
 
-    An angle is a dimension: N is not accepted for N/rad.
-
-    Args:
-        value: a number in `si`, or a text as in `units.uncertain_quantity`.
-        si: the SI unit.
-        path: of the value, for the message.
-
-    Raises:
-        VehicleError: the value is not a number with a suitable unit.
+    The value is a number in `si`, or a text as in `units.uncertain_quantity`. An angle is a dimension: N is not
+    accepted for N/rad. A VehicleError begins with the path.
     """
     try:
         return uncertain_quantity(value, si, strict=True)

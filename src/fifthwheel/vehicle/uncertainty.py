@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from fifthwheel.names import ParameterPath
-from fifthwheel.vehicle.unit import Unit
+from fifthwheel.vehicle.unit import ACCELEROMETERS, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 
 MASS_SCALE = "mass_scale"
@@ -86,7 +86,8 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
         default = DEFAULT_SIGMAS["cog.laden" if unit.payload else "cog.unladen"].sigma
         slopes[cog] = {cog: stated.get(cog, default)}
         slopes |= _positions(vehicle, i)
-    others = [path for path in stated if path not in slopes and ParameterPath.of(path).component != "accelerometer"]
+    components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in slopes}
+    others = [path for path, component in components.items() if component not in ACCELEROMETERS]
     slopes |= {path: {path: stated[path]} for path in others}
     nonzero = {name: {path: s for path, s in by_path.items() if s} for name, by_path in slopes.items()}
     return tuple(Change(name=name, slopes=by_path) for name, by_path in nonzero.items() if by_path)

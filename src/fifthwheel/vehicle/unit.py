@@ -5,18 +5,21 @@ axle of a tractor and the kingpin of a semitrailer. Heights are above the ground
 """
 
 from collections import Counter
-from typing import Any, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle.component import Component, Name, NonNegative, Number, Positive, number
+from fifthwheel.vehicle.component import Component, HashableDict, Name, NonNegative, Number, Positive, number
 
 CouplingKind = Literal["fifth_wheel", "drawbar_eye", "turntable"]
 MAX_AXLE_GROUPS = 8
 """Axle groups of a unit: the time to compile the model grows with their number."""
 MAX_AXLES = 16
 """Axles of a group."""
+ACCELEROMETERS = ("accelerometer", "accelerometers")
+"""Tables of the places of accelerometers in a unit."""
 
 
 class Axle(Component):
@@ -112,7 +115,7 @@ class Payload(Component):
 
 
 class Accelerometer(Component):
-    """Where the lateral accelerometer of a unit is fixed to the sprung body."""
+    """Where a lateral accelerometer is fixed to the sprung body of a unit."""
 
     position: Number = number("m", "x on the unit.")
     height: NonNegative = number("m", "Above the ground.")
@@ -134,6 +137,9 @@ class Unit(Component):
     accelerometer: Accelerometer | None = Field(
         default=None, description="Place of lateral_acceleration.<unit>; under the CoG on the roll axis by default."
     )
+    accelerometers: Annotated[Mapping[Name, Accelerometer], AfterValidator(HashableDict)] = Field(
+        default={}, description="Places of lateral_acceleration.<unit>.<name> by name; by default `accelerometer`."
+    )
     axle_groups: tuple[AxleGroup, ...] = Field(
         min_length=1, max_length=MAX_AXLE_GROUPS, description="From front to rear."
     )
@@ -143,7 +149,7 @@ class Unit(Component):
         require_unique("axle_groups", [group.name for group in self.axle_groups])
         require_unique("axles", [axle.name for axle in self.axles])
         for name in [group.name for group in self.axle_groups] + [axle.name for axle in self.axles]:
-            if name in ("sprung", "payload", "accelerometer"):
+            if name in ("sprung", "payload", *ACCELEROMETERS):
                 raise VehicleError(
                     f"{name}: expected another name for an axle or axle group; this name is reserved for a table"
                 )
@@ -168,7 +174,16 @@ class Unit(Component):
     @property
     def accelerometer_place(self) -> Accelerometer:
         """The place of the lateral accelerometer: as given, or under the CoG on the roll axis."""
-        return self.accelerometer or Accelerometer(position=self.cog, height=self.roll_axis_height)
+        return self.place_of_accelerometer("")
+
+    def place_of_accelerometer(self, name: str) -> Accelerometer:
+        """The place of lateral_acceleration.<unit>.<name>: its own, else that of lateral_acceleration.<unit>."""
+        default = self.accelerometer or Accelerometer(position=self.cog, height=self.roll_axis_height)
+        return self.accelerometers.get(name, default)
+
+    def accelerometer_path(self, name: str) -> str:
+        """Beginning of the paths of that place: 'trailer.accelerometers.rear', or 'trailer.accelerometer'."""
+        return f"{self.name}.accelerometers.{name}" if name in self.accelerometers else f"{self.name}.accelerometer"
 
     def group_path(self, group: AxleGroup) -> str:
         """Beginning of the paths of a group's parameters: 'tractor.drive', or 'semitrailer' if it is the only group."""

@@ -196,6 +196,8 @@ class Vehicle(Component):
                 add(f"{unit.name}.payload", type(unit.payload), (*of_unit, "payload"))
             if unit.accelerometer is not None:
                 add(f"{unit.name}.accelerometer", type(unit.accelerometer), (*of_unit, "accelerometer"))
+            for name, place in unit.accelerometers.items():
+                add(unit.accelerometer_path(name), type(place), (*of_unit, "accelerometers", name))
             for j, group in enumerate(unit.axle_groups):
                 add(unit.group_path(group), AxleGroup, (*of_unit, "axle_groups", j))
                 for k, axle in enumerate(group.axles):

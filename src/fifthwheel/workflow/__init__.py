@@ -1,29 +1,33 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
+from fifthwheel.options import IdentifyOptions
 from fifthwheel.time_bases import check_record
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
-from fifthwheel.workflow.assessment import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
-from fifthwheel.workflow.axle_loads import (
+from fifthwheel.workflow.exported import exported_learner, exported_observer
+from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification
+from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
+from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
+from fifthwheel.workflow.measured_vehicle import (
     AxleLoadDifference,
     WeighedVehicle,
     axle_load_differences,
+    roll_tested_vehicle,
+    tested_numbers,
     weigh_by_slip,
     weigh_vehicle,
 )
-from fifthwheel.workflow.design import design_run
-from fifthwheel.workflow.exported import exported_learner, exported_observer
-from fifthwheel.workflow.identification import IdentificationRun, run_identification
-from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
-from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
 from fifthwheel.workflow.results import (
+    ASSESSMENT_FILES,
     IDENTIFICATION_FILES,
     STATES_FILES,
     compare_runs,
+    identification_file,
+    read_truck,
+    write_assessment,
     write_comparison,
     write_results,
 )
-from fifthwheel.workflow.roll_test import roll_tested_vehicle, tested_numbers
-from fifthwheel.workflow.settings import SENSOR_PRIORS, IdentifyOptions, one_stage_settings
+from fifthwheel.workflow.settings import SENSOR_PRIORS, chosen_one_stage, identification_settings, one_stage_settings
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
@@ -41,11 +45,13 @@ __all__ = [
     "WeighedVehicle",
     "axle_load_differences",
     "check_record",
+    "chosen_one_stage",
     "compare_runs",
     "design_run",
     "exported_learner",
     "exported_observer",
     "identification_file",
+    "identification_settings",
     "one_stage_settings",
     "propose_signals",
     "read_records",

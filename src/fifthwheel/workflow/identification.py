@@ -1,8 +1,8 @@
-"""Identification of a vehicle, and what follows from it: states, remedies, a conclusion."""
+"""Identification of a vehicle, and what follows from it: states, remedies, a conclusion; the design of a test run."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from fifthwheel.assess import Assessment, assess
@@ -16,6 +16,7 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
 
 if TYPE_CHECKING:
+    from fifthwheel.identify.design import ExperimentDesign
     from fifthwheel.identify.design.assess import InformationAssessment
 
 
@@ -109,3 +110,36 @@ def _assess_remedies(identification: Identification, records: Sequence[Record]) 
         return assess_information(records, identification.vehicle, identification.settings, settings, checked=True)
     except FifthwheelError:
         return None
+
+
+def design_run(
+    vehicle: Vehicle,
+    targets: Mapping[str, float] | None = None,
+    settings: OneStage | None = None,
+    *,
+    channels: Sequence[str] = (),
+    speed: float | None = None,
+    max_speed: float = 88 / 3.6,
+    max_acceleration: float = 1.5,
+    progress: Progress = lambda *_: None,
+) -> "ExperimentDesign":
+    """The shortest test run that reaches all targets; see `identify.design.design_experiment`.
+
+    Args:
+        speed: of the run, m/s; by default the best of the usual speeds up to `max_speed`, or `max_speed` if all are
+            higher.
+        max_speed: m/s.
+        max_acceleration: largest lateral acceleration of any unit, m/s^2.
+    """
+    from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
+
+    settings, usual = settings or OneStage(), DesignSettings()
+    allowed = tuple(v for v in usual.speeds if v < max_speed + 0.01) or (max_speed,)
+    return design_experiment(
+        vehicle if settings.uniform_payload else vehicle.lumped(),
+        targets,
+        settings,
+        channels=channels,
+        planning=replace(usual, speeds=(speed,) if speed else allowed, max_acceleration=max_acceleration),
+        progress=progress,
+    )

@@ -100,10 +100,7 @@ def propose_signals(
 def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None = None) -> MapProposal:
     """The proposed map with the delays that the samples show, and the findings of `check_record`.
 
-    Args:
-        proposal: a map without delays.
-        log: open; it is read again.
-        vehicle: predicts the signals; default: any usual tractor and semitrailer, so that only large delays are found.
+    Without a vehicle any usual tractor and semitrailer predicts the signals, so that only large delays are found.
     """
     try:
         record = assemble(log, proposal.signals, name=log.name)

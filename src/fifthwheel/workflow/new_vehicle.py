@@ -8,9 +8,9 @@ from typing import Any
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
-from fifthwheel.vehicle.classes.commented import commented_toml
-from fifthwheel.vehicle.classes.figures import TYRES
-from fifthwheel.vehicle.weighing.slip import CONTRADICTION, Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.classes.table import TYRES
+from fifthwheel.vehicle.classes.template import commented_toml
+from fifthwheel.vehicle.weighing import CONTRADICTION, Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"

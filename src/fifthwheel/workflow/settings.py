@@ -1,8 +1,8 @@
 """Settings of an identification from the choices that a user makes."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -13,6 +13,8 @@ from fifthwheel.identify import CommonSettings, Identification, OneStage
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.suspension import with_suspension
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
+from fifthwheel.options import IdentifyOptions
+from fifthwheel.settings import options_of
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 
@@ -74,106 +76,69 @@ def one_stage_settings(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class IdentifyOptions:
-    """The choices of a user for an identification, as the options of `fifthwheel identify` state them."""
+def identification_settings(
+    vehicle: Vehicle, chosen: IdentifyOptions, suspension: Identification | None = None
+) -> tuple[Vehicle, CommonSettings]:
+    """Vehicle and settings of an identification.
 
-    method: str = "one-stage"
-    """Or "two-stage", or "article"."""
-    form: str = "output-error"
-    """Or "prediction-error"; one stage."""
-    tyres: str = "linear"
-    """Or "saturating", or "auto"; one stage."""
-    friction: float | None = None
-    """Prior median of the peak friction of the road, for tyres that saturate."""
-    fix: Sequence[str] = ()
-    free: Sequence[str] = ()
-    prior: Sequence[str] = ()
-    """NAME=FRACTION."""
-    consider: Sequence[str] = ()
-    """NAME=FRACTION."""
-    sensor: Sequence[str] = ()
-    """NAME=SIGMA."""
-    any_load: bool = False
-    passes: int | None = None
-    check: bool = True
+    Args:
+        chosen: what a user chooses.
+        suspension: identification of the same truck whose suspension the vehicle gets; default: that of the options.
 
-    def settings(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, CommonSettings]:
-        """Vehicle and settings.
-
-        Args:
-            suspension: identification of the same truck whose suspension the vehicle gets.
-
-        Raises:
-            FifthwheelError: a text that is not NAME=FRACTION or NAME=SIGMA, or an option of another method.
-            SignalError: `suspension` is not an identification in one stage.
-            VehicleError: a parameter that does not exist, or `suspension` is of another vehicle.
-        """
-        if self.method == "one-stage":
-            _refuse("two-stage", {"--passes": self.passes})
-            return self.one_stage(vehicle, suspension)
-        of_one_stage: dict[str, object] = {f"--{name}": getattr(self, name) for name in _ONE_STAGE}
-        of_one_stage |= {"--any-load": self.any_load, "--suspension-from": suspension}
-        of_one_stage |= {"--form": self.form != "output-error", "--tyres": self.tyres != "linear"}
-        _refuse("one-stage", of_one_stage | {"--friction": self.friction})
-        preset = article() if self.method == "article" else TwoStage()
-        return vehicle, replace(preset, fixed=tuple(self.fix), check=self.check, passes=self.passes or preset.passes)
-
-    def one_stage(self, vehicle: Vehicle, suspension: Identification | None = None) -> tuple[Vehicle, OneStage]:
-        """The same for one stage, whatever the method."""
-        form: Any = self.form.replace("-", "_")
-        tyres: Any = self.tyres
-        if self.friction is not None and tyres == "linear":
-            raise FifthwheelError("--friction: linear tyres have none; add --tyres saturating, or remove --friction")
-        chosen = one_stage_settings(
-            vehicle,
-            fix=self.fix,
-            free=self.free,
-            prior=fractions("--prior", self.prior),
-            consider=considered_sigmas(self.consider),
-            any_load=self.any_load,
-            sensors=sensor_sigmas(self.sensor),
-            base=OneStage(check=self.check, form=form, tyres=tyres, friction=self.friction or OneStage.friction),
-        )
-        return with_suspension(vehicle, chosen, suspension) if suspension else (vehicle, chosen)
-
-    def arguments(self) -> list[str]:
-        """The options of the command line that state these choices."""
-        default = IdentifyOptions()
-        arguments = [
-            f"--{name}={getattr(self, name)}"
-            for name in ("method", "form", "tyres", "friction", "passes")
-            if getattr(self, name) != getattr(default, name)
-        ]
-        arguments += [f"--{name}={text}" for name in ("fix", *_ONE_STAGE) for text in getattr(self, name)]
-        return arguments + ["--any-load"] * self.any_load + ["--no-check"] * (not self.check)
+    Raises:
+        FifthwheelError: a text that is not NAME=FRACTION or NAME=SIGMA, or an option of another method.
+        SignalError: `suspension` is not an identification in one stage.
+        VehicleError: a parameter that does not exist, or `suspension` is of another vehicle.
+    """
+    one_stage = chosen.method == "one-stage"
+    for name in ("passes",) if one_stage else _ONE_STAGE:
+        if getattr(chosen, name) != getattr(IdentifyOptions, name):
+            option = options_of(IdentifyOptions)[name].flags_of(name)[0]
+            other = "two-stage" if one_stage else "one-stage"
+            raise FifthwheelError(f"{option}: needs --method {other}; remove {option}, or choose that method")
+    if one_stage:
+        return chosen_one_stage(vehicle, chosen, suspension)
+    preset = article() if chosen.method == "article" else TwoStage()
+    return vehicle, replace(preset, fixed=chosen.fix, check=chosen.check, passes=chosen.passes or preset.passes)
 
 
-_ONE_STAGE = ("free", "prior", "consider", "sensor")
-"""Lists of options that belong to one stage."""
+def chosen_one_stage(
+    vehicle: Vehicle, chosen: IdentifyOptions, suspension: Identification | None = None
+) -> tuple[Vehicle, OneStage]:
+    """The same for one stage, whatever the method."""
+    form: Any = chosen.form.replace("-", "_")
+    if chosen.friction is not None and chosen.tyres == "linear":
+        raise FifthwheelError("--friction: linear tyres have none; add --tyres saturating, or remove --friction")
+    friction = chosen.friction or OneStage.friction
+    settings = one_stage_settings(
+        vehicle,
+        fix=chosen.fix,
+        free=chosen.free,
+        prior=fractions("--prior", chosen.prior),
+        consider=considered_sigmas(chosen.consider),
+        any_load=chosen.any_load,
+        sensors=sensor_sigmas(chosen.sensor),
+        base=OneStage(check=chosen.check, form=form, tyres=chosen.tyres, friction=friction),
+    )
+    if suspension is None and chosen.suspension_from is not None:
+        suspension = Identification.load(chosen.suspension_from)
+    return with_suspension(vehicle, settings, suspension) if suspension else (vehicle, settings)
 
 
-def _refuse(method: str, options: Mapping[str, object]) -> None:
-    """Refuse options that were given but belong to another method."""
-    for option, value in options.items():
-        if value:
-            raise FifthwheelError(f"{option}: needs --method {method}; remove {option}, or choose that method")
+_ONE_STAGE = ("free", "prior", "consider", "sensor", "any_load", "suspension_from", "form", "tyres", "friction")
+"""Options that belong to one stage."""
 
 
 def named_values(
-    option: str, texts: Sequence[str] | None, expected: str, convert: Callable[[str, str], float]
+    option: str, texts: Iterable[str], expected: str, convert: Callable[[str, str], float]
 ) -> dict[str, float]:
     """ "NAME=VALUE" as name: value.
 
-    Args:
-        expected: form of a text, for the message of the error.
-        convert: the value from name and text; a ValueError without a message stands for another form.
-
-    Raises:
-        FifthwheelError: `convert` refuses a text.
+    `expected` is the form of a text, for the message of the error; a ValueError of `convert` without a message stands
+    for another form.
     """
     values = {}
-    for text in texts or []:
+    for text in texts:
         name, _, value = text.partition("=")
         try:
             values[name] = convert(name, value)
@@ -184,34 +149,21 @@ def named_values(
     return values
 
 
-def fractions(option: str, texts: Sequence[str] | None) -> dict[str, float]:
+def fractions(option: str, texts: Iterable[str]) -> dict[str, float]:
     """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
-
-    def fraction(_: str, text: str) -> float:
-        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-        if not 0 <= value < 1:
-            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
-        return value
-
-    return named_values(option, texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)
+    return named_values(option, texts, _FRACTION, lambda _, text: _fraction(text, 1))
 
 
-def considered_sigmas(texts: Sequence[str] | None) -> dict[str, float]:
+def considered_sigmas(texts: Iterable[str]) -> dict[str, float]:
     """ "name=fraction" as name: fraction; for model errors a factor, or a latency in s."""
-    from fifthwheel.errors import FifthwheelError
 
     def sigma(name: str, text: str) -> float:
-        if name == "gyro_delay":
-            return quantity(text, "s")
-        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-        if not 0 <= value < (100 if name in MODEL_ERRORS else 1):
-            raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
-        return value
+        return quantity(text, "s") if name == "gyro_delay" else _fraction(text, 100 if name in MODEL_ERRORS else 1)
 
-    return named_values("--consider", texts, "NAME=FRACTION, such as roll_stiffness=10%", sigma)
+    return named_values("--consider", texts, _FRACTION, sigma)
 
 
-def sensor_sigmas(texts: Sequence[str] | None) -> dict[str, float]:
+def sensor_sigmas(texts: Iterable[str]) -> dict[str, float]:
     """ "name=sigma" as name: sigma in SI."""
 
     def sigma(name: str, text: str) -> float:
@@ -220,3 +172,13 @@ def sensor_sigmas(texts: Sequence[str] | None) -> dict[str, float]:
         return quantity(text, SENSOR_PRIORS[name])
 
     return named_values("--sensor", texts, f"NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}", sigma)
+
+
+_FRACTION = "NAME=FRACTION, such as roll_stiffness=10%"
+
+
+def _fraction(text: str, below: float) -> float:
+    value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    if not 0 <= value < below:
+        raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
+    return value

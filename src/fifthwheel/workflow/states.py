@@ -8,7 +8,6 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel.checks import raise_errors
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify import Identification
 from fifthwheel.identify.sensor_errors import log_sensors
@@ -17,6 +16,7 @@ from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
 from fifthwheel.time_bases import check_record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow.inputs import Progress
 
 

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel.errors import FifthwheelError, VehicleError, suggestion
+from fifthwheel.options import TruckOptions
+from fifthwheel.settings import options_of
 from fifthwheel.units import quantity, uncertain_quantity
 from fifthwheel.vehicle.classes import CLASSES
-from fifthwheel.vehicle.classes.figures import TYRES
-from fifthwheel.vehicle.weighing.slip import ACCURACY, Slip, fraction
+from fifthwheel.vehicle.classes.table import TYRES
+from fifthwheel.vehicle.weighing import ACCURACY, Slip, fraction
 from fifthwheel.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
@@ -23,7 +25,6 @@ class Question:
 
     key: str
     """Field of `Description`, or of `Slip`."""
-    text: str
     unit: str = ""
     limits: tuple[float, float] = (0.0, math.inf)
     """Least and largest quantity, in the unit. The ranges are wider than those of road vehicles, heavy haulage
@@ -34,6 +35,12 @@ class Question:
     """Standard deviation as a fraction where the answer states none."""
     applies: Callable[[Mapping[str, str]], bool] = lambda answers: True
     """Whether the earlier answers need this one."""
+
+    @property
+    def text(self) -> str:
+        """As a user reads it."""
+        option = options_of(TruckOptions)[self.key]
+        return option.label or option.help.removesuffix(".")
 
     @property
     def is_slip(self) -> bool:
@@ -84,68 +91,29 @@ def _is_laden(answers: Mapping[str, str]) -> bool:
 SPREADS = (0.8, 3.5)
 """Between neighbouring axles, m: from a tyre's diameter to the 3.1 m of North American spread axles."""
 QUESTIONS = (
-    Question(
-        key="tractor",
-        text="Class of the tractor",
-        choices=tuple(name for name in CLASSES if name.startswith(TRACTOR)),
-        required=True,
-    ),
-    Question(
-        key="trailer",
-        text="Class of the semitrailer",
-        choices=tuple(name for name in CLASSES if name.startswith(TRAILER)),
-        required=True,
-    ),
-    Question(key="wheelbase", text="Front axle to the first axle behind it", unit="m", limits=(2, 8), required=True),
+    Question(key="tractor", choices=tuple(name for name in CLASSES if name.startswith(TRACTOR)), required=True),
+    Question(key="trailer", choices=tuple(name for name in CLASSES if name.startswith(TRAILER)), required=True),
+    Question(key="wheelbase", unit="m", limits=(2, 8), required=True),
     Question(
         key="tractor_spread",
-        text="Between the rear axles of the tractor",
         unit="m",
         limits=SPREADS,
         applies=lambda answers: CLASSES[answers["tractor"]].axle_counts[-1] > 1,
     ),
-    Question(
-        key="fifth_wheel",
-        text="Front axle to the kingpin; a laden and a solo slip also give it",
-        unit="m",
-        limits=(1, 9),
-    ),
-    Question(
-        key="trailer_wheelbase",
-        text="Kingpin to the middle of the trailer's axles",
-        unit="m",
-        limits=(3, 15),
-        required=True,
-    ),
-    Question(key="trailer_spread", text="Between neighbouring axles of the trailer", unit="m", limits=SPREADS),
-    Question(key="laden", text="Slip of the laden truck: front, drive and trailer axles, kg, such as 6850 10500 22500"),
-    Question(key="solo", text="Slip of the tractor alone: front and drive axles, kg"),
-    Question(key="empty", text="Slip of the truck without load: front, drive and trailer axles, kg"),
-    Question(
-        key="tractor_tare", text="Mass of the tractor in the brochure", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA
-    ),
-    Question(
-        key="trailer_tare", text="Mass of the trailer without load", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA
-    ),
-    Question(key="load_mass", text="Mass of the load; 0 for none", unit="kg", limits=(0, 8e4)),
-    Question(
-        key="load_height",
-        text="Height of the load, from the floor to its top",
-        unit="m",
-        limits=(0.05, 4),
-        applies=_is_laden,
-    ),
-    Question(key="load_width", text="Width of the load", unit="m", limits=(0.2, 5), applies=_is_laden),
-    Question(
-        key="floor_height", text="Height of the floor above the ground", unit="m", limits=(0.2, 2), applies=_is_laden
-    ),
-    Question(
-        key="load_shape",
-        text="Kind of load: a uniform block, or a point",
-        choices=("uniform", "point"),
-        applies=_is_laden,
-    ),
-    Question(key="trailer_tyres", text="Tyres of the trailer", choices=tuple(TYRES)),
+    Question(key="fifth_wheel", unit="m", limits=(1, 9)),
+    Question(key="trailer_wheelbase", unit="m", limits=(3, 15), required=True),
+    Question(key="trailer_spread", unit="m", limits=SPREADS),
+    Question(key="laden"),
+    Question(key="solo"),
+    Question(key="empty"),
+    Question(key="tractor_tare", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA),
+    Question(key="trailer_tare", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA),
+    Question(key="load_mass", unit="kg", limits=(0, 8e4)),
+    Question(key="load_height", unit="m", limits=(0.05, 4), applies=_is_laden),
+    Question(key="load_width", unit="m", limits=(0.2, 5), applies=_is_laden),
+    Question(key="floor_height", unit="m", limits=(0.2, 2), applies=_is_laden),
+    Question(key="load_shape", choices=("uniform", "point"), applies=_is_laden),
+    Question(key="trailer_tyres", choices=tuple(TYRES)),
 )
 
 

@@ -1,6 +1,7 @@
 """FMUs in FMPy: the truck against the simulation in Python, the observer against `Observer.push`."""
 
 import importlib.util
+import os
 import re
 import shutil
 import subprocess
@@ -52,9 +53,11 @@ def observer(truck: Vehicle) -> Observer:
 
 @pytest.fixture(scope="module", autouse=True)
 def one_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """All FMUs share the run-time library of the compiler, which it compiles first."""
+    """All FMUs, also those of another test process, share the run-time library of the compiler and its object files."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path_factory.mktemp("zig")))
+        patch.setenv("ZIG_GLOBAL_CACHE_DIR", str(folder / "zig"))
         yield
 
 
@@ -240,8 +243,10 @@ def test_the_observer_gives_what_push_gives(
 
 def test_tyres_that_saturate(truck: Vehicle, tmp_path: Path) -> None:
     """The FMU has its own arc tangent, and sine, cosine and exponential of the compiler."""
+    truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
     record = simulate(truck, count=1, seed=3)
-    observer = Observer(truck, record.signals, ObserverSettings(friction=0.3))
+    signals = [name for name in record.signals if not name.startswith("roll_rate")]
+    observer = Observer(truck, signals, ObserverSettings(friction=0.3))
     path = export_fmu(observer, tmp_path / "observer.fmu", fmi=3, platforms=["x86_64-linux"])
     expected, found = [], []
     with Unit(path, tmp_path / "unpacked") as unit:

@@ -8,6 +8,7 @@ import pytest
 from fifthwheel.identify.doubts import Doubt, DoubtKind, ScoreTest
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
 
@@ -41,8 +42,10 @@ def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, mi
         estimated=("stiffness", "height"),
         dataset=SimpleNamespace(vehicle=vehicle, records=records),
         settings=SimpleNamespace(min_speed=min_speed, tyre_law="linear"),
+        linearisation=SimpleNamespace(tests=tests, posterior=posterior),
     )
-    return find_doubts(solution, SimpleNamespace(tests=tests, posterior=posterior))
+    solution.lateral_accelerations = Solution.lateral_accelerations.func(solution)
+    return find_doubts(solution)
 
 
 def score(name: str, statistic: float, implied: float, **shifts: float) -> ScoreTest:

@@ -68,7 +68,9 @@ def test_which_unknowns_a_parameter_is_correlated_with() -> None:
         name: str, verdict: Verdict, rows: np.ndarray, logs: int = 1, excited: float = 0.7
     ) -> tuple[str, ...]:
         solution = SimpleNamespace(
-            problem=SimpleNamespace(model=SimpleNamespace(outputs=("yaw_rate.tractor",), states=("yaw_rate.tractor",))),
+            problem=SimpleNamespace(
+                model=SimpleNamespace(states=("yaw_rate.tractor",)), setup=SimpleNamespace(without_roll_rate={HEIGHT})
+            ),
             dataset=SimpleNamespace(logs=[None] * logs),
             settings=OneStage(excited=excited),
         )

@@ -16,7 +16,7 @@ from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import suspects, time_base_delays
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
-from fifthwheel.record.segments import segments_above
+from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 

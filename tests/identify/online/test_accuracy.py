@@ -16,7 +16,7 @@ from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
 from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.record import Record
-from fifthwheel.record.segments import segments_above
+from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.identify.online.conftest import FIVE, HEIGHT, assert_identified, learn, samples

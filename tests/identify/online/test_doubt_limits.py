@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.filters.relinearised import Estimate
+from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.evidence import find_doubts, score_tests
@@ -32,7 +32,7 @@ SIGMA = np.sqrt([0.04, 0.16, 0.24])  # of Pz + B B'
 def doubts(z=(0.0, 0.0, 0.0), t=(0.0, 0.0), information=(1.0, 1.0), size=1.0, autocorrelation=1.0, **of) -> list[Doubt]:
     """The doubts with these statistics of the score tests."""
     gradient = -np.array(t) * np.sqrt(information)
-    estimate = Estimate(
+    estimate = JointEstimate(
         z=np.array(z), Pz=of.get("Pz", PZ), B=of.get("B", B), gradient=gradient, information=np.array(information)
     )
     innovations = SimpleNamespace(mean_square=[0.9, size], autocorrelation=[autocorrelation, 0.9])
@@ -41,13 +41,15 @@ def doubts(z=(0.0, 0.0, 0.0), t=(0.0, 0.0), information=(1.0, 1.0), size=1.0, au
 
 def test_score_tests() -> None:
     """Of a scalar c with y = c + noise of variance 1 / I: the estimate without and with its prior N(0, 1)."""
-    estimate = Estimate(z=np.zeros(3), Pz=PZ, B=B, gradient=np.array([-2.0, 6.0]), information=np.array([4.0, 9.0]))
+    estimate = JointEstimate(
+        z=np.zeros(3), Pz=PZ, B=B, gradient=np.array([-2.0, 6.0]), information=np.array([4.0, 9.0])
+    )
     second, first = score_tests(PROBLEM, estimate)
     assert (first.name, second.name) == ("mass", "cog")
     assert (first.statistic, second.statistic) == (0.5 / (1 / 2), -(6 / 9) / (1 / 3))
     assert (first.implied, second.implied) == (0.5 * 4 / (4 + 1), -(6 / 9) * 9 / (9 + 1))
     np.testing.assert_allclose(second.shifts, [0.0, -0.06, -0.12])
-    without = Estimate(z=np.zeros(3), Pz=PZ, B=B, gradient=np.ones(2), information=np.array([0.0, 1e-9]))
+    without = JointEstimate(z=np.zeros(3), Pz=PZ, B=B, gradient=np.ones(2), information=np.array([0.0, 1e-9]))
     assert [test.name for test in score_tests(PROBLEM, without)] == ["cog"]
 
 

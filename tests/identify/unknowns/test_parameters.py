@@ -5,6 +5,7 @@ import pytest
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.cheng_cebon_2011.stage import filter_sigmas
+from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import (
@@ -24,6 +25,7 @@ from fifthwheel.identify.unknowns.parameters import (
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.unit import Accelerometer
 
 HEIGHT = "semitrailer.payload.height"
 RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
@@ -263,6 +265,20 @@ def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
     unknowns = by_name(there.with_stated(stated), settings, OUTPUTS)
     assert unknowns[f"{ACCELERATION}.position"].scale == 0.03
     assert f"{ACCELERATION}.height" not in unknowns
+
+
+def test_the_places_of_several_accelerometers(truck: Vehicle) -> None:
+    """A sensor with a name has its own place; one that the vehicle file does not name is where the unit's is."""
+    front, rear = Accelerometer(position=-1.2, height=0.9), Accelerometer(position=-4.1, height=1.1)
+    tractor = truck.unit("tractor").model_copy(update={"accelerometer": front, "accelerometers": {"rear": rear}})
+    there = truck.model_copy(update={"units": (tractor, *truck.units[1:])})
+    there = there.with_stated({"tractor.accelerometer.position": 0.03, "tractor.accelerometers.rear.position": 0.07})
+    names = [ACCELERATION, f"{ACCELERATION}.rear", f"{ACCELERATION}.roof"]
+    unknowns = by_name(there, OneStage(), (*OUTPUTS, *names[1:]))
+    for name, place, sigma in zip(names, (front, rear, front), (0.03, 0.07, 0.03), strict=True):
+        position = unknowns[f"{name}.position"]
+        assert (position.centre, position.scale) == (place.position, sigma)
+        assert sensor_parameters(there, name)[f"{name}.height"] == place.height
 
 
 def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.bits import Bits
-from fifthwheel.logs.can.database import Signal as Mine
-from fifthwheel.logs.can.database import group, load
+from fifthwheel.logs.can.database import CanSignal, group, load
 
 DBC = """VERSION ""
 BU_: A
@@ -67,7 +66,7 @@ def test_every_signal_is_as_cantools_decodes_it(signal, data):
         signed=signal.is_signed,
         floating=signal.is_float,
     )
-    mine = Mine(name="s", bits=bits, scale=float(signal.scale), offset=float(signal.offset), unit=None, about="")
+    mine = CanSignal(name="s", bits=bits, scale=float(signal.scale), offset=float(signal.offset), unit=None, about="")
     ours = mine.values(np.frombuffer(b"".join(data), np.uint8).reshape(-1, 8), np.full(len(data), 8, np.int32))
     theirs = np.array([float(message.decode(one)["s"]) for one in data])
     theirs[np.isinf(theirs)] = np.nan  # no value to us

@@ -5,8 +5,7 @@ import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import readers
-from fifthwheel.logs.can.frames import Frames
-from fifthwheel.logs.can.log import CanLog, open_can_log
+from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
 from fifthwheel.logs.source import LogSource
 from tests.logs.can.test_database import DBC
 from tests.logs.can.wires import FORMATS, message, vdc2, write

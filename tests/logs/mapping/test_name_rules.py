@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.channels import SignalName
+from fifthwheel.channels import SignalName, si_unit, split_header
 from fifthwheel.logs.mapping.name_rules import classify_column, classify_columns, normalised_name
-from fifthwheel.record.signal_names import si_unit, split_header
 from fifthwheel.units import factor
 
 UNITS = ("tractor", "semitrailer")

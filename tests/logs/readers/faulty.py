@@ -4,7 +4,7 @@ import os
 import re
 import signal
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -53,13 +53,10 @@ class FaultyLog(LogSource):
     """Ten pieces of a thousand rows of x = 2 t, and a table y without time."""
 
     def __init__(self, name: str, reading: str, unit: str) -> None:
-        super().__init__(name)
-        self.reading, self.unit = reading, unit
+        columns = {"x": Column(name="x", unit=unit, clock="c", about="ä\n" * 900), "y": Column(name="y")}
+        super().__init__(name, columns)
+        self.reading = reading
         self.notes.append("opened")
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return {"x": Column(name="x", unit=self.unit, clock="c", about="ä\n" * 900), "y": Column(name="y")}
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         for k in range(10):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.can.frames import trace_kind
-from fifthwheel.logs.readers import open_log
+from fifthwheel.logs.readers import open_log, trace_kind
 from fifthwheel.logs.readers.can import read_frames
 from tests.logs.can.wires import FORMATS, message, read, write
 

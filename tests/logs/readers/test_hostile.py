@@ -17,6 +17,7 @@ import pytest
 from asammdf import MDF, Signal
 from scipy.io import savemat
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.logs.mapping.propose import as_toml, propose_map
@@ -24,7 +25,6 @@ from fifthwheel.logs.mapping.survey import survey_log
 from fifthwheel.logs.readers import limits, open_log
 from fifthwheel.logs.signal_map import SignalMap
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import split_header
 
 ROWS = 3_000_000
 EXPANDED = 500_000_000

@@ -13,6 +13,7 @@ from nicegui import events, ui
 from fifthwheel import pages, plot
 from fifthwheel.app import documents, inputs, jobs, layout, runs
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
+from fifthwheel.channels import si_unit
 from fifthwheel.diagnose import LogPrediction
 from fifthwheel.dynamics import linear_system
 from fifthwheel.errors import FifthwheelError
@@ -23,7 +24,6 @@ from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.plots import Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, VERMILLION
 from fifthwheel.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.edited_file import edited
 
@@ -283,15 +283,9 @@ def fit_table(given: list[Fit], changed: list[Fit]) -> pages.Table:
 
 
 def model_plot(kind: str, given: Vehicle, changed: Vehicle, speed: float, record: Record | None = None) -> Plot:
-    """A plot of the linear model with both sets of numbers.
+    """A plot of the linear model at a speed, m/s, with both sets of numbers.
 
-    Args:
-        kind: one of `KINDS`.
-        speed: m/s.
-        record: for the points of the handling diagram.
-
-    Raises:
-        FifthwheelError: the vehicle has no such response.
+    The record gives points of the handling diagram. A FifthwheelError if the vehicle has no such response.
     """
     return Plot(panels=list(map(_together, *[_panels(kind, v, speed, record) for v in (given, changed)])))
 

@@ -1,35 +1,22 @@
 """Identification: settings, progress and report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from nicegui import ui
 
 from fifthwheel.app import inputs, jobs, layout, result_files, runs
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import SENSOR_PRIORS
+from fifthwheel.workflow import IdentifyOptions, identification_settings
 
 KEY = "identify"
 """Of the job."""
-METHODS = {
-    "one-stage": "One stage: all unknowns together",
-    "two-stage": "Two stages: dual Kalman filter",
-    "article": "Article: two stages as published",
-}
-TYRES = {
-    "linear": "Linear",
-    "saturating": "Saturating at the friction of the road, which is estimated",
-    "auto": "What the logs support",
-}
-FORMS = {
-    "output-error": "Free-running model: robust to model error",
-    "prediction-error": "One-step predictions: robust to side wind",
-}
 
 
 def build(workspace: Workspace) -> None:
@@ -56,26 +43,21 @@ class _Settings:
 
     def _fields(self, used: Sequence[str]) -> None:
         paths = list(self.truck.parameters())
-        results = runs.results(self.workspace)
-        self._choice("method", "Method", METHODS, "The first is the most accurate.")
-        self._choice("form", "Compare the logs with", FORMS, "One stage only.")
-        self._choice("tyres", "Tyres", TYRES, "One stage only.")
-        self._list("fix", "Fix", paths, "These parameters keep their value, assumed to be exact.")
-        self._list("free", "Estimate too", paths, "In addition to stiffness, yaw inertia and payload height.")
-        example = "NAME=FRACTION, such as roll_stiffness=10%"
-        self._list("consider", "Consider", [], f"Not estimated, but part of every sigma: {example}. 0: exact.")
-        self._list("prior", "Prior", [], f"Estimated, with this prior sigma: {example}.")
-        names = ", ".join(SENSOR_PRIORS)
-        self._list("sensor", "Sensors", [], f"Prior sigma of a sensor error, such as steer_delay=5ms; of {names}.")
+        for key, option in options_of(IdentifyOptions).items():
+            kind, label = get_type_hints(IdentifyOptions)[key], option.label or key.replace("_", " ").capitalize()
+            help = option.help.removesuffix(".") + "."
+            if key == "suspension_from":
+                results = {"": "the vehicle file"} | {name: name for name in runs.results(self.workspace)}
+                self._choice(key, label, results, "A result of the same truck with a known payload.")
+            elif option.choices:
+                self._choice(key, label, option.choices, help)
+            elif kind is bool:
+                self._switch(key, label, getattr(IdentifyOptions, key), help)
+            elif get_origin(kind) is tuple:
+                self._list(key, label, paths if key in ("fix", "free") else [], help)
+            else:
+                self._number(key, label, int in get_args(kind), help)
         self._list("validate", "Only predict", list(used), "Logs for validation; the others are identified on.")
-        self._choice(
-            "suspension_from",
-            "Suspension from",
-            {"": "the vehicle file"} | {name: name for name in results},
-            "A result of the same truck with a known payload.",
-        )
-        self._switch("any_load", "Load of any shape", False, "CoG height and roll inertia are estimated separately.")
-        self._switch("check", "Refuse implausible signals", True, "The page Signals shows them.")
 
     def _keep(self, key: str, default: Any, value: Any) -> None:
         """Keep a setting that the options accept; a default is not written."""
@@ -87,18 +69,18 @@ class _Settings:
             return
         changed = choices.model_copy(update={"identify": settings})
         runs.logs(self.workspace, changed)
-        runs.options(changed).settings(self.truck, runs.suspension(self.workspace, changed))  # refuses what is wrong
+        identification_settings(self.truck, runs.options(self.workspace, changed))  # refuses what is wrong
         self.workspace.write_choices(changed, f"set {key.replace('_', ' ')}")
         layout.undo_buttons.refresh()
 
     def _value(self, key: str, default: Any) -> Any:
         return self.workspace.choices().identify.get(key, default)
 
-    def _choice(self, key: str, label: str, words: dict[str, str], help: str) -> None:
+    def _choice(self, key: str, label: str, words: Mapping[str, str], help: str) -> None:
         first = next(iter(words))
         value = self._value(key, first)
         with self._place(label, help) as named:
-            self._bind(ui.select(words, value=value if value in words else first), key, first, named)
+            self._bind(ui.select(dict(words), value=value if value in words else first), key, first, named)
 
     def _list(self, key: str, label: str, names: list[str], help: str) -> None:
         value = [text for text in self._value(key, []) if isinstance(text, str)]
@@ -107,6 +89,11 @@ class _Settings:
         with self._place(label, help) as named:
             field = ui.select(known, value=value, multiple=True, with_input=True, **typed)
             self._bind(field.props("use-chips"), key, [], named)
+
+    def _number(self, key: str, label: str, whole: bool, help: str) -> None:
+        with self._place(label, help) as named:
+            field = ui.number(value=self._value(key, None), precision=0 if whole else None).props("clearable")
+            self._bind(field, key, None, named, round if whole else float)
 
     def _switch(self, key: str, label: str, default: bool, help: str) -> None:
         with self._place("", help):
@@ -121,15 +108,17 @@ class _Settings:
             yield f"{label}. {help}"
             ui.label(help).classes("text-caption")
 
-    def _bind(self, field: Any, key: str, default: Any, named: str) -> None:
+    def _bind(
+        self, field: Any, key: str, default: Any, named: str, convert: Callable[[Any], Any] = lambda value: value
+    ) -> None:
         """Keep what is chosen; a choice that is refused is taken back."""
         field.props["aria-label"] = named
-        if isinstance(field, ui.select):
+        if not isinstance(field, ui.checkbox):
             field.classes("w-full").props("dense outlined")
 
         def change(event: Any) -> None:
             try:
-                self._keep(key, default, event.value)
+                self._keep(key, default, default if event.value in ("", None) else convert(event.value))
             except FifthwheelError:
                 field.set_value(self._value(key, default))
                 raise

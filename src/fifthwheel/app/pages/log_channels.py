@@ -12,8 +12,8 @@ from fifthwheel._types import Array
 from fifthwheel.app import documents, inputs, layout
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
-from fifthwheel.logs.assemble import time_column
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
+from fifthwheel.logs.source import time_column
 from fifthwheel.logs.stored import StoredLog
 from fifthwheel.pages.html import COURSE_POINTS, course
 from fifthwheel.plots import Axis, Line, Panel, Plot, Span
@@ -34,13 +34,7 @@ _Course = tuple[Array, Array]
 
 
 def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
-    """Show a log.
-
-    Args:
-        workspace: that has it.
-        name: of the log, which is stored.
-        drawn: channels to draw; those that it does not have are ignored.
-    """
+    """Show a stored log, and draw some of its channels; those that it does not have are ignored."""
     log, survey = inputs.opened(workspace, name), inputs.survey(workspace, name)
     layout.heading(name)
     for note in survey.notes:

@@ -7,7 +7,7 @@ from nicegui import events, ui
 
 from fifthwheel.app import documents, inputs, jobs, layout
 from fifthwheel.app.workspace import SIGNALS, Workspace
-from fifthwheel.channels import IDENTIFIED, SignalName
+from fifthwheel.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.checks import Finding
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.formatting import percent
@@ -16,7 +16,6 @@ from fifthwheel.logs.edited_map import with_channel, without_channel
 from fifthwheel.logs.signal_map import SignalSource
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.workflow import ChannelEvidence, SignalEvidence
 
 HEIGHT = 170

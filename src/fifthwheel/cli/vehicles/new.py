@@ -11,6 +11,7 @@ from fifthwheel._atomic import atomic_write, reserved
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command, vehicle_app
 from fifthwheel.cli.options import ForceFileOption
+from fifthwheel.options import TruckOptions
 
 if TYPE_CHECKING:
     from fifthwheel.workflow.vehicle_questions import Question
@@ -26,39 +27,12 @@ if TYPE_CHECKING:
     of=vehicle_app,
 )
 def new(
-    context: typer.Context,
-    tractor: Annotated[str | None, typer.Option(help="Class of the tractor, such as tractor_4x2.")] = None,
-    trailer: Annotated[str | None, typer.Option(help="Class of the semitrailer, such as semitrailer_3.")] = None,
-    wheelbase: Annotated[str | None, typer.Option(help="Front axle to the first axle behind it, such as 3.7m.")] = None,
-    tractor_spread: Annotated[
-        str | None, typer.Option(help="Between the rear axles of a three-axle tractor. Default: 1.35 m.")
-    ] = None,
-    fifth_wheel: Annotated[
-        str | None, typer.Option(help="Front axle to the kingpin. Default: from --laden and --solo.")
-    ] = None,
-    trailer_wheelbase: Annotated[str | None, typer.Option(help="Kingpin to the middle of the trailer's axles.")] = None,
-    trailer_spread: Annotated[
-        str | None, typer.Option(help="Between neighbouring axles of the trailer. Default: 1.31 m.")
-    ] = None,
-    laden: Annotated[
-        str | None, typer.Option(help="Weighbridge slip of the laden truck: front, drive and trailer axles, kg.")
-    ] = None,
-    solo: Annotated[str | None, typer.Option(help="Slip of the tractor alone: front and drive axles, kg.")] = None,
-    empty: Annotated[str | None, typer.Option(help="Slip of the truck without load, as --laden.")] = None,
+    *,
+    chosen: TruckOptions,
     slip: Annotated[Path | None, typer.Option(help="File with these loads, instead of the three options.")] = None,
     accuracy: Annotated[
         str | None, typer.Option(help="Standard deviation of each load of the slips. Default: 1%.")
     ] = None,
-    tractor_tare: Annotated[str | None, typer.Option(help="Mass of the tractor in the brochure.")] = None,
-    trailer_tare: Annotated[str | None, typer.Option(help="Mass of the trailer without load.")] = None,
-    load_mass: Annotated[
-        str | None, typer.Option(help="Mass of the load; 0 for none. Default: from the slips.")
-    ] = None,
-    load_height: Annotated[str | None, typer.Option(help="Height of the load, from the floor to its top.")] = None,
-    load_width: Annotated[str | None, typer.Option(help="Width of the load.")] = None,
-    floor_height: Annotated[str | None, typer.Option(help="Height of the floor above the ground.")] = None,
-    load_shape: Annotated[str | None, typer.Option(help="uniform or point. Default: uniform.")] = None,
-    trailer_tyres: Annotated[str | None, typer.Option(help="single or twin.")] = None,
     like: Annotated[
         str | None,
         typer.Option(help="A long combination of the catalogue to start from, such as a_double."),
@@ -77,7 +51,7 @@ def new(
     from fifthwheel.workflow.new_vehicle import new_vehicle
     from fifthwheel.workflow.vehicle_questions import QUESTIONS, describe
 
-    answers = {q.key: context.params[q.key] for q in QUESTIONS if context.params[q.key] is not None}
+    answers = {key: text for key, text in vars(chosen).items() if text is not None}
     if like and (answers or slip):
         raise VehicleError("like: expected alone, got other options too; edit the file that it writes")
     with reserved(out, force=force):
@@ -95,11 +69,10 @@ def new(
 
 
 def ask(questions: "Iterable[Question]", known: Mapping[str, str]) -> dict[str, str]:
-    """Ask on the terminal until each answer is valid; an empty answer stands for a number that is not known.
+    """All answers by their keys, the known ones included.
 
-    Args:
-        questions: those that are not known and apply are asked.
-        known: answers by their keys; the result has them too.
+    Each question that is not known and applies is asked on the terminal until its answer is valid; an empty answer
+    stands for a number that is not known.
     """
     from fifthwheel.errors import VehicleError
 

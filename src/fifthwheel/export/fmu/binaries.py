@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from fifthwheel._atomic.cleanup import cleaned_up
+from fifthwheel._atomic.locks import cleaned_up
 from fifthwheel._extras import require
 from fifthwheel.errors import FifthwheelError
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from fifthwheel.channels import SignalName
-from fifthwheel.record.signal_names import si_unit
+from fifthwheel.channels import SignalName, si_unit
 
 
 class Role(StrEnum):

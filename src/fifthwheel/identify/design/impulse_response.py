@@ -96,14 +96,7 @@ class ImpulseResponse:
     def of(
         cls, predictor: InformationPredictor, speed: float, *, rate: float, noise: Mapping[str, NoiseModel]
     ) -> "ImpulseResponse":
-        """Compute the derivatives of both runs.
-
-        Args:
-            predictor: of a truck that is stable at this speed.
-            speed: m/s.
-            rate: sampling rate, Hz.
-            noise: noise model of each logged channel.
-        """
+        """Derivatives of both runs at a speed, m/s, and sampling rate, Hz, for the noise of each logged channel."""
         steer = np.zeros(round(DECAY_TIME * rate))
         names, straight = _derivatives(predictor, predictor.unknowns, speed, steer, rate, list(noise))
         steered = np.asarray(~straight.any(axis=(1, 2)), dtype=np.bool_)
@@ -140,10 +133,7 @@ class ImpulseResponse:
     def information(self, manoeuvre: CandidateManoeuvre, steer: Array, count: int) -> ManoeuvreInformation:
         """Information of 1, 2, ... `count` repetitions of a manoeuvre, to the left and to the right in turn.
 
-        Args:
-            manoeuvre: at this speed.
-            steer: (N,) of one repetition and its decay, rad; starts at zero.
-            count: number of repetitions.
+        `steer` (N,) is that of one repetition and its decay, rad; it starts at zero.
         """
         period, response = round(manoeuvre.period * self.rate), self._response(steer)
         size = count * period

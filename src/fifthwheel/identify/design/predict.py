@@ -169,14 +169,10 @@ class InformationPredictor:
         return next(u.prior_sigma for u in self.unknowns if u.name == split_log(name)[0])
 
     def run_information(self, log: LogData, logged: Collection[str] | None = None) -> RunInformation:
-        """Information of one run.
+        """Information of one run; a VehicleError if the truck is unstable in it.
 
-        Args:
-            log: segments of the run, and the noise variance of its channels; the default variance for others.
-            logged: channels that count as logged at every sample; by default those that the segments have.
-
-        Raises:
-            VehicleError: the truck is unstable in this run.
+        A channel without noise variance in the log has the default. `logged` are channels that count as logged at every
+        sample; by default those that the segments have.
         """
         presence = [self._presence(segment, logged) for segment in log.segments]
         log = LogData(
@@ -246,14 +242,15 @@ class InformationPredictor:
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
         all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
         estimated = [name for name in self.estimated if name in names]
-        not_identified = uninformed_parameters(all_estimated, estimated, channels, self.settings.excited)
+        no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
+        not_identified = uninformed_parameters(all_estimated, estimated, no_channel, self.settings.excited)
         return PredictedPosterior(
             all_estimated=all_estimated,
             with_fixed=Posterior.from_information(
                 names, information, considered=[*considered, *not_identified], nuisances=nuisances
             ),
             not_identified=not_identified,
-            no_channel=frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels)),
+            no_channel=no_channel,
         )
 
 

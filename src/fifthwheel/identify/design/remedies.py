@@ -71,13 +71,9 @@ class PredictedRemedies:
         *,
         estimated_knowable: bool = True,
     ) -> "PredictedRemedies":
-        """Predict the posterior of every remedy.
+        """The posterior of every remedy, after some runs and one lane change with the same channels.
 
-        Args:
-            predictor: of the truck.
-            runs: information of the runs.
-            lane_change: information of one lane change with the same channels.
-            estimated_knowable: whether also an estimated parameter could be known.
+        `estimated_knowable`: whether also an estimated parameter could be known.
         """
         knowable = [n for n in _knowable(predictor) if estimated_knowable or n not in predictor.estimated]
         logged = {name for run in runs for name in run.logged}
@@ -107,17 +103,10 @@ class PredictedRemedies:
     def best(
         self, name: str, sigma: float, *, target: float, min_reduction: float, max_count: int
     ) -> tuple[Remedy, ...]:
-        """The best remedies of each kind for a parameter.
+        """The best remedies of each kind for a parameter whose predicted sigma and wanted sigma (`target`) are in SI.
 
         Two changes are combined only if no single one suffices, and a second known number is added only if the first
-        does not reach the target.
-
-        Args:
-            name: of the parameter.
-            sigma: predicted without any change, SI.
-            target: wanted sigma, SI.
-            min_reduction: fraction by which a remedy must reduce sigma.
-            max_count: maximum number of remedies.
+        does not reach the target. A remedy reduces sigma by at least the fraction `min_reduction`.
         """
         kept = 1 - min_reduction
         best = self._best_of_each_kind(self.single, name, kept * sigma)
@@ -195,15 +184,9 @@ def lane_change_information(
     noise: Mapping[str, float],
     noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
 ) -> RunInformation:
-    """Information of one lane change of SAE J2179.
+    """Information of one lane change of SAE J2179 at a speed, m/s, and a sampling rate, Hz.
 
-    Args:
-        predictor: of the truck.
-        speed: m/s.
-        rate: sampling rate, Hz.
-        channels: that are logged.
-        noise: variance of each channel, SI squared.
-        noise_models: of channels whose noise is not white.
+    `noise` is the variance of each channel, SI squared; `noise_models` are those of channels whose noise is not white.
     """
     lane_change = LaneChange()
     time = np.arange(round(lane_change.period(speed) * rate)) / rate

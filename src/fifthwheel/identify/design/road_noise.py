@@ -38,14 +38,9 @@ DURATION = 60.0
 def road_noise(
     vehicle: Vehicle, speed: float, rate: float, sensor: Mapping[str, float], roughness: float = ROUGHNESS
 ) -> dict[str, NoiseModel]:
-    """Noise model of each channel at a speed: white noise of its sensor, and that of the road.
+    """Noise model of each channel at a speed, m/s: white noise of its sensor, and that of the road.
 
-    Args:
-        vehicle: with its numbers.
-        speed: m/s.
-        rate: sampling rate, Hz.
-        sensor: noise variance of each channel, SI squared.
-        roughness: G_0, m^3.
+    `rate` is the sampling rate, Hz, `sensor` the noise variance of each channel, SI squared, `roughness` G_0, m^3.
     """
     frequency = np.arange(1, round(DURATION * rate) // 2 + 1) / DURATION
     models = {}
@@ -58,10 +53,7 @@ def road_noise(
 def road_density(vehicle: Vehicle, channel: str, speed: float, frequency: Array, roughness: float = ROUGHNESS) -> Array:
     """One-sided spectral density (N,), SI squared per Hz, that the road adds to a channel; 0 for an accelerometer.
 
-    Args:
-        vehicle, speed, roughness: as in `road_noise`.
-        channel: its name.
-        frequency: (N,) Hz, above 0.
+    At frequencies (N,) above 0, Hz; the others as in `road_noise`.
     """
     signal, omega = SignalName.of(channel), 2 * np.pi * frequency
     road = road_roll_density(frequency, speed, roughness)

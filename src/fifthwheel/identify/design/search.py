@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
@@ -14,29 +16,30 @@ from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import lateral_acceleration
+from fifthwheel.settings import Count, NonNegative, Positive, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class DesignSettings:
+class DesignSettings(Settings):
     """The candidate runs, and how one of them is chosen."""
 
-    speeds: tuple[float, ...] = (50 / 3.6, 65 / 3.6, 80 / 3.6, 88 / 3.6)
+    speeds: Annotated[tuple[Positive, ...], Field(min_length=1)] = (50 / 3.6, 65 / 3.6, 80 / 3.6, 88 / 3.6)
     """m/s."""
-    frequencies: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6)
+    frequencies: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.3, 0.4, 0.5, 0.6)
     """Frequencies of lane changes, Hz."""
-    accelerations: tuple[float, ...] = (0.5, 1.0, 1.5, 2.0)
+    accelerations: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.5, 1.0, 1.5, 2.0)
     """Largest lateral accelerations of any unit's CoG, m/s^2; those above `max_acceleration` are left out."""
-    max_acceleration: float = 1.5
+    max_acceleration: Positive = 1.5
     """Limit of the lateral acceleration, m/s^2, also a candidate; it keeps tyres linear and wheels on the road."""
-    max_steer_rate: float = 0.3
+    max_steer_rate: Positive = 0.3
     """Limit of the road wheels' steer rate, rad/s: about one turn of the steering wheel in a second."""
     min_offset: float = 0.5
     """Smallest lateral offset of a lane change, m; a driver cannot repeat a smaller one."""
-    repetitions: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 10, 12)
+    repetitions: Annotated[tuple[Count, ...], Field(min_length=1)] = (1, 2, 3, 4, 6, 8, 10, 12)
     """Numbers of repetitions of a manoeuvre, to the left and to the right in turn."""
-    rate: float = 100.0
+    rate: Positive = 100.0
     """Sampling rate, Hz."""
-    roughness: float = ROUGHNESS
+    roughness: NonNegative = ROUGHNESS
     """Spectral density of the road's height at 0.1 cycles per metre, m^3 (ISO 8608): 16e-6 for class A, four times as
     much for each further class."""
     near: float = 1.05
@@ -46,15 +49,7 @@ class DesignSettings:
     """Maximum number of alternative runs, each with another kind of manoeuvre."""
 
     def __post_init__(self) -> None:
-        for name in ("max_acceleration", "max_steer_rate", "rate"):
-            if not getattr(self, name) > 0:
-                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; correct it")
-        if not self.roughness >= 0:
-            raise SignalError(f"roughness: expected 0 or more, got {self.roughness}; correct it")
-        for name in ("speeds", "frequencies", "accelerations", "repetitions"):
-            values = getattr(self, name)
-            if not values or not min(values) > 0:
-                raise SignalError(f"{name}: expected at least one number, all above 0, got {values}; correct them")
+        super().__post_init__()
         if not 5 <= min(self.speeds) <= max(self.speeds) <= 40:
             given = ", ".join(f"{3.6 * speed:.0f}" for speed in self.speeds)
             raise SignalError(f"speed: expected 18 to 144 km/h, got {given} km/h; the linear model needs road speeds")
@@ -104,15 +99,10 @@ def search_candidates(
     settings: DesignSettings,
     progress: Progress = lambda *_: None,
 ) -> Iterator[CandidateRun]:
-    """Every candidate run within the limits.
+    """Every candidate run within the limits, for a truck that is stable at all speeds, m/s.
 
-    Args:
-        predictor: of a truck that is stable at all speeds.
-        speeds: candidate speeds, m/s.
-        targets: wanted sigma by parameter, relative to its value.
-        noise: variance of the sensor of each logged channel, SI squared; that of the road is added.
-        settings: the candidates.
-        progress: called with a title, the number of manoeuvres done and their total.
+    `targets` are wanted sigmas relative to the values; `noise` is the variance of the sensor of each logged channel, SI
+    squared, to which that of the road is added.
     """
     manoeuvres = [(u, m) for u in speeds for m in candidate_manoeuvres(u, settings.frequencies)]
     responses: dict[float, ImpulseResponse] = {}

@@ -19,16 +19,14 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
-from fifthwheel.identify.one_stage.evidence import lateral_accelerations
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior, without
 from fifthwheel.identify.one_stage.problem import Directions, Problem
-from fifthwheel.identify.one_stage.solution import Solution, linearise
-from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen, with_note
+from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup
@@ -36,6 +34,7 @@ from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 
 TITLE = "fit with estimated noise"
 """Of the progress."""
@@ -64,7 +63,7 @@ def identify_one_stage(
     if settings.tyres == "auto":
         return _with_chosen_tyres(records, vehicle, settings, validate, progress)
     solution = solve_one_stage(records, vehicle, settings, validate=validate, progress=progress)
-    return build_identification(solution, linearise(solution))
+    return build_identification(solution)
 
 
 def _with_chosen_tyres(
@@ -73,15 +72,13 @@ def _with_chosen_tyres(
     """The identification with the law of the tyres that the logs support."""
     linear, saturating = (replace(settings, tyres=tyres) for tyres in ("linear", "saturating"))
     first = solve_one_stage(records, vehicle, linear, validate=validate, progress=progress)
-    linearisation = linearise(first)
-    if not (reason := softening_seen(first, linearisation)):
-        return build_identification(first, linearisation)
+    if not (reason := softening_seen(first)):
+        return build_identification(first)
     try:
         second = solve_one_stage(records, vehicle, saturating, validate=validate, progress=progress, start=first)
     except VehicleError as error:  # the loads of the axles are unknown
-        return build_identification(with_note(first, f"tyres: linear, although {reason}. {error}"), linearisation)
-    chosen = choose(first, second, reason)
-    return build_identification(chosen, linearise(chosen) if chosen.problem is second.problem else linearisation)
+        return build_identification(first, f"tyres: linear, although {reason}. {error}")
+    return build_identification(*choose(first, second, reason))
 
 
 def solve_one_stage(
@@ -103,7 +100,7 @@ def solve_one_stage(
         linear = replace(settings, tyres="linear")
         start = solve_one_stage(records, vehicle, linear, progress=progress)
     dataset = prepare_dataset(records, vehicle, settings, validate)
-    setup = Setup.of(dataset.vehicle, (*dataset.yaw, *dataset.roll, *dataset.lateral), settings)
+    setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:
         raise VehicleError(
             "fixed: every parameter is fixed and no sensor error is estimated, so nothing is left to estimate; "
@@ -124,7 +121,7 @@ def _start_of_saturating(linear: Solution) -> dict[str, float]:
     At the solution with linear tyres, and at a friction that is large enough for the lateral accelerations of the logs.
     """
     settings = linear.settings
-    needed = GRIP_MARGIN * max(lateral_accelerations(linear), default=0.0) / STANDARD_GRAVITY
+    needed = GRIP_MARGIN * max(linear.lateral_accelerations, default=0.0) / STANDARD_GRAVITY
     friction = float(np.log(max(needed, settings.friction) / settings.friction)) / settings.friction_prior
     return dict(zip(linear.problem.names, linear.minimum.z.tolist(), strict=True)) | {FRICTION: friction}
 
@@ -185,7 +182,7 @@ class _Estimator:
             problem.names, information, considered=considered, nuisances=problem.nuisances
         )
         setup = self.setup
-        return uninformed_parameters(posterior, setup.estimated, setup.outputs, setup.settings.excited)
+        return uninformed_parameters(posterior, setup.estimated, setup.without_roll_rate, setup.settings.excited)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
@@ -228,11 +225,8 @@ class _Estimator:
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
-        Args:
-            title: of the progress.
-            tolerance: of `minimise`; one above that of the last fit limits the number of steps.
-            reweighted: as in `minimise`.
-            fixed: which unknowns keep their prior mean (k,).
+        A tolerance above that of the last fit limits the number of steps. `fixed` (k,) are unknowns that keep their
+        prior mean; `title` is that of the progress.
         """
         lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
         iterations = self.setup.settings.iterations

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.doubts import (
     NONLINEAR_ACCELERATION,
     UNUSUAL_SOFTENING,
@@ -11,13 +10,13 @@ from fifthwheel.identify.doubts import (
     Evidence,
     most_likely,
 )
-from fifthwheel.identify.one_stage.solution import Linearisation, Solution
-from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
+from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.vehicle.parameters import FRICTION
 
 
-def find_doubts(solution: Solution, linearisation: Linearisation) -> list[Doubt]:
+def find_doubts(solution: Solution) -> list[Doubt]:
     """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do."""
-    problem = solution.problem
+    problem, linearisation = solution.problem, solution.linearisation
     evidence = Evidence(
         names=problem.names,
         z=solution.minimum.z,
@@ -40,21 +39,8 @@ def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:
     """Logs beyond the range of the linear model."""
     if solution.settings.tyre_law == "saturating":
         return
-    for record, largest in zip(solution.dataset.records, lateral_accelerations(solution), strict=True):
+    for record, largest in zip(solution.dataset.records, solution.lateral_accelerations, strict=True):
         if largest > NONLINEAR_ACCELERATION:
             yield Doubt(
                 kind=DoubtKind.RANGE, causes=(), parameters=solution.estimated, statistic=largest, log=record.name
             )
-
-
-def lateral_accelerations(solution: Solution) -> list[float]:
-    """Largest lateral acceleration of the first unit in each log, m/s^2."""
-    first, min_speed = solution.dataset.vehicle.units[0].name, solution.settings.min_speed
-    offsets = [
-        solution.problem.values(solution.minimum.z, i).get(f"yaw_rate.{first}.offset", 0.0)
-        for i in range(len(solution.dataset.records))
-    ]
-    return [
-        largest_lateral_acceleration(record, first, offset=offset, min_speed=min_speed)
-        for record, offset in zip(solution.dataset.records, offsets, strict=True)
-    ]

@@ -1,7 +1,8 @@
-"""How well the identified vehicle explains a log if its tyres saturate: the model runs free.
+"""How well a vehicle that was identified in one stage explains a log: the model runs free.
 
-As in `fit_evaluation` only the initial states, the bank of the road and the sensor offsets of the log are fitted. The
-model is not linear in them, so they are found by Gauss-Newton steps, which begin at those of linear tyres.
+Only the initial states, the bank of the road and the sensor offsets of the log are fitted. With linear tyres the model
+is linear in them (`fit_evaluation`). With tyres that saturate they are found by Gauss-Newton steps, which begin at the
+solution with linear tyres.
 """
 
 from collections.abc import Iterable, Mapping
@@ -9,12 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.fit_evaluation import channel_fits
+from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits, free_run_fits
 from fifthwheel.identify.one_stage.gauss_newton import minimise
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle import Vehicle
@@ -22,17 +25,27 @@ from fifthwheel.vehicle import Vehicle
 LAWS: tuple[TyreLaw, ...] = ("linear", "saturating")
 
 
-def saturating_fits(
+def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
+    """The fits of a log by the identified vehicle."""
+    problem, law = solution.problem, solution.settings.tyre_law
+    values = problem.values(solution.minimum.z, 0)
+    sensors = {u.name: values[u.name] for u in problem.unknowns if u.kind is UnknownKind.SENSOR and not u.per_log}
+    model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
+
+    def fits_of_log(log: LogData, identified_on: bool) -> list[Fit]:
+        if law == "saturating":
+            return _saturating_fits(problem, vehicle, values, log, identified_on=identified_on)
+        return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
+
+    return fits_of_log
+
+
+def _saturating_fits(
     problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, *, identified_on: bool
 ) -> list[Fit]:
     """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
 
-    Args:
-        problem: of the identification.
-        vehicle: as identified.
-        values: of all unknowns that logs share, SI.
-        log: with the noise of its channels.
-        identified_on: whether the vehicle was identified on this log.
+    `values` are those of all unknowns that logs share, SI.
     """
     unknowns = [
         u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED) for u in problem.unknowns

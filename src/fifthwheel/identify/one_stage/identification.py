@@ -10,27 +10,25 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates
-from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.fit_evaluation import FitsOf, evaluate_fits, free_run_fits
+from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.one_stage.evidence import find_doubts
-from fifthwheel.identify.one_stage.free_run import saturating_fits
+from fifthwheel.identify.one_stage.free_run import fits_of
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.one_stage.solution import Linearisation, Solution
-from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
+from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.result import Estimate, Identification, LogSummary
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, uncertain_verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
-from fifthwheel.vehicle import Vehicle
 
 
-def build_identification(solution: Solution, linearisation: Linearisation) -> Identification:
-    """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs."""
+def build_identification(solution: Solution, note: str = "") -> Identification:
+    """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs; with a note for the user."""
     dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
-    posterior, doubts = linearisation.posterior, find_doubts(solution, linearisation)
+    posterior, doubts = solution.linearisation.posterior, find_doubts(solution)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
@@ -38,17 +36,16 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
     model_unknowns = [u for u in problem.unknowns if not u.is_sensor_error and not u.moves and u.name in given]
     vehicle_values = {u.name: shared[u.name] for u in model_unknowns if u.name in own}
     sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
-    evaluation = evaluate_fits(dataset, logs, _fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
+    evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     converged = minimum.converged and evaluation.trusted
     estimated, uncertain = [], []
     for u in model_unknowns:
         if u.name in solution.estimated:
-            estimated.append(_estimate(solution, linearisation, u, shared[u.name], converged, u.name in doubtful))
+            estimated.append(_estimate(solution, u, shared[u.name], converged, u.name in doubtful))
         else:
             verdict = uncertain_verdict(u, sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
-    fixed = parameters.expand_names(dataset.vehicle, settings.fixed, settings)
-    estimated += [estimates.fixed_estimate(name, given[name]) for name in fixed]
+    estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
     covariance = _covariance(problem, minimum, posterior)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
@@ -64,29 +61,14 @@ def build_identification(solution: Solution, linearisation: Linearisation) -> Id
         covariance=covariance,
         doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, solution.estimated),
-        histories={"one stage": linearisation.history},
+        histories={"one stage": solution.linearisation.history},
         logs=summaries,
         fits=evaluation.fits,
         settings=settings,
         rounds=minimum.steps,
-        notes=tuple(dict.fromkeys((*dataset.notes, *evaluation.notes))),
+        notes=tuple(dict.fromkeys((*dataset.notes, *([note] if note else []), *evaluation.notes))),
         version=fifthwheel.__version__,
     )
-
-
-def _fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
-    """The fits of a log by the identified vehicle."""
-    problem, law = solution.problem, solution.settings.tyre_law
-    values = problem.values(solution.minimum.z, 0)
-    sensors = {u.name: values[u.name] for u in problem.unknowns if u.kind is UnknownKind.SENSOR and not u.per_log}
-    model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
-
-    def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
-        if law == "saturating":
-            return saturating_fits(problem, vehicle, values, log, identified_on=identified_on)
-        return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
-
-    return fits_of
 
 
 def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
@@ -95,12 +77,10 @@ def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
     return {u.name: values[u.name] for u in problem.unknowns if u.per_log}
 
 
-def _estimate(
-    solution: Solution, linearisation: Linearisation, unknown: Unknown, value: float, converged: bool, doubtful: bool
-) -> Estimate:
+def _estimate(solution: Solution, unknown: Unknown, value: float, converged: bool, doubtful: bool) -> Estimate:
     """The estimate of an estimated parameter."""
     name, settings = unknown.name, solution.settings
-    posterior, history = linearisation.posterior, linearisation.history
+    posterior, history = solution.linearisation.posterior, solution.linearisation.history
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
     uninformed = solution.uninformed.get(name)
     verdict = uninformed or estimate_verdict(unknown, value, sigma_z, converged=converged, doubtful=doubtful)
@@ -120,7 +100,7 @@ def _correlated(solution: Solution, posterior: Posterior, name: str, verdict: Ve
 
     A parameter that is not identifiable although its conditional sigma is small has at least one.
     """
-    if parameters.lacks_roll_rate(name, solution.problem.model.outputs):
+    if name in solution.problem.setup.without_roll_rate:
         return ()
     i, single_log = posterior.names.index(name), len(solution.dataset.logs) == 1
     names = [_without_number(posterior.names[j], single_log) for j in posterior.correlated(i)]

@@ -45,13 +45,10 @@ class Posterior:
         considered: Sequence[str] = (),
         nuisances: Sequence[int] = (),
     ) -> Self:
-        """The posterior by the equations of this module.
+        """The posterior by the equations of this module: information H (k, k), scores M (k, k).
 
-        Args:
-            information: H (k, k).
-            scores: M (k, k); None if the model is right, M = H.
-            considered: names of the considered unknowns.
-            nuisances: indices of sensor errors and initial states.
+        M is H if it is None: the model is right. `considered` are names, `nuisances` indices of sensor errors and
+        initial states.
         """
         k = len(names)
         fixed = np.array([name in considered for name in names])

@@ -38,7 +38,7 @@ from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
-from fifthwheel.identify.dataset import LogData, speed_range
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
 from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
@@ -62,7 +62,7 @@ FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
 
 
-class Layout(NamedTuple):
+class ProblemLayout(NamedTuple):
     """Where each unknown is in z."""
 
     names: tuple[str, ...]
@@ -128,7 +128,7 @@ class Problem:
         return self.setup.scaling
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> ProblemLayout:
         """Where each unknown is in z."""
         names = [u.name for u in self.unknowns if not u.per_log]
         shared = {name: i for i, name in enumerate(names)}
@@ -148,7 +148,7 @@ class Problem:
                 segments.append(np.arange(len(names), len(names) + len(states)))
                 names += [f"{state}@{i}.{j}" for state in states]
             initial_states.append(tuple(segments))
-        return Layout(tuple(names), tuple(unknowns), tuple(initial_states))
+        return ProblemLayout(tuple(names), tuple(unknowns), tuple(initial_states))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -332,7 +332,8 @@ class Problem:
     @cached_property
     def _speed_range(self) -> tuple[float, float]:
         """Lowest and highest speed, m/s."""
-        return speed_range(self.logs)
+        lowest, highest = zip(*[log.speeds for log in self.logs], strict=True)
+        return min(lowest), max(highest)
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:

@@ -24,10 +24,9 @@ from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.identification import build_identification
-from fifthwheel.identify.one_stage.solution import Linearisation, Solution, linearise
+from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -62,23 +61,22 @@ def identify_with_information(
 ) -> tuple[Identification, SharedInformation]:
     """Identify a vehicle from one log in one stage; also give the log's information; arguments as in `identify`."""
     solution = solve_one_stage([record], vehicle, settings)
-    linearisation = linearise(solution)
-    return build_identification(solution, linearisation), shared_information(solution, linearisation)
+    return build_identification(solution), shared_information(solution)
 
 
-def shared_information(solution: Solution, linearisation: Linearisation) -> SharedInformation:
+def shared_information(solution: Solution) -> SharedInformation:
     """The information of the only log of a solution.
 
     A parameter that is not identifiable because the roll rate is not measured counts as the log's own.
     """
-    problem, z = solution.problem, solution.minimum.z
+    problem, z, linearisation = solution.problem, solution.minimum.z, solution.linearisation
     index = {name: i for i, name in enumerate(problem.names)}
     considered = [u for u in problem.unknowns if u.kind is UnknownKind.CONSIDERED and u.name not in solution.estimated]
     unknowns = [
         u
         for u in problem.unknowns
         if not (u.per_log or u.kind is UnknownKind.SUSPECT or u in considered)
-        and not (u.name in solution.estimated and lacks_roll_rate(u.name, problem.model.outputs))
+        and u.name not in problem.setup.without_roll_rate
     ]
     shared, of_vehicle = ([index[u.name] for u in group] for group in (unknowns, considered))
     suspects = set(problem.suspects)

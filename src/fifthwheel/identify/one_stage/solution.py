@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import scaling
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
@@ -26,6 +28,21 @@ SUMS_PER_LAG = 16
 
 
 @dataclass(frozen=True, kw_only=True)
+class Linearisation:
+    """What follows from the logs, linearised at a solution."""
+
+    posterior: Posterior
+    gradient: Array
+    """Of the loss of the logs (k,), without the prior."""
+    score_covariance: Array
+    """Long-run covariance of the sum of the scores (k, k)."""
+    history: ParameterHistory
+    """How the estimates would have developed sample after sample."""
+    tests: tuple[ScoreTest, ...]
+    """Of every considered unknown, the largest |t| first."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """The maximum of the posterior."""
 
@@ -49,24 +66,23 @@ class Solution:
         """Names of the estimated parameters."""
         return self.problem.setup.estimated
 
+    @cached_property
+    def linearisation(self) -> Linearisation:
+        """The logs, linearised here."""
+        return _linearise(self)
 
-@dataclass(frozen=True, kw_only=True)
-class Linearisation:
-    """What follows from the logs, linearised at a solution."""
-
-    posterior: Posterior
-    gradient: Array
-    """Of the loss of the logs (k,), without the prior."""
-    score_covariance: Array
-    """Long-run covariance of the sum of the scores (k, k)."""
-    history: ParameterHistory
-    """How the estimates would have developed sample after sample."""
-    tests: tuple[ScoreTest, ...]
-    """Of every considered unknown, the largest |t| first."""
+    @cached_property
+    def lateral_accelerations(self) -> list[float]:
+        """Largest lateral acceleration of the first unit in each log, m/s^2."""
+        first, largest = self.dataset.vehicle.units[0].name, []
+        for i, record in enumerate(self.dataset.records):
+            offset = self.problem.values(self.minimum.z, i).get(f"yaw_rate.{first}.offset", 0.0)
+            min_speed = self.settings.min_speed
+            largest.append(largest_lateral_acceleration(record, first, offset=offset, min_speed=min_speed))
+        return largest
 
 
-def linearise(solution: Solution) -> Linearisation:
-    """The logs, linearised at the solution."""
+def _linearise(solution: Solution) -> Linearisation:
     problem, z, settings = solution.problem, solution.minimum.z, solution.settings
     k, considered = len(problem.names), problem.considered
     information, score_covariance, gradient = np.zeros((k, k)), np.zeros((k, k)), np.zeros(k)

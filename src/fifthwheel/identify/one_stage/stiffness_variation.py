@@ -47,14 +47,7 @@ class StiffnessVariation:
         self._duration = 0.0
 
     def add(self, duration: float, indices: NDArray[np.int64], gradient: Array, information: Array) -> None:
-        """Add consecutive samples.
-
-        Args:
-            duration: of the samples, s.
-            indices: (n,) of their unknowns.
-            gradient: of the loss (n,).
-            information: (n, n).
-        """
+        """Add samples of a duration, s: gradient (n,) and information (n, n) of the loss along n unknowns."""
         self._window_gradient[indices] += gradient
         self._window_information[np.ix_(indices, indices)] += information
         self._duration += duration

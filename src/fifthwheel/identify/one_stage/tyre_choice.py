@@ -9,14 +9,11 @@ its unknowns z is, by the approximation of Laplace (MacKay 1992),
 at the minimum z of the cost J, with the standard deviations s of the innovations and the Fisher information H.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.identify.one_stage import likelihood
-from fifthwheel.identify.one_stage.evidence import lateral_accelerations
-from fifthwheel.identify.one_stage.solution import Linearisation, Solution
+from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.vehicle.parameters import FRICTION
 
 LEAST_ACCELERATION = 1.5
 """m/s^2; above this lateral acceleration tyres soften by 1 % or more."""
@@ -26,35 +23,25 @@ CLEAR_EVIDENCE = 3.0
 """Difference of ln p(y): the logs are 20 times as likely."""
 
 
-def softening_seen(solution: Solution, linearisation: Linearisation) -> str | None:
+def softening_seen(solution: Solution) -> str | None:
     """Why tyres may saturate, from a solution with linear tyres; None if nothing says so."""
-    largest = max(lateral_accelerations(solution), default=0.0)
+    largest = max(solution.lateral_accelerations, default=0.0)
     if largest > LEAST_ACCELERATION:
         return f"the lateral acceleration reaches {largest:.1f} m/s²"
-    scores = [abs(t.statistic) for t in linearisation.tests if t.name.endswith(".softening")]
+    scores = [abs(t.statistic) for t in solution.linearisation.tests if t.name.endswith(".softening")]
     if max(scores, default=0.0) > CLEAR_SCORE:
         return f"the residuals of linear tyres show softening tyres ({max(scores):.1f} sigma)"
     return None
 
 
-def choose(linear: Solution, saturating: Solution, reason: str) -> Solution:
-    """The solution with the law that the logs support, with a note that says why.
-
-    Args:
-        linear, saturating: solutions with either law.
-        reason: why tyres may saturate.
-    """
+def choose(linear: Solution, saturating: Solution, reason: str) -> tuple[Solution, str]:
+    """The solution with the law that the logs support, and a note that says why; `reason` is why tyres may saturate."""
     gain = log_evidence(saturating) - log_evidence(linear)
     informed = FRICTION not in saturating.uninformed
     if informed and gain > CLEAR_EVIDENCE:
-        return with_note(saturating, f"tyres: saturating, because {reason} and ln p of the logs is {gain:.0f} higher.")
+        return saturating, f"tyres: saturating, because {reason} and ln p of the logs is {gain:.0f} higher."
     why = "does not support saturation" if informed else "does not inform the friction"
-    return with_note(linear, f"tyres: linear. Although {reason}, the run {why} (ln p {gain:+.0f}).")
-
-
-def with_note(solution: Solution, note: str) -> Solution:
-    """The solution with a note for the user."""
-    return replace(solution, dataset=replace(solution.dataset, notes=(*solution.dataset.notes, note)))
+    return linear, f"tyres: linear. Although {reason}, the run {why} (ln p {gain:+.0f})."
 
 
 def log_evidence(solution: Solution) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fifthwheel.filters.relinearised import Estimate
+from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, ScoreTest, most_likely
 from fifthwheel.identify.online.live_filter import InnovationStatistics
 from fifthwheel.identify.online.settings import LearnerSettings
@@ -11,7 +11,7 @@ from fifthwheel.identify.unknowns.unknown import UnknownKind
 
 
 def find_doubts(
-    setup: Setup, learner: LearnerSettings, estimate: Estimate, innovations: InnovationStatistics
+    setup: Setup, learner: LearnerSettings, estimate: JointEstimate, innovations: InnovationStatistics
 ) -> tuple[Doubt, ...]:
     """The doubts at an estimate, each with the parameters that it concerns."""
     unknowns = setup.estimated_unknowns
@@ -33,7 +33,7 @@ def find_doubts(
     return tuple(doubts)
 
 
-def score_tests(setup: Setup, estimate: Estimate) -> list[ScoreTest]:
+def score_tests(setup: Setup, estimate: JointEstimate) -> list[ScoreTest]:
     """The score test of every considered unknown, the largest |t| first.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.

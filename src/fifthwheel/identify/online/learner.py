@@ -7,15 +7,16 @@ point of linearisation (`filters.relinearised`), and reports states whose sigmas
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.filters.relinearised import Estimate, RelinearisationSettings
+from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
@@ -313,7 +314,7 @@ class Learner:
             "vehicle": self._vehicle_file.model_dump(mode="json"),
             "signals": sorted(self._signals),
             "settings": setup.settings.as_dict(),
-            "learner": asdict(self._live.learner),
+            "learner": self._live.learner.as_dict(),
             "trailer": self._trailer,
             "estimates": self._block_of(range(len(setup.unknowns))).as_dict(),
             "evidence": {
@@ -337,14 +338,11 @@ class Learner:
     def of_content(cls, content: Mapping[str, Any], path: str) -> "Learner":
         """A learner with the estimates in the content of the file `path`; errors as in `load`."""
         try:
-            saved = content["learner"]
             learner = cls(
                 Vehicle(**content["vehicle"]),
                 content["signals"],
-                OneStage(**_with_tuples(content["settings"])),
-                learner=LearnerSettings(
-                    **{**saved, "relinearisation": RelinearisationSettings(**saved["relinearisation"])}
-                ),
+                TypeAdapter(OneStage).validate_python(content["settings"]),
+                learner=TypeAdapter(LearnerSettings).validate_python(content["learner"]),
                 trailer=content["trailer"],
             )
             blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
@@ -382,18 +380,13 @@ def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
     return vehicle.replace(values)
 
 
-def _with_tuples(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of JSON with tuples instead of lists."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}
-
-
 def _estimate(
     setup: Setup, z: Array, Pz: Array, gradient: Array | None = None, information: Array | None = None
-) -> Estimate:
+) -> JointEstimate:
     """The estimate of a filter from z (n_p,), its covariance (n_p, n_p) and score tests, which start again if None."""
     n, none = len(setup.estimated_unknowns), np.zeros(len(setup.considered_unknowns))
     B = Pz[:n, n:]
-    return Estimate(
+    return JointEstimate(
         z=z[:n],
         Pz=Pz[:n, :n] - B @ B.T,
         B=B,

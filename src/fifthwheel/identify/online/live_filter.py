@@ -10,7 +10,7 @@ import numpy as np
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
-from fifthwheel.filters.relinearised import Estimate, RelinearisedFilter
+from fifthwheel.filters.relinearised import JointEstimate, RelinearisedFilter
 from fifthwheel.identify.online.online_model import OnlineModel, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import block_diagonal, discrepancy_variances, start_state
@@ -63,7 +63,7 @@ class LiveFilter:
         vars(self).update(attributes)
         self.filter.restore(memory)
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> JointEstimate:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 

@@ -14,7 +14,6 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified
-from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 
@@ -69,7 +68,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    setup = setup.considering([name for name in setup.estimated if lacks_roll_rate(name, outputs)])
+    setup = setup.considering(setup.without_roll_rate)
     if not setup.estimated_unknowns:
         raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
     return replace(setup, unknowns=(*setup.estimated_unknowns, *setup.considered_unknowns))
@@ -93,10 +92,7 @@ def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> On
 def online_model(chain: ChainModel, unknowns: Sequence[Unknown], *, discrepancies: bool) -> OnlineModel:
     """The model with unknowns as parameters; the same object for the same structure.
 
-    Args:
-        chain: with those parameters free that the unknowns change.
-        unknowns: those that change no parameter of the chain have no effect.
-        discrepancies: whether every channel has one.
+    Free parameters of the chain are those that the unknowns change; unknowns that change none have no effect.
     """
     structure = tuple((bool(u.moves), tuple(name for name in u.slopes if name in chain.free)) for u in unknowns)
     return _online_model(chain, structure, discrepancies)

@@ -1,12 +1,12 @@
 """Settings of a learner: when it learns, and how it treats faults of the signals."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION
+from fifthwheel.settings import FiniteNonNegative, NonNegative, Positive, Settings
 
 DISCREPANCY: Mapping[str, float] = {"yaw_rate": 0.0025, "roll_rate": 0.0005, "articulation": 0.003}
 """Of the nonlinear truck (`plant`) in everyday driving, by the noise model that an identification fits
@@ -14,7 +14,7 @@ DISCREPANCY: Mapping[str, float] = {"yaw_rate": 0.0025, "roll_rate": 0.0005, "ar
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearnerSettings:
+class LearnerSettings(Settings):
     """When a `Learner` learns, and how it treats faults of the signals.
 
     Example:
@@ -22,81 +22,56 @@ class LearnerSettings:
         >>> settings = fw.LearnerSettings()
     """
 
-    start_excitation: float = 0.25
+    start_excitation: Positive = 0.25
     """Learning starts when the excitation exceeds this rms lateral acceleration, m/s^2."""
-    stop_excitation: float = 0.1
+    stop_excitation: Positive = 0.1
     """Learning stops when the excitation falls to this rms lateral acceleration, m/s^2."""
-    excitation_window: float = 0.5
+    excitation_window: Positive = 0.5
     """Time constant of the excitation's mean square, s."""
-    high_pass_time: float = 4.0
+    high_pass_time: Positive = 4.0
     """Time constant of the high-pass filter of the excitation, s: it removes bends and the offset of the steering."""
-    settling_time: float = 1.0
+    settling_time: NonNegative = 1.0
     """Nothing is learned for this time, s, after a start, a gap in time or a long dropout of a steer angle."""
     relinearisation: RelinearisationSettings = field(default_factory=RelinearisationSettings)
     """How often the samples of a segment with excitation are repeated."""
-    max_lateral_acceleration: float = NONLINEAR_ACCELERATION
+    max_lateral_acceleration: Positive = NONLINEAR_ACCELERATION
     """Nothing is learned while the steer angle corresponds to a larger steady lateral acceleration, m/s^2: the model is
     linear. Tyres that saturate have no such limit."""
-    discrepancy: Mapping[str, float] = field(default_factory=lambda: dict(DISCREPANCY))
+    discrepancy: Mapping[str, FiniteNonNegative] = field(default_factory=lambda: dict(DISCREPANCY))
     """Standard deviation of the discrepancy of a channel by quantity, SI: the part of its signal that the linear model
     does not describe, a first-order process. Without sensor errors (`nuisances`) the model has none."""
-    discrepancy_time: float = 5.0
+    discrepancy_time: Positive = 5.0
     """Time constant of the discrepancies, s."""
-    offset_time: float = 3600.0
+    offset_time: Positive = 3600.0
     """After this time without information, s, the offset of a sensor is about as uncertain as its prior."""
-    parameter_time: float = 30 * 86400.0
+    parameter_time: Positive = 30 * 86400.0
     """The same for all other unknowns, s: tyres wear, and their pressure changes."""
-    max_innovation_ratio: float = 2.0
+    max_innovation_ratio: Positive = 2.0
     """All parameters are doubtful while the innovations of a channel have a mean square, relative to the variance that
     the filter predicts, above this."""
-    max_autocorrelation: float = 5.0
+    max_autocorrelation: Positive = 5.0
     """The same for the autocorrelation of the innovations: for the variance of their average over one second, relative
     to that of white innovations."""
-    innovation_window: float = 10.0
+    innovation_window: Positive = 10.0
     """Time constant of that mean square, in seconds of learning; ten times as long for the autocorrelation."""
-    max_steer_dropout: float = 0.1
+    max_steer_dropout: NonNegative = 0.1
     """A longer dropout of a steer angle, s, makes the state inaccurate: nothing is learned for `settling_time`."""
-    hold: float = 0.5
+    hold: NonNegative = 0.5
     """A missing speed or steer angle keeps its last value for at most this time, s."""
-    max_steer: float = 1.0
+    max_steer: Positive = 1.0
     """A steer angle beyond this, rad, counts as missing; no road wheel turns so far."""
-    max_steer_rate: float = 3.0
+    max_steer_rate: Positive = 3.0
     """A steer angle that changes faster than this, rad/s, counts as missing; no driver steers so fast."""
-    max_speed_change: float = 2.0
+    max_speed_change: Positive = 2.0
     """A speed that differs from the last one by more than this, m/s, counts as missing."""
-    coast: float = 1.0
+    coast: Positive = 1.0
     """After this time without an accepted measurement, s, the state starts again at the next measurement; without any
     measurement the status is COASTING."""
-    max_gap: float = 1.0
+    max_gap: Positive = 1.0
     """After a longer gap in time, s, the state starts again; the estimates stay."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "start_excitation",
-            "stop_excitation",
-            "excitation_window",
-            "high_pass_time",
-            "max_lateral_acceleration",
-            "discrepancy_time",
-            "offset_time",
-            "parameter_time",
-            "max_innovation_ratio",
-            "max_autocorrelation",
-            "innovation_window",
-            "max_steer",
-            "max_steer_rate",
-            "max_speed_change",
-            "coast",
-            "max_gap",
-        ):
-            if not getattr(self, name) > 0:
-                raise SignalError(f"{name}: expected above 0, got {getattr(self, name)}; correct it")
-        for name in ("settling_time", "max_steer_dropout", "hold"):
-            if not getattr(self, name) >= 0:
-                raise SignalError(f"{name}: expected 0 or more, got {getattr(self, name)}; correct it")
-        for name, sigma in self.discrepancy.items():
-            if not 0 <= sigma < math.inf:
-                raise SignalError(f"discrepancy: expected 0 or more for {name}, got {sigma}; correct it")
+        super().__post_init__()
         if self.stop_excitation > self.start_excitation:
             raise SignalError(
                 f"stop_excitation: expected at most start_excitation, {self.start_excitation:g} m/s^2, got "

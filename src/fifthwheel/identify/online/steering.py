@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.saturation import TyreLaw
+from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.vehicle import Vehicle

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel.channels import si_unit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, relative, shown, with_sigma
 from fifthwheel.identify.history import ParameterHistory
@@ -13,7 +14,6 @@ from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import BLUE, DARK, GREY, VERMILLION
 from fifthwheel.plots.panels import trimmed, visible_range
-from fifthwheel.record.signal_names import si_unit
 
 TIME = Axis(label="time", unit="s")
 FILTER_BAND = "± 1 sigma at that time"

@@ -3,12 +3,12 @@
 from typing import Any
 
 from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
-from fifthwheel.dynamics.saturation import FRICTION
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.result.parts import IdentificationData
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.observe import ObserverSettings
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 def sensor_settings(identification: IdentificationData, log: str | None) -> dict[str, Any]:

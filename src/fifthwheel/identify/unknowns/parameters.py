@@ -14,7 +14,7 @@ from fifthwheel.channels import (
     is_of,
     names_of,
 )
-from fifthwheel.dynamics.saturation import FRICTION, saturation_names, saturation_parameters
+from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage
 from fifthwheel.identify.unknowns.unknown import (
@@ -27,6 +27,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 TIME_SCALE_SIGMA = 0.002
@@ -134,14 +135,8 @@ def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> 
 def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
     """All unknowns of one stage but the initial states: estimated, uncertain and considered parameters, sensor errors.
 
-    Args:
-        vehicle: its values are the prior means.
-        outputs: measured signals.
-        settings: of the identification.
-
-    Raises:
-        VehicleError: a name in the settings is unknown, a parameter is estimated and considered, or an estimated
-            parameter is not above 0.
+    The values of the vehicle are the prior means. A VehicleError: a name in the settings is unknown, a parameter is
+    estimated and considered, or an estimated parameter is not above 0.
     """
     estimated = estimated_parameters(vehicle, settings)
     for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
@@ -165,13 +160,10 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
 def time_base_delays(
     time_bases: Mapping[str, str], main: str, outputs: Sequence[str], settings: OneStage
 ) -> list[Unknown]:
-    """The delay of every time base but the main one: one unknown that delays all its channels.
+    """The delay of every time base but the main one, that of the steer angles: one unknown that delays all its
+    channels.
 
-    Args:
-        time_bases: of signals, by their names; signals that are not listed are on the main one.
-        main: the time base of the steer angles.
-        outputs: measured signals.
-        settings: of the identification.
+    Signals that `time_bases` does not list are on the main one.
     """
     if not settings.nuisances:
         return []
@@ -203,9 +195,10 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     if error is None or sigma is None:
         return None
     if error.kind in PLACE_KINDS:
-        unit = vehicle.unit(SignalName.of(error.signal).unit)
-        stated = vehicle.stated.get(f"{unit.name}.accelerometer.{error.kind}", sigma)
-        return getattr(unit.accelerometer_place, error.kind), stated
+        signal = SignalName.of(error.signal)
+        unit = vehicle.unit(signal.unit)
+        stated = vehicle.stated.get(f"{unit.accelerometer_path(signal.part)}.{error.kind}", sigma)
+        return getattr(unit.place_of_accelerometer(signal.part), error.kind), stated
     return float(error.kind == "gain"), sigma
 
 
@@ -230,10 +223,7 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
     """The considered changes of the vehicle: those of the masses and lengths of its file, and those of the settings.
 
-    Args:
-        vehicle: with the standard deviations that its file states.
-        done: parameters that have an unknown of their own.
-        settings: of the identification; parameters that it fixes are exact.
+    Parameters in `done` have an unknown of their own; parameters that the settings fix are exact.
     """
     factor, replaced = settings.consider.get("vehicle_file", 0.0), _changed_paths(settings)
     of_file = {

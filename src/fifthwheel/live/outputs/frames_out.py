@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel.channels import si_unit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.online import LearnedValue
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.node import Output
-from fifthwheel.live.status import Fault, NodeStatus
+from fifthwheel.live.status import LiveFault, NodeStatus
 from fifthwheel.logs.can.decoder import Frame
-from fifthwheel.record.signal_names import si_unit
 
 SCALE = 1e-4
 """Resolution of states and sigmas, SI."""
@@ -93,7 +93,7 @@ class FrameEncoder:
         number = [i | 0x80000000 if self.extended else i for i in self.ids]
         statuses = " ".join(f'{s.value} "{s.name}"' for s in NodeStatus)
         verdicts = " ".join(f'{i} "{v.value}"' for i, v in enumerate(_VERDICTS))
-        bits = ", ".join(f"{fault.value} {fault.name}" for fault in Fault)
+        bits = ", ".join(f"{fault.value} {fault.name}" for fault in LiveFault)
         lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: fifthwheel", f"BO_ {number[0]} Status: 8 fifthwheel"]
         lines += [
             _signal("status", 0, 8),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fifthwheel.live.node import SHOWN, Node, Output
 from fifthwheel.live.sources.bus import Arrival, LiveBus
-from fifthwheel.live.status import Fault
+from fifthwheel.live.status import LiveFault
 from fifthwheel.logs.can.decoder import Frame
 from fifthwheel.logs.readers.can import read_frames
 
@@ -66,8 +66,8 @@ def listen(
     newest, at = time.time(), time.monotonic()  # a time of the bus, and when it was
     overloaded, dropped = -SHOWN, 0
     while not stopped():
-        node.set_fault(Fault.BUS_OFF, any(bus.off for bus in buses))
-        node.set_fault(Fault.OVERLOAD, time.monotonic() - overloaded < SHOWN)
+        node.set_fault(LiveFault.BUS_OFF, any(bus.off for bus in buses))
+        node.set_fault(LiveFault.OVERLOAD, time.monotonic() - overloaded < SHOWN)
         try:
             arrival = frames.get_nowait()
         except queue.Empty:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.input_files import require_regular
 from fifthwheel.logs.can.bits import Bits
-from fifthwheel.logs.source import reason
+from fifthwheel.logs.source import damage
 
 Gates = tuple[tuple[str, Bits, frozenset[int]], ...]
 """The multiplexers of a signal by name, from the outermost, and their values with which it is present."""
@@ -25,7 +25,7 @@ _ENCODINGS = {"dbc": "cp1252", "sym": "cp1252"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Signal:
+class CanSignal:
     """One signal of a message."""
 
     name: str
@@ -75,7 +75,7 @@ class Message:
     """One message of a database."""
 
     name: str
-    signals: tuple[Signal, ...]
+    signals: tuple[CanSignal, ...]
     source: str
     """Name of the file that defines it."""
 
@@ -135,18 +135,15 @@ def _file(path: Path) -> list[tuple[int, bool, Message]]:
     except OSError as error:
         raise SignalError(f"the database {path}: cannot be read ({error.strerror}); check the path") from error
     ending = path.suffix[1:].lower()
-    reasons = []
+    reasons: list[str] = []
     for kind in (ending,) if ending in _FORMATS else _FORMATS:
-        try:
+        with damage(reasons.append):
             text = data.decode(_ENCODINGS.get(kind, "utf-8"), "replace").removeprefix("\ufeff")
             if table := _table(text, kind, path.name):
                 return table
             reasons.append("it defines no message")
-        except MemoryError:
-            raise
-        except Exception as error:  # cantools raises many kinds for what is no database
-            reasons.append(reason(error).partition(': "')[0])  # without the line of the file
-    raise SignalError(f"{path.name}: not a valid CAN database ({reasons[0]}); give a DBC or ARXML file")
+    why = reasons[0].partition(': "')[0]  # without the line of the file
+    raise SignalError(f"{path.name}: not a valid CAN database ({why}); give a DBC or ARXML file")
 
 
 def _table(text: str, kind: str, source: str, *, builtin: bool = False) -> list[tuple[int, bool, Message]]:
@@ -164,7 +161,7 @@ def _table(text: str, kind: str, source: str, *, builtin: bool = False) -> list[
 def _message(message: Any, source: str, *, builtin: bool) -> Message:
     by_name = {signal.name: signal for signal in message.signals}
     signals = tuple(
-        Signal(
+        CanSignal(
             name=signal.name,
             bits=_bits(signal),
             scale=float(signal.scale),

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.logs.can.database import Databases, Signal, group
+from fifthwheel.logs.can.database import CanSignal, Databases, group
 from fifthwheel.names import split_source
-from fifthwheel.record.signal_names import split_header
 
 
 class Frame(NamedTuple):
@@ -58,15 +58,9 @@ class _Wanted(NamedTuple):
 class FrameDecoder:
     """Decodes the columns that a signal map names, with the databases of the user and J1939.
 
-    A column without a source address or a bus takes the first one that sends it; `other_sources` lists the others.
-
-    Args:
-        databases: in the order in which they are searched.
-        columns: "Message.Signal", "Message.Signal@source" or "Message.Signal@source:bus", as in a log, with or without
-            a [unit].
-
-    Raises:
-        SignalError: no database has a message or a signal of this name.
+    Columns are "Message.Signal", "Message.Signal@source" or "Message.Signal@source:bus", as in a log, with or without a
+    [unit]; a SignalError for one that no database has. A column without a source address or a bus takes the first one
+    that sends it; `other_sources` lists the others.
     """
 
     def __init__(self, databases: Databases, columns: Iterable[str]) -> None:
@@ -86,7 +80,7 @@ class FrameDecoder:
                 )
             unit = split_header(text)[1] or signals[column.signal].unit
             self._wanted.append(column._replace(column=f"{column.column} [{unit}]" if unit else column.column))
-        self._routes: dict[tuple[int, bool, int], list[tuple[str, Signal]]] = {}
+        self._routes: dict[tuple[int, bool, int], list[tuple[str, CanSignal]]] = {}
         self._chosen: dict[str, tuple[int, bool, int]] = {}
         self.other_sources: dict[str, list[str]] = {}
         """Frames that have a column too, but from another source or bus than the one that is used."""
@@ -128,7 +122,7 @@ class FrameDecoder:
                 filters.append({"can_id": number & mask, "can_mask": mask, "extended": extended})
         return filters
 
-    def _route(self, frame: Frame) -> list[tuple[str, Signal]]:
+    def _route(self, frame: Frame) -> list[tuple[str, CanSignal]]:
         """The wanted signals of frames with this id from this bus."""
         message = self._databases.message(frame.id, frame.extended)
         if message is None:
@@ -147,7 +141,8 @@ class FrameDecoder:
             if _sender(chosen) == _sender(key):
                 route.append((wanted.column, signal))
             else:
-                self.other_sources.setdefault(wanted.column, []).append(_address(frame))
+                address = f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
+                self.other_sources.setdefault(wanted.column, []).append(address)
         return route
 
 
@@ -160,10 +155,6 @@ def _sender(key: tuple[int, bool, int]) -> tuple[int, bool, int]:
     """What frames of one message from one sender have in common; the priority of a 29-bit id may change."""
     number, extended, bus = key
     return (group(number) << 8 | number & 0xFF if extended else number, extended, bus)
-
-
-def _address(frame: Frame) -> str:
-    return f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
 
 
 def _wanted(text: str) -> _Wanted:

@@ -1,22 +1,50 @@
 """A log of CAN frames: every signal of every message that a database has is a column."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.can.database import Databases, Gates, Message, Signal, load
-from fifthwheel.logs.can.frames import Batches, Frames
+from fifthwheel.logs.can.database import CanSignal, Databases, Gates, Message, load
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 from fifthwheel.record.timestamps import TimestampFilter
 
 _LISTED_IDS = 8
 _KEPT_FRAMES = 4_000_000
 """Frames of known messages that stay in memory, about 120 MB, so that the file need not be read again."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frames:
+    """Consecutive data frames, without error frames and remote frames."""
+
+    time: NDArray[np.float64]
+    """(n,) s, finite, as in the log: since its start or since 1970."""
+    id: NDArray[np.uint32]
+    """(n,) 11 or 29 bits, without flags."""
+    extended: NDArray[np.bool_]
+    """(n,) whether the id has 29 bits."""
+    bus: NDArray[np.int32]
+    """(n,) number of the bus as in the log."""
+    data: NDArray[np.uint8]
+    """(n, width) payload, zeros beyond its length; width >= 8."""
+    length: NDArray[np.int32]
+    """(n,) bytes of payload."""
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def take(self, rows: NDArray[np.intp]) -> "Frames":
+        """Some of the frames."""
+        return Frames(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
+
+
+Batches = Callable[[list[str]], Iterator[tuple[Frames, float]]]
+"""Each call reads the log from its start: batches of frames, and the fraction of the log read with each, 0 to 1. The
+argument gets a sentence for all that is left out, once all is read."""
 
 
 @dataclass(eq=False)
@@ -39,16 +67,9 @@ _Streams = Mapping[int, _Stream | None]
 def open_can_log(
     name: str, batches: Batches, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress
 ) -> "CanLog":
-    """Read all frames once and list the signals in them.
+    """Read all frames once and list the signals in them; `databases` are searched in order before J1939.
 
-    Args:
-        name: name of the file, for messages.
-        batches: gives the frames.
-        databases: DBC, ARXML, KCD or SYM files, searched in order before J1939.
-        progress: receives the fraction read.
-
-    Raises:
-        SignalError: a database cannot be used, or the log has no frame, or none that a database has.
+    A SignalError if a database cannot be used, or the log has no frame, or none that a database has.
     """
     known = load(databases)
     total, dropped = 0, TimestampFilter()
@@ -80,7 +101,8 @@ def open_can_log(
             f"{dropped.dropped} frames left out: their timestamp is not later than that of the previous frame of the "
             "same message"
         )
-    log = CanLog(name, batches if kept is None else partial(_again, kept), streams, _columns(list(by_message.values())))
+    again = batches if kept is None else lambda _: iter(kept)
+    log = CanLog(name, again, streams, _columns(list(by_message.values())))
     log.notes += notes
     return log
 
@@ -93,22 +115,17 @@ class CanLog(LogSource):
     """
 
     def __init__(
-        self, name: str, batches: Batches, streams: _Streams, columns: Mapping[str, tuple[Column, _Stream, Signal]]
+        self, name: str, batches: Batches, streams: _Streams, columns: Mapping[str, tuple[Column, _Stream, CanSignal]]
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, {name: column for name, (column, _, _) in columns.items()})
         self._batches, self._streams, self._decoded = batches, streams, columns
-        self._columns = {name: column for name, (column, _, _) in columns.items()}
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Samples of some columns, in the unit of the database; NaN for error and not available.
 
         One piece for each batch of frames and clock; frames that are not later than the one before are left out.
         """
-        wanted: dict[_Stream, dict[str, list[tuple[str, Signal]]]] = {}
+        wanted: dict[_Stream, dict[str, list[tuple[str, CanSignal]]]] = {}
         for clock, names in self.by_clock(columns).items():
             for name in names:
                 _, stream, signal = self._decoded[name]
@@ -126,10 +143,6 @@ class CanLog(LogSource):
                     if present.any():
                         values = {name: signal.values(data[present], length[present]) for name, signal in signals}
                         yield Chunk(values=values, time=time[present], clock=clock, done=done)
-
-
-def _again(kept: Sequence[tuple[Frames, float]], notes: list[str]) -> Iterator[tuple[Frames, float]]:
-    return iter(kept)
 
 
 def _keys(frames: Frames) -> NDArray[np.int64]:
@@ -174,7 +187,7 @@ def _unknown_ids(name: str, streams: _Streams, total: int, notes: Sequence[str])
     return [f"{len(unknown)} of {len(ids)} ids are in no database; give a DBC to read them"] if unknown else []
 
 
-def _columns(streams: Sequence[_Stream]) -> dict[str, tuple[Column, _Stream, Signal]]:
+def _columns(streams: Sequence[_Stream]) -> dict[str, tuple[Column, _Stream, CanSignal]]:
     """The signals of the messages in the log by the names of their columns."""
     buses: dict[tuple[int, int | None], set[int]] = {}
     for stream in streams:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fifthwheel.channels import si_unit
 from fifthwheel.channels.inputs import UNDERSTEER
 from fifthwheel.checks.findings import Fault, Finding
 from fifthwheel.checks.kinematics import relations
@@ -11,7 +12,6 @@ from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
 from fifthwheel.logs.source import LogSource
 from fifthwheel.record.record import Record
-from fifthwheel.record.signal_names import si_unit
 from fifthwheel.units import factor
 
 COARSE_RATE = 20.0
@@ -27,15 +27,9 @@ _MAX_STEERING_GAIN = 60.0
 def correct_map(
     log: LogSource, proposed: SignalMap, wheelbase: float
 ) -> tuple[SignalMap, dict[str, str], tuple[Finding, ...]]:
-    """The map with the signs, units and the steering ratio that the samples show.
+    """The map with the signs, units and the steering ratio that the samples show, read at a low rate.
 
-    Args:
-        log: open; it is read at a low rate.
-        proposed: the map to correct.
-        wheelbase: of the leading unit, m.
-
-    Returns:
-        The map, the corrections in words by signal, and the remaining findings.
+    Also the corrections in words by signal, and the remaining findings. `wheelbase` is that of the leading unit, m.
     """
     if not proposed.signals:
         return proposed, {}, ()
@@ -51,10 +45,9 @@ def correct_map(
         corrected = set()
         for finding in findings:
             name, channel = finding.signal, signals.get(finding.signal)
-            correction = None
-            if channel is not None and name not in corrected:
-                correction = _corrected(finding, channel, record, wheelbase)
-            if channel is None or correction is None:
+            if channel is None or name in corrected:
+                continue
+            if (correction := _corrected(finding, channel, record, wheelbase)) is None:
                 continue
             log_unit = log.columns[log.find(channel.column or "")].unit
             ratio = _scale(name, correction[0], log_unit) / _scale(name, channel, log_unit)
@@ -115,6 +108,5 @@ def _steering_wheel(
     keys = {"gain": float(f"{1 / used:.4g}"), "unit": "deg" if degrees else channel.unit}
     return channel.model_copy(update=keys), (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
-        f"{low:.0f} "
-        f"to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"
+        f"{low:.0f} to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"
     )

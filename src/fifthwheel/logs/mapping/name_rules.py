@@ -89,6 +89,7 @@ _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "wheel", "channel", "can", "bus", 
 """Words before a number that does not count the units of a vehicle."""
 _STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw)_|lenkrad|hand|column")
 _ROAD_WHEEL = re.compile("road|_delta_|rad_?einschlag|front_?wheel|vorderrad")
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 _SIDES = {
     "front": {"front", "vorn", "vorne", "fa", "fl", "fr", "vl", "vr"},
     "rear": {"rear", "hinten", "ra", "rl", "rr", "hl", "hr"},
@@ -164,17 +165,7 @@ def named_unit(name: str) -> tuple[str, str | None]:
 
 def normalised_name(name: str) -> str:
     """A name in small letters with one underscore between words: "YawRate-Lkw" -> "yaw_rate_lkw"."""
-    for letter, ascii_letters in (
-        ("ä", "ae"),
-        ("ö", "oe"),
-        ("ü", "ue"),
-        ("Ä", "Ae"),
-        ("Ö", "Oe"),
-        ("Ü", "Ue"),
-        ("ß", "ss"),
-    ):
-        name = name.replace(letter, ascii_letters)
-    name = re.sub("(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name)
+    name = re.sub("(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name.translate(_UMLAUTS))
     name = re.sub("(?<![A-Za-z])(IMU|INS|GPS|GNSS|ESP)(?=[A-Za-z])", r"\1_", name)
     return re.sub("[^a-z0-9]+", "_", name.lower()).strip("_")
 

@@ -11,12 +11,12 @@ from fifthwheel.channels import AXLE_LOAD, STEER, SignalName, is_of
 from fifthwheel.checks.findings import Finding
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError, printable, printable_lines
-from fifthwheel.logs.assemble import assemble, time_column
+from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
 from fifthwheel.logs.mapping.name_rules import ColumnHint, classify_columns
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
-from fifthwheel.logs.source import LogSource
+from fifthwheel.logs.source import LogSource, time_column
 from fifthwheel.record.record import Record
 
 _MIN_TOWED_LAG = 0.1
@@ -50,12 +50,8 @@ def propose_map(
 ) -> MapProposal:
     """The map that a log's names, units and samples indicate, for the user to edit.
 
-    Args:
-        log: open; it is read again at a low rate to compare signals.
-        survey: its survey.
-        units: names of the vehicle's units, front to rear.
-        wheelbase: of the leading unit, m; determines the steering ratio.
-        databases: paths for the map.
+    The log is read again at a low rate to compare signals. `units` are the vehicle's, front to rear; the wheelbase of
+    the first one, m, determines the steering ratio.
     """
     named = SignalMap.of_columns(survey.contents)
     mapped = {channel.column for part in named for channel in part.values()}
@@ -175,14 +171,10 @@ def _assign_towed_gyro(
     clocks = [survey.contents[hint.column].column.clock for hint in gyros]
     device = clocks[last] if clocks.count(clocks[last]) == 1 else None
     for signal in [signal for signal in candidates if SignalName.of(signal).place == units[0]]:
-        moved = [
-            hint
-            for hint in candidates[signal]
-            if hint is gyros[last] or survey.contents[hint.column].column.clock == device
-        ]
-        if moved:
-            candidates.setdefault(f"{SignalName.of(signal).quantity}.{units[-1]}", []).extend(moved)
-            candidates[signal] = [hint for hint in candidates[signal] if hint not in moved]
+        for hint in [*candidates[signal]]:
+            if hint is gyros[last] or survey.contents[hint.column].column.clock == device:
+                candidates.setdefault(f"{SignalName.of(signal).quantity}.{units[-1]}", []).append(hint)
+                candidates[signal].remove(hint)
     return f"it lags the other gyro by {lags[last] - min(lags):.2f} s, as a towed unit does"
 
 
@@ -209,10 +201,8 @@ def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, f
 def _missing(proposed: SignalMap, units: Sequence[str]) -> list[str]:
     """Sentences on the signals that an estimator needs and the map does not have."""
     steered = any(is_of(name, STEER) for name in proposed.signals)
-    needed = [] if "speed" in proposed.signals else ["speed"]
-    needed += [] if steered else [f"steer.{units[0]}.front"]
-    needed += [] if f"yaw_rate.{units[0]}" in proposed.signals else [f"yaw_rate.{units[0]}"]
-    missing = [f"{signal}: not found; every estimator needs it" for signal in needed]
+    needed = ["speed", *([] if steered else [f"steer.{units[0]}.front"]), f"yaw_rate.{units[0]}"]
+    missing = [f"{name}: not found; every estimator needs it" for name in needed if name not in proposed.signals]
     for unit in units[1:]:
         yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
         if yaw_rate not in proposed.signals and articulation not in proposed.signals:

@@ -7,10 +7,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import printable
-from fifthwheel.logs.assemble import time_column
-from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress
+from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress, time_column
 from fifthwheel.record.timestamps import typical_step
-from fifthwheel.units import factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +55,9 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
     steps: dict[str, list[float]] = {}
     start, stop = np.inf, -np.inf
     rows = time_column(log.columns)
-    seconds = factor(log.columns[rows].unit or "s", "s") if rows else 1.0
     for chunk in log.pieces(list(log.columns)):
-        time = chunk.time if chunk.time is not None else chunk.values[rows] * seconds if rows else np.empty(0)
-        time = time[np.isfinite(time)]
+        time = log.times(chunk, rows)
+        time = np.empty(0) if time is None else time[np.isfinite(time)]
         if time.size:
             start, stop = min(start, float(time[0])), max(stop, float(time[-1]))
         if time.size > 1:
@@ -80,7 +77,7 @@ class _Moments:
 
     def __init__(self) -> None:
         self.samples = self.present = 0
-        self.low, self.high = np.inf, -np.inf
+        self.low = self.high = np.nan
         self.mean = self.squares = 0.0
 
     def add(self, values: Array) -> None:
@@ -88,7 +85,7 @@ class _Moments:
         present = values[np.isfinite(values)]
         if not present.size:
             return
-        self.low, self.high = min(self.low, float(present.min())), max(self.high, float(present.max()))
+        self.low, self.high = float(np.fmin(self.low, present.min())), float(np.fmax(self.high, present.max()))
         with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
             mean, count = float(present.mean()), present.size
             self.squares += float(((present - mean) ** 2).sum())
@@ -104,8 +101,8 @@ class _Moments:
             samples=self.samples,
             missing=self.samples - self.present,
             rate=rate,
-            low=self.low if present else np.nan,
-            high=self.high if present else np.nan,
+            low=self.low,
+            high=self.high,
             mean=self.mean if present else np.nan,
             sigma=float(np.sqrt(self.squares / self.present)) if present else np.nan,
             fault=fault,

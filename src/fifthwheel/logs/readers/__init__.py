@@ -1,16 +1,21 @@
 """One reader for each format. The content of a file decides which; its name does not count."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.input_files import require_regular
-from fifthwheel.logs.can.frames import trace_kind
 from fifthwheel.logs.readers.isolated import open_isolated
 from fifthwheel.logs.source import LogSource, ReadProgress, no_progress
 
+TraceKind = Literal["blf", "asc", "trc", "candump"]
 _HEAD_SIZE = 4096
+_CANDUMP = re.compile(
+    rb"^[ \t]*\(\d{1,12}\.\d{1,9}\)[ \t]+\S+[ \t]+[^\n#]*?[0-9A-Fa-f]{3,8}(?:#|[ \t]+\[\d)", re.MULTILINE
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +28,18 @@ class Format:
     """Module of this package; its open_log(path, databases, progress) gives the LogSource."""
     begins: Callable[[bytes], bool]
     """Whether a file that begins with these bytes has this format."""
+
+
+def trace_kind(head: bytes) -> TraceKind | None:
+    """The format of a CAN trace that begins with these bytes; None for any other file."""
+    start = head.lstrip()
+    if head.startswith(b"LOGG"):
+        return "blf"
+    if start.startswith((b"date ", b"base hex", b"base dec")):
+        return "asc"
+    if start.startswith((b";$FILEVERSION", b";##")):
+        return "trc"
+    return "candump" if _CANDUMP.search(head) else None
 
 
 FORMATS = (
@@ -53,14 +70,9 @@ PACKED = {
 def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
     """Open a log of any format, in a child process with limits of time, memory and samples.
 
-    Args:
-        path: the file.
-        databases: DBC or ARXML files for CAN frames, searched in order before the built-in J1939 messages.
-        progress: receives the fraction read where opening needs the whole file.
-
-    Raises:
-        SignalError: not a regular file, cannot be read, is no log, exceeds a limit, or needs a library that is not
-            installed.
+    `databases` are DBC or ARXML files for CAN frames, searched in order before the built-in J1939 messages. `progress`
+    receives the fraction read where opening needs the whole file. A SignalError if the file is not a regular one,
+    cannot be read, is no log, exceeds a limit, or needs a library that is not installed.
     """
     path = Path(path)
     try:

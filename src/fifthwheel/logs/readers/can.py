@@ -11,9 +11,9 @@ from typing import BinaryIO
 import can
 import numpy as np
 
-from fifthwheel.logs.can.frames import Frames, TraceKind, trace_kind
-from fifthwheel.logs.can.log import CanLog, open_can_log
-from fifthwheel.logs.source import ReadProgress, no_progress, reason
+from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
+from fifthwheel.logs.readers import TraceKind, trace_kind
+from fifthwheel.logs.source import ReadProgress, damage, no_progress
 
 _BATCH = 50_000
 _MOST_AT_ONCE = 2_000_000
@@ -76,21 +76,18 @@ def _messages(file: BinaryIO, kind: TraceKind, tally: Counter[str], notes: list[
 
 
 def _blf_messages(file: BinaryIO, notes: list[str]) -> Iterator[can.Message]:
-    count, since, place, message, trouble = 0, 0, 0, None, ""
-    try:
+    count, since, place, message = 0, 0, 0, None
+    troubles: list[str] = []
+    with damage(troubles.append):
         for count, message in enumerate(can.BLFReader(file), 1):
             if count % _CHECKED == 0 and file.tell() != place:
                 place, since = file.tell(), count
             if count - since > _MOST_AT_ONCE:
-                trouble = "one object is repeated"
+                troubles.append("one object is repeated")
                 break
             yield message
-    except MemoryError:
-        raise
-    except Exception as error:
-        trouble = reason(error)
-    if trouble:
-        notes.append(f"broken after {count} frames{f', at {message.timestamp:.1f} s' if message else ''}: {trouble}")
+    at = f", at {message.timestamp:.1f} s" if message else ""
+    notes += [f"broken after {count} frames{at}: {why}" for why in troubles]
 
 
 class _Lines:

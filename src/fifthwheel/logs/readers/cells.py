@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -35,10 +35,6 @@ class DateStyle:
 
     pattern: str
     """Regular expression with groups y, m, d (all or none), H, M, S, half."""
-    _expression: re.Pattern[str] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_expression", re.compile(self.pattern))
 
     @property
     def dated(self) -> bool:
@@ -47,7 +43,7 @@ class DateStyle:
 
     def matches(self, cell: str) -> bool:
         """Whether a cell has this notation and is a possible date."""
-        found = self._expression.fullmatch(cell.strip())
+        found = re.fullmatch(self.pattern, cell.strip())
         return found is not None and (not self.dated or (int(found["m"]) <= 12 and int(found["d"]) <= 31))
 
     def seconds(self, text: pa.Array) -> Array:

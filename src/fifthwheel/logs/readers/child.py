@@ -15,16 +15,15 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
+from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.limits import MAX_COLUMNS, MAX_NAME, MEMORY
-from fifthwheel.logs.readers.messages import as_batch, receive, send
+from fifthwheel.logs.readers.messages import receive, send
 from fifthwheel.logs.source import Column, LogSource, reason
 
 CURE = "copy it again from the logger, or save it again in the tool that wrote it"
@@ -55,9 +54,9 @@ def run_child() -> None:
                 os._exit(code if code > 0 else 128 - code)
 
 
-def _reply(replies: int, head: Mapping[str, Any], batch: pa.RecordBatch | None = None) -> None:
+def _reply(replies: int, head: Mapping[str, Any], columns: Iterable[Array] = ()) -> None:
     faulthandler.cancel_dump_traceback_later()  # the parent may take its time
-    send(replies, head, batch)
+    send(replies, head, columns)
 
 
 def _serve(request: Mapping[str, Any], requests: int, replies: int) -> None:
@@ -100,17 +99,17 @@ def _read_log(request: Mapping[str, Any], incoming: "queue.SimpleQueue[Any]", re
     module = importlib.import_module(request["module"])
     _arm(seconds)
     log: LogSource = module.open_log(Path(request["path"]), request["databases"], progress)
-    columns, omitted = _described(log)
-    _reply(replies, {"columns": columns, "notes": [*log.notes, *omitted]})
+    described, omitted = _described(log)
+    _reply(replies, {"columns": described, "notes": [*log.notes, *omitted]})
     while "close" not in (asked := incoming.get()):
         head, pieces = {"number": asked["number"]}, log.pieces(asked["pieces"])
         _arm(seconds)
         for piece in pieces:
             if not incoming.empty():
                 break
-            arrays = dict(piece.values) | ({} if piece.time is None else {None: piece.time})
-            head_of_piece = head | {"names": list(arrays), "clock": piece.clock, "done": piece.done}
-            _reply(replies, head_of_piece, as_batch(arrays.values()))
+            columns = dict(piece.values) | ({} if piece.time is None else {None: piece.time})
+            head_of_piece = head | {"names": list(columns), "clock": piece.clock, "done": piece.done}
+            _reply(replies, head_of_piece, columns.values())
             _arm(seconds)
         _reply(replies, head | {"notes": [*log.notes, *omitted], "unusable": log.unusable})
     if not _FORK:  # a fork ends now

@@ -19,12 +19,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
+from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.child import CURE
 from fifthwheel.logs.readers.limits import MEMORY, SAMPLES, SECONDS, Limits, limit
-from fifthwheel.logs.readers.messages import TooMuchError, as_arrays, receive, send
+from fifthwheel.logs.readers.messages import TooMuchError, receive, send
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress
 
 _IDLE_CHILDREN = 2
@@ -53,18 +52,10 @@ def start_reader() -> None:
 def open_isolated(
     path: Path, module: str, format_name: str, databases: Sequence[str | Path], progress: ReadProgress
 ) -> LogSource:
-    """Open a log in a child process.
+    """Open a log in a child process by the module that reads its format.
 
-    Args:
-        path: the file.
-        module: name of the module of this package that reads the format.
-        format_name: for messages.
-        databases: as for open_log.
-        progress: receives the fraction read.
-
-    Raises:
-        SignalError: the reader refuses the file, crashes, makes no progress within the time limit or needs more memory
-            than the limit, or its library is not installed.
+    A SignalError if the reader refuses the file, crashes, makes no progress within the time limit or needs more memory
+    than the limit, or if its library is not installed.
     """
     limits = Limits.of_file(path.stat().st_size)
     child = _idle_child() or _started_child()
@@ -87,16 +78,11 @@ class IsolatedLog(LogSource):
     """A log that a child process reads."""
 
     def __init__(self, name: str, child: "_Child", columns: Sequence[Column], notes: Sequence[str]) -> None:
-        super().__init__(name)
+        super().__init__(name, {column.name: column for column in columns})
         self._child = child
-        self._columns = {column.name: column for column in columns}
         self._readings = 0
         self._finalizer = weakref.finalize(self, child.end)
         self.notes += notes
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns; a second reading ends the first."""
@@ -107,14 +93,15 @@ class IsolatedLog(LogSource):
         number = self._readings
         self._child.send({"pieces": wanted, "number": number})
         while number == self._readings:
-            head, batch = self._child.receive()
+            head, samples = self._child.receive()
             if head.get("number") != number:
                 continue  # of a reading that was not finished
-            if batch is None:
+            if "names" not in head:
                 self._child.busy = False
                 self.notes[:], self.unusable = head["notes"], head["unusable"]
                 return
-            values = dict(zip(head["names"], as_arrays(batch), strict=True))
+            names = head["names"]
+            values = dict(zip(names, samples.reshape(len(names), -1) if names else (), strict=True))
             yield Chunk(values=values, time=values.pop(None, None), clock=head["clock"], done=head["done"])
         raise SignalError(f"{self.name}: closed or read again before this reading was finished")
 
@@ -156,14 +143,14 @@ class _Child:
         with contextlib.suppress(BrokenPipeError):
             send(self.requests, head)
 
-    def receive(self) -> tuple[dict[str, Any], pa.RecordBatch | None]:
-        """The next reply; SignalError where it is an error, and where the child has crashed or exceeds a limit."""
+    def receive(self) -> tuple[dict[str, Any], Array]:
+        """The next reply and its samples; SignalError for an error, and where the child crashes or exceeds a limit."""
         timer = threading.Timer(min(self.limits.seconds, self.limits.total_seconds - self.waited), self._expire)
         timer.daemon = True
         start = time.monotonic()
         timer.start()
         try:
-            head, batch, size = receive(self.replies, self.limits.samples - self.received)
+            head, samples = receive(self.replies, self.limits.samples - self.received)
         except BaseException as error:
             self.ended = True
             self.kill()
@@ -171,17 +158,17 @@ class _Child:
                 needs = f"{self.name}: its samples need more than {self.limits.samples / 1e6:.0f} MB"
                 cure = f"map fewer columns, or set {SAMPLES} to more than {limit(SAMPLES):g} if the file is intact"
                 raise SignalError(f"{needs}; {cure}") from None
-            if not isinstance(error, EOFError | ValueError | pa.ArrowException):
+            if not isinstance(error, EOFError | ValueError):
                 raise
             raise SignalError(f"{self.name}: reading as {self.format_name} {self._end()}") from None
         finally:
             timer.cancel()
             self.waited += time.monotonic() - start
-        self.received += size
+        self.received += samples.nbytes
         if "error" in head:
             self.busy, self.ended = False, True
             raise SignalError(head["error"])
-        return head, batch
+        return head, samples
 
     def end(self) -> None:
         """Let go of the file, and keep the process for another one if it has finished."""
@@ -232,8 +219,7 @@ class _Child:
         cause = _SIGNALS.get(-code if code < 0 else code - 128, f"exit code {code}")
         return (
             f"crashed ({cause}). The file is probably damaged: {CURE}. If it is intact, reading may need more "
-            "memory: set "
-            f"{MEMORY} to more than {limit(MEMORY):g}"
+            f"memory: set {MEMORY} to more than {limit(MEMORY):g}"
         )
 
 

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.cells import BLANK, DATE_STYLES, DateStyle, date_style
-from fifthwheel.record.signal_names import split_header
 from fifthwheel.units import is_unit
 
 SEPARATORS = (";", "\t", ",", "|", " ")
@@ -20,7 +20,7 @@ _DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class TextLayout:
     """How to read the table in a text file."""
 
     names: tuple[str, ...]
@@ -36,15 +36,10 @@ class Layout:
     notes: tuple[str, ...]
 
 
-def find_layout(head: str, source: str) -> Layout:
-    r"""The layout of a file that begins with `head`, which ends at the end of a line unless it is the whole file.
+def find_layout(head: str, source: str) -> TextLayout:
+    r"""The layout of a file that begins with `head`: whole lines that end in "\n", unless it is the whole file.
 
-    Args:
-        head: text with "\n" as line ends.
-        source: file name, for messages.
-
-    Raises:
-        SignalError: it is no table, has no rows or no header.
+    A SignalError if it is no table, has no rows or no header.
     """
     lines = head.split("\n")
     table = [k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")][:_LINES]
@@ -64,7 +59,7 @@ def find_layout(head: str, source: str) -> Layout:
             )
     split = [split_header(name) for name in names]
     rest = len(above) - used
-    return Layout(
+    return TextLayout(
         names=_distinct([name or f"column {k}" for k, (name, _) in enumerate(split, 1)]),
         units=tuple(unit or below for (_, unit), below in zip(split, units, strict=True)),
         separator=separator,

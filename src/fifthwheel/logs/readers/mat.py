@@ -17,8 +17,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.mat_signals import Node, Numbers, Opaque, Search, Signal, listed
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
-from fifthwheel.record.timestamps import TimestampFilter, add_notes
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name
 
 try:
     import h5py
@@ -56,45 +55,34 @@ class MatLog(LogSource):
     """The signals of a .mat file."""
 
     def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], None]) -> None:
-        super().__init__(name)
-        self._close = close
         counts = Counter(signal.name for signal in signals)
         self._signals: dict[str, Signal] = {}
         for signal in signals:
             label = signal.name if counts[signal.name] == 1 else f"{signal.name}@{signal.clock.name}"
-            while label in self._signals:
-                label += "'"
-            self._signals[label] = signal
-        self._columns = {n: Column(name=n, unit=s.unit, clock=s.clock.name) for n, s in self._signals.items()}
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+            self._signals[unused_name(label, self._signals)] = signal
+        columns = {n: Column(name=n, unit=s.unit, clock=s.clock.name) for n, s in self._signals.items()}
+        super().__init__(name, columns)
+        self._close = close
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
-        clocks = self.by_clock(columns)
-        stamps = TimestampFilter()
+        return self.increasing(self._rows(self.by_clock(columns)))
+
+    def _rows(self, clocks: Mapping[str, Sequence[str]]) -> Iterator[Chunk]:
         for number, (clock, names) in enumerate(clocks.items()):
             signals = [self._signals[name] for name in names]
             time, first = signals[0].clock.time, 0
-            try:
+            troubles: list[str] = []
+            with damage(troubles.append):
                 seconds, arrays = _seconds(time), [signal.values.load() for signal in signals]
                 while first < time.length:
                     last = min(first + _PIECE_ROWS, time.length)
-                    stamp, values = seconds(first, last), {}
+                    stamps, values = seconds(first, last), {}
                     for name, signal, array in zip(names, signals, arrays, strict=True):
                         rows = signal.values.rows(array, signal.column, first, last)
-                        values[name] = np.pad(rows, (0, stamp.size - rows.size), constant_values=np.nan)
-                    kept, first = stamps.keep(clock, stamp), last
-                    if kept.any():
-                        done = (number + last / time.length) / len(clocks)
-                        values = {name: column[kept] for name, column in values.items()}
-                        yield Chunk(values=values, time=stamp[kept], clock=clock, done=done)
-            except MemoryError:
-                raise
-            except Exception as error:
-                add_notes(self.notes, f"broken after {first} samples of {clock!r}: {reason(error)}")
-        add_notes(self.notes, *stamps.notes)
+                        values[name] = np.pad(rows, (0, stamps.size - rows.size), constant_values=np.nan)
+                    first, done = last, (number + last / time.length) / len(clocks)
+                    yield Chunk(values=values, time=stamps, clock=clock, done=done)
+            self.note(*(f"broken after {first} samples of {clock!r}: {why}" for why in troubles))
 
     def close(self) -> None:
         self._close()
@@ -128,13 +116,11 @@ def _variables_5(path: Path, notes: list[str]) -> tuple[dict[str, Node], Callabl
             (length,) = struct.unpack(f"{order}I", file.read(4))
             if at + 8 + length > size:
                 break
-            try:
+            troubles: list[str] = []
+            with damage(troubles.append):
                 name, value = _variable_5(path, at, length)
                 variables[name] = _node_5(value, partial(_value_5, path, at, length))
-            except MemoryError:
-                raise
-            except Exception as error:
-                broken.append(f"at byte {at} ({reason(error)})")
+            broken += [f"at byte {at} ({why})" for why in troubles]
             at += 8 + length
     if at < size:
         notes.append(f"broken after {len(variables) + len(broken)} variables, at byte {at}: the file is cut short")
@@ -207,16 +193,14 @@ class _Tree:
         """The objects of a group by name; `within` are the addresses of the objects around it."""
         nodes: dict[str, Node] = {}
         for name in group:
-            try:
+            troubles: list[str] = []
+            with damage(troubles.append):
                 link = group.get(name, getlink=True)
                 if isinstance(link, h5py.ExternalLink):
                     self.outside.append(name)
                 elif isinstance(link, h5py.HardLink) and not name.startswith("#"):  # a soft link may lead through one
                     nodes[name] = self.node(name, group[name], within)
-            except MemoryError:
-                raise
-            except Exception as error:
-                self.broken.append(f"{name} ({reason(error)})")
+            self.broken += [f"{name} ({why})" for why in troubles]
         return nodes
 
     def node(self, name: str, item: Any, within: tuple[int, ...]) -> Node:

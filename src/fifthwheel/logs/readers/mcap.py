@@ -14,8 +14,8 @@ import numpy as np
 from mcap.reader import NonSeekingReader
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
-from fifthwheel.record.timestamps import MAX_BACKWARD_STEP, TimestampFilter, add_notes
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason, unused_name
+from fifthwheel.record.timestamps import MAX_BACKWARD_STEP
 
 _FIRST = 100
 """Messages of a topic that decide which fields it has, and whether its own timestamps can be used."""
@@ -93,34 +93,33 @@ class McapLog(LogSource):
     """The topics of an MCAP file."""
 
     def __init__(self, path: Path, topics: Mapping[str, Topic]) -> None:
-        super().__init__(path.name)
-        self._path, self._topics = path, topics
-        self._columns: dict[str, Column] = {}
+        columns: dict[str, Column] = {}
         self._places: dict[str, tuple[str, str]] = {}
         for name, topic in topics.items():
             clock = name.lstrip("/") or name
             for key in topic.fields:
                 if topic.stamped and _STAMP.fullmatch(key):
                     continue
-                column = f"{clock}.{key}" if key else clock
-                while column in self._columns:
-                    column += "'"
-                self._columns[column] = Column(
-                    name=column, clock=clock, about=topic.about, time_base=clock if topic.stamped else ""
-                )
+                column = unused_name(f"{clock}.{key}" if key else clock, columns)
+                time_base = clock if topic.stamped else ""
+                columns[column] = Column(name=column, clock=clock, about=topic.about, time_base=time_base)
                 self._places[column] = (name, key)
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+        super().__init__(path.name, columns)
+        self._path, self._topics = path, topics
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
+        trouble: list[str] = []
+        yield from self.increasing(self._rows(columns, trouble))
+        self.note(*trouble)
+
+    def _rows(self, columns: Collection[str], trouble: list[str]) -> Iterator[Chunk]:
+        """The rows of topics, not yet checked; `trouble` gets what is broken or cannot be decoded."""
         wanted: dict[str, dict[str, str]] = {}
         for names in self.by_clock(columns).values():
             for name in names:
                 title, key = self._places[name]
                 wanted.setdefault(title, {})[key] = name
-        stamps, done, last, count = TimestampFilter(), 0.0, 0.0, 0
+        done, last, count = 0.0, 0.0, 0
         rows: dict[str, list[list[float]]] = {title: [] for title in wanted}
         failed: Counter[str] = Counter()
         broken: list[str] = []
@@ -135,16 +134,14 @@ class McapLog(LogSource):
             time = _stamp(values) if topic.stamped else last
             own.append([time, *(values.get(key, math.nan) for key in wanted[channel.topic])])
             if len(own) >= _PIECE_ROWS:
-                yield from _piece(channel.topic, wanted[channel.topic].values(), own, stamps, done)
+                yield _piece(channel.topic, wanted[channel.topic].values(), own, done)
                 own.clear()
         for title, own in rows.items():
             if own:
-                yield from _piece(title, wanted[title].values(), own, stamps, done)
-        add_notes(self.notes, *stamps.notes)
-        for trouble in broken:
-            add_notes(self.notes, f"broken after {count} messages{f', at {last:.1f} s' if count else ''}: {trouble}")
-        for title, number in failed.items():
-            add_notes(self.notes, f"{number} messages of {title!r} left out, they cannot be decoded")
+                yield _piece(title, wanted[title].values(), own, done)
+        at = f", at {last:.1f} s" if count else ""
+        trouble += [f"broken after {count} messages{at}: {why}" for why in broken]
+        trouble += [f"{n} messages of {title!r} left out, they cannot be decoded" for title, n in failed.items()]
 
 
 def _messages(
@@ -241,15 +238,10 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     return {name: item for name, item in own.items() if not name.startswith("_")} if own is not None else None
 
 
-def _piece(
-    topic: str, names: Collection[str], rows: list[list[float]], stamps: TimestampFilter, done: float
-) -> Iterator[Chunk]:
+def _piece(topic: str, names: Collection[str], rows: list[list[float]], done: float) -> Chunk:
     """Rows of a topic as a piece; messages that are a little late are put in order."""
     table = np.array(rows, dtype=np.float64)
     if -MAX_BACKWARD_STEP < np.diff(table[:, 0]).min(initial=0.0) < 0:
         table = table[table[:, 0].argsort(kind="stable")]
-    clock = topic.lstrip("/") or topic
-    table = table[stamps.keep(clock, table[:, 0])]
-    if len(table):
-        values = {name: table[:, k].copy() for k, name in enumerate(names, 1)}
-        yield Chunk(values=values, time=table[:, 0].copy(), clock=clock, done=done)
+    values = {name: table[:, k].copy() for k, name in enumerate(names, 1)}
+    return Chunk(values=values, time=table[:, 0].copy(), clock=topic.lstrip("/") or topic, done=done)

@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.database import load
-from fifthwheel.logs.can.frames import Frames
-from fifthwheel.logs.can.log import CanLog, open_can_log
+from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
 from fifthwheel.logs.readers.mdf_formulas import replace_evaluation
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, reason
-from fifthwheel.record.timestamps import TimestampFilter, add_notes
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name
 
 _FRAGMENT = 4 << 20
 """Bytes of records that are read at once."""
@@ -60,9 +58,9 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     decoded: dict[str, str] = {}
     clocks = {column.clock for column in columns.values()}
     for name, column in can.columns.items() if can else ():
-        unused = _unused(name, columns)
+        unused = unused_name(name, columns)
         decoded[unused] = name
-        columns[unused] = replace(column, name=unused, clock=_unused(column.clock, clocks))
+        columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
     log = MdfLog(path.name, mdf, columns, places, can, decoded)
     log.notes += notes
     return log
@@ -80,48 +78,36 @@ class MdfLog(LogSource):
         can: CanLog | None,
         decoded: Mapping[str, str],
     ) -> None:
-        super().__init__(name)
-        self._mdf, self._columns, self._places, self._can, self._decoded = mdf, columns, places, can, decoded
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+        super().__init__(name, columns)
+        self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}
-        stamps = TimestampFilter()
-        for number, (clock, names) in enumerate(clocks.items()):
-            for piece in self._group(clock, names, stamps):
-                yield replace(piece, done=(number + piece.done) / len(clocks))
-        add_notes(self.notes, *stamps.notes)
+        groups = (
+            replace(piece, done=(number + piece.done) / len(clocks))
+            for number, (clock, names) in enumerate(clocks.items())
+            for piece in self._group(clock, names)
+        )
+        yield from self.increasing(groups)
         decoded = {self._decoded[name]: name for name in columns if name in self._decoded}
         for piece in self._can.pieces(decoded) if self._can and decoded else ():
             values = {decoded[name]: column for name, column in piece.values.items()}
-            yield replace(piece, values=values, clock=self._columns[next(iter(values))].clock)
+            yield replace(piece, values=values, clock=self.columns[next(iter(values))].clock)
 
-    def _group(self, clock: str, names: Sequence[str], stamps: TimestampFilter) -> Iterator[Chunk]:
+    def _group(self, clock: str, names: Sequence[str]) -> Iterator[Chunk]:
         """The samples of one group; where it is damaged, those before and a note."""
         group = self._places[names[0]][0]
-        total, count, last, trouble = self._mdf.groups[group].channel_group.cycles_nr, 0, 0.0, ""
-        try:
+        total, count, last = self._mdf.groups[group].channel_group.cycles_nr, 0, 0.0
+        troubles: list[str] = []
+        with damage(troubles.append):
             for first, time, fragment in _fragments(self._mdf, group):
                 values = {n: _values(self._mdf, self._places[n], first, time.size, fragment) for n in names}
-                kept = stamps.keep(clock, time)
-                if kept.any():
-                    values, done = (
-                        {n: v[kept] for n, v in values.items()},
-                        min(1.0, (first + time.size) / max(total, 1)),
-                    )
-                    yield Chunk(values=values, time=time[kept], clock=clock, done=done)
+                yield Chunk(values=values, time=time, clock=clock, done=min(1.0, (first + time.size) / max(total, 1)))
                 count, last = first + time.size, float(time[-1]) if time.size else last
-        except MemoryError:
-            raise
-        except Exception as error:
-            trouble = reason(error)
-        if trouble or count < total:
+        if troubles or count < total:
             at = f", at {last:.1f} s" if count else ""
-            trouble = trouble or f"{total} samples are announced"
-            add_notes(self.notes, f"broken after {count} samples of group {clock!r}{at}: {trouble}")
+            troubles.append(f"{total} samples are announced")
+            self.note(f"broken after {count} samples of group {clock!r}{at}: {troubles[0]}")
 
     def close(self) -> None:
         self._mdf.close()
@@ -193,7 +179,7 @@ def _columns(mdf: Any, notes: list[str]) -> tuple[dict[str, Column], dict[str, P
         if flags & _VARIABLE_LENGTH_GROUP:
             continue
         clock = labels[number] if labels.count(labels[number]) == 1 else f"{labels[number]} {number}"
-        clock = _unused(clock, clocks)
+        clock = unused_name(clock, clocks)
         clocks.add(clock)
         channels = [
             (index, channel)
@@ -216,7 +202,7 @@ def _columns(mdf: Any, notes: list[str]) -> tuple[dict[str, Column], dict[str, P
     places = {}
     for name, clock, place in found:
         channel = mdf.groups[place[0]].channels[place[1]]
-        unique = _unused(name if total[name] == 1 else f"{name}@{clock}", columns)
+        unique = unused_name(name if total[name] == 1 else f"{name}@{clock}", columns)
         unit = (channel.conversion and channel.conversion.unit) or channel.unit or None
         columns[unique] = Column(name=unique, unit=unit, clock=clock, about=_about(channel))
         places[unique] = place
@@ -251,12 +237,6 @@ def _about(channel: Any) -> str:
     return html.unescape(found[1]).strip() if found else ""
 
 
-def _unused(name: str, used: Collection[str]) -> str:
-    while name in used:
-        name += "'"
-    return name
-
-
 def _can_log(
     name: str, mdf: Any, databases: Sequence[str | Path], progress: ReadProgress, notes: list[str], *, required: bool
 ) -> CanLog | None:
@@ -283,14 +263,12 @@ def _can_log(
 def _batches(mdf: Any, parts: Mapping[int, Mapping[str, int]], notes: list[str]) -> Iterator[tuple[Frames, float]]:
     """The CAN frames of some groups, one group after the other; damage of one ends it, with a note."""
     for number, (group, frame) in enumerate(parts.items(), 1):
-        try:
+        troubles: list[str] = []
+        with damage(troubles.append):
             for first, time, fragment in _fragments(mdf, group):
                 if time.size:
                     yield _frames(mdf, group, frame, first, time, fragment), number / len(parts)
-        except MemoryError:
-            raise
-        except Exception as error:
-            notes.append(f"broken CAN frames of group {group}: {reason(error)}")
+        notes += [f"broken CAN frames of group {group}: {why}" for why in troubles]
 
 
 def _frames(mdf: Any, group: int, frame: Mapping[str, int], first: int, time: Array, fragment: Any) -> Frames:

@@ -34,14 +34,10 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(formula: str, variables: Mapping[str, Any]) -> Array:
-    """Value of an arithmetic formula: numbers, variables, + - * / **, brackets and elementary functions.
+    """Value of a formula such as "3*X1+sin(X1)": numbers, + - * / **, brackets, elementary functions, and the variables
+    X, X1, P1 to P6, INF and NaN.
 
-    Args:
-        formula: such as "3*X1+sin(X1)".
-        variables: numbers or arrays by name; only X, X1, P1 to P6, INF and NaN are used.
-
-    Raises:
-        ValueError: anything else in the formula, or more than `MAX_LENGTH` characters.
+    A ValueError for anything else in the formula, or more than `MAX_LENGTH` characters.
     """
     if len(formula) > MAX_LENGTH:
         raise ValueError(f"a formula of {len(formula)} characters; at most {MAX_LENGTH} are supported")

@@ -6,10 +6,10 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from fifthwheel.channels import split_header
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.cells import Cells
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
-from fifthwheel.record.signal_names import split_header
 
 _ROWS = 1 << 17
 _DAMAGE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -21,7 +21,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         file = pq.ParquetFile(path, page_checksum_verification=True)
         fields = list(file.schema_arrow)
         names = [split_header(field.name)[0] for field in fields]
-        units = [_unit(field) for field in fields]
+        units = [split_header(field.name)[1] or _metadata(field, "unit") or None for field in fields]
     except MemoryError:  # a kind of ArrowException too
         raise
     except _DAMAGE as error:
@@ -46,16 +46,12 @@ class ParquetLog(LogSource):
     def __init__(
         self, name: str, file: pq.ParquetFile, columns: Mapping[str, Column], headers: Mapping[str, str]
     ) -> None:
-        super().__init__(name)
-        self._file, self._columns, self._headers = file, columns, headers
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+        super().__init__(name, columns)
+        self._file, self._headers = file, headers
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         self.notes = []
-        cells = {name: Cells(source=self.name, name=name) for name in self._columns if name in columns}
+        cells = {name: Cells(source=self.name, name=name) for name in self.columns if name in columns}
         rows, total = 0, self._file.metadata.num_rows
         try:
             for batch in self._file.iter_batches(_ROWS, columns=[self._headers[name] for name in cells]):
@@ -76,11 +72,6 @@ class ParquetLog(LogSource):
 
     def close(self) -> None:
         self._file.close()
-
-
-def _unit(field: pa.Field) -> str | None:
-    """Unit in the brackets of a name, else in the metadata."""
-    return split_header(field.name)[1] or _metadata(field, "unit") or None
 
 
 def _metadata(field: pa.Field, key: str) -> str:

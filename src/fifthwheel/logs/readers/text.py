@@ -3,7 +3,7 @@
 import codecs
 import io
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -11,7 +11,7 @@ import pyarrow.csv as pacsv
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.cells import Cells
-from fifthwheel.logs.readers.layout import Layout, find_layout
+from fifthwheel.logs.readers.layout import TextLayout, find_layout
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
@@ -43,18 +43,14 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
 class TextLog(LogSource):
     """A CSV file; a last line without line end is left out."""
 
-    def __init__(self, path: Path, layout: Layout) -> None:
-        super().__init__(path.name)
-        self._path, self._layout = path, layout
-        self.notes += layout.notes
-        self._columns = {}
+    def __init__(self, path: Path, layout: TextLayout) -> None:
+        columns = {}
         for name, unit, date in zip(map(_utf8, layout.names), layout.units, layout.dates, strict=True):
             named = None if unit is None or unit.strip() in _NO_UNIT else _utf8(unit)
-            self._columns[name] = Column(name=name, unit="s" if date else named)
-
-    @property
-    def columns(self) -> Mapping[str, Column]:
-        return self._columns
+            columns[name] = Column(name=name, unit="s" if date else named)
+        super().__init__(path.name, columns)
+        self._path, self._layout = path, layout
+        self.notes += layout.notes
 
     def pieces(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Rows of some columns; dates and times of day in s.
@@ -62,7 +58,7 @@ class TextLog(LogSource):
         Lines with another number of cells are left out and counted; where they are the most, that is a SignalError
         at the end of the file.
         """
-        layout, names = self._layout, list(self._columns)
+        layout, names = self._layout, list(self.columns)
         self.notes = [*layout.notes]
         wanted = [k for k, name in enumerate(names) if name in columns]
         if not wanted:
@@ -99,7 +95,7 @@ class TextLog(LogSource):
         self.unusable |= {c.name: c.fault for c in cells if c.fault is not None}
 
     def _batches(self, lines: "_Lines", wanted: Sequence[int], skip: object) -> Iterator[pa.RecordBatch]:
-        names = [str(k) for k in range(len(self._columns))]
+        names = [str(k) for k in range(len(self.columns))]
         mark = "\t" if self._layout.separator == " " else self._layout.separator
         yield from pacsv.open_csv(
             pa.PythonFile(lines, mode="r"),

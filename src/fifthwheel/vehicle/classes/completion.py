@@ -9,9 +9,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.vehicle.axle_loads import Body, Joint, static_axle_loads
-from fifthwheel.vehicle.classes.figures import DAMPING_TIME, LOAD_EXPONENT, RELAXATION_LENGTH, Figure
-from fifthwheel.vehicle.classes.table import CLASSES, VehicleClass
+from fifthwheel.vehicle.axle_loads import Joint, SupportedBody, static_axle_loads
+from fifthwheel.vehicle.classes.table import (
+    CLASSES,
+    DAMPING_TIME,
+    LOAD_EXPONENT,
+    RELAXATION_LENGTH,
+    Figure,
+    VehicleClass,
+)
 
 Table = dict[str, Any]
 
@@ -21,13 +27,8 @@ FLOOR_HEIGHT = Figure(1.22, 0.1, "article 1.2, Auburn 1.25 m")
 
 
 def complete(fields: Mapping[str, Any]) -> Table:
-    """Fields of a vehicle with the missing numbers of each unit that has a class, and of the coupling in front of it.
-
-    Args:
-        fields: of the vehicle, as from `toml_format.parse`.
-
-    Returns:
-        The fields; `stated` also has the standard deviation of each filled number, and `assumed` its source.
+    """Fields of a vehicle, as from `toml_format.parse`, with the missing numbers of each unit that has a class, and of
+    the coupling in front of it; `stated` has the standard deviation of each filled number, and `assumed` its source.
 
     Raises:
         VehicleError: a class does not exist or has other axle groups, or a number is missing that no class can give.
@@ -189,7 +190,7 @@ def _axle_loads(units: list[Table], couplings: list[Table]) -> dict[str, float]:
             _group_path(unit, group): sum(axle["position"] for axle in group["axles"]) / len(group["axles"])
             for group in unit["axle_groups"]
         }
-        bodies.append(Body(unit["name"], unit["mass"], unit["cog"], groups))
+        bodies.append(SupportedBody(unit["name"], unit["mass"], unit["cog"], groups))
     if len(couplings) != len(units) - 1:
         raise VehicleError(
             f"coupling: expected {len(units) - 1} between {len(units)} units, got {len(couplings)}; give one for each"

@@ -1,13 +1,19 @@
-"""A vehicle file of a long combination to fill in: positions and masses of the catalogue, the rest from classes."""
+"""Vehicle files to fill in: a vehicle as a TOML text with the source of each number.
 
-from collections.abc import Mapping
+Assumed numbers are comments, so that the classes give them. A line that is removed from its comment replaces the number
+of the class. The other assumed numbers continue to follow from what the file states.
+"""
+
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fifthwheel.errors import VehicleError, suggestion
+from fifthwheel.formatting import DISPLAY_UNITS, DisplayUnit, digits, plain_ascii, value_and_sigma
 from fifthwheel.vehicle.catalogue import get
-from fifthwheel.vehicle.classes.commented import commented_toml
 from fifthwheel.vehicle.classes.completion import complete
-from fifthwheel.vehicle.unit import Unit
+from fifthwheel.vehicle.component import Component
+from fifthwheel.vehicle.parameters import unit_of
+from fifthwheel.vehicle.unit import AxleGroup, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 
 COMBINATIONS: Mapping[str, tuple[str, ...]] = {
@@ -17,6 +23,9 @@ COMBINATIONS: Mapping[str, tuple[str, ...]] = {
     "truck_full_trailer": ("truck_6x2", "dolly", "full_trailer"),
 }
 """Class of each unit, front to rear, by the name of a vehicle of the catalogue."""
+_MINUS = str.maketrans({"\u2212": "-", "\u202f": "", "\u00a0": " "})
+COLUMN = 60
+"""Where comments begin."""
 
 
 def template(name: str) -> str:
@@ -31,7 +40,7 @@ def template(name: str) -> str:
     if name not in COMBINATIONS:
         raise VehicleError(f"{name}: no such combination; {suggestion(name, COMBINATIONS)}")
     like, sources = get(name), dict[str, str]()
-    units = [_unit(unit, kind, sources, name) for unit, kind in zip(like.units, COMBINATIONS[name], strict=True)]
+    units = [_fields(unit, kind, sources, name) for unit, kind in zip(like.units, COMBINATIONS[name], strict=True)]
     couplings = []
     for coupling in like.couplings:
         couplings.append({"name": coupling.name, "leading_position": coupling.leading_position})
@@ -51,7 +60,7 @@ def _replace(name: str) -> str:
     return f"replace: that of {name}"
 
 
-def _unit(unit: Unit, kind: str, sources: dict[str, str], name: str) -> dict[str, Any]:
+def _fields(unit: Unit, kind: str, sources: dict[str, str], name: str) -> dict[str, Any]:
     """Fields of a unit without the numbers that its class gives."""
     groups = [
         {"name": group.name, "axles": [{"name": a.name, "position": a.position} for a in group.axles]}
@@ -63,3 +72,78 @@ def _unit(unit: Unit, kind: str, sources: dict[str, str], name: str) -> dict[str
         fields |= {"mass": unit.mass, "payload": {"mass": unit.payload.mass}}
         sources |= {f"{unit.name}.mass": _replace(name), f"{unit.name}.payload.mass": _replace(name)}
     return fields
+
+
+def commented_toml(vehicle: Vehicle, sources: Mapping[str, str]) -> str:
+    """The text, from which `Vehicle.loads` reads the vehicle with rounded numbers; `sources` are those of the numbers
+    that are not assumed, by path. A number without a source is left out if it is the default."""
+    lines = [
+        "# Each number has its source behind it; the number after +- is one standard deviation. A key behind a # has",
+        "# an assumed number, from the class of its unit and what the other lines state. To replace it, remove the #,",
+        "# and write a measured value.",
+        f'name = "{vehicle.name}"',
+        f'source = "{vehicle.source}"',
+    ]
+    numbers = _Numbers(vehicle, sources)
+    for unit in vehicle.units:
+        lines += ["", "[[unit]]", *_unit(unit, numbers)]
+    for coupling in vehicle.couplings:
+        lines += ["", "[[coupling]]", f'name = "{coupling.name}"', f'kind = "{coupling.kind}"']
+        lines += numbers.lines(coupling.name, type(coupling))
+    return "\n".join([*lines, ""])
+
+
+def _unit(unit: Unit, numbers: "_Numbers") -> Iterator[str]:
+    yield f'name = "{unit.name}"'
+    if unit.vehicle_class:
+        yield f'class = "{unit.vehicle_class}"'
+    yield from numbers.lines(unit.name, Unit)
+    yield from ("", "[unit.sprung]")
+    yield from numbers.lines(f"{unit.name}.sprung", type(unit.sprung))
+    if unit.payload:
+        yield from ("", "[unit.payload]")
+        yield from numbers.lines(f"{unit.name}.payload", type(unit.payload))
+        yield f'shape = "{unit.payload.shape}"'
+    for group in unit.axle_groups:
+        yield from ("", "[[unit.axle_group]]", f'name = "{group.name}"', "axles = [")
+        for axle in group.axles:
+            steerable = ", steerable = true" if axle.steerable else ""
+            path = f"{unit.name}.{axle.name}.position"
+            text = f'  {{ name = "{axle.name}", position = "{numbers.text(path)}"{steerable} }},'
+            yield numbers.with_comment(text, numbers.sources.get(path, ""))
+        yield "]"
+        if group.tyres:
+            yield f"tyres = {group.tyres}"
+        yield from numbers.lines(unit.group_path(group), AxleGroup)
+
+
+class _Numbers:
+    """Numbers of a vehicle as lines of a file."""
+
+    def __init__(self, vehicle: Vehicle, sources: Mapping[str, str]) -> None:
+        self.vehicle, self.values, self.sources = vehicle, vehicle.parameters(), sources
+
+    def lines(self, prefix: str, kind: type[Component]) -> Iterator[str]:
+        """One line for each number of a component."""
+        for key in kind.si_units:
+            path = f"{prefix}.{key}"
+            if path in self.vehicle.assumed:
+                yield self.with_comment(f'# {key} = "{self.text(path)}"', self.vehicle.assumed[path])
+            elif path in self.sources:
+                yield self.with_comment(f'{key} = "{self.text(path)}"', self.sources[path])
+
+    def text(self, path: str) -> str:
+        """A number with its standard deviation, rounded to two digits of it, in a practical unit."""
+        si = unit_of(path)
+        unit = DISPLAY_UNITS.get(si, DisplayUnit(si, 1.0))
+        sigma = self.vehicle.stated.get(path)
+        value, spread = value_and_sigma(self.values[path] * unit.factor, (sigma or 0.0) * unit.factor)
+        if spread is None:
+            value = digits(self.values[path] * unit.factor, 6, exact=True)
+        stated = f" +- {spread} {unit.name}" if spread else " exact" if sigma == 0 else ""
+        return plain_ascii(f"{value} {unit.name}{stated}".translate(_MINUS))
+
+    @staticmethod
+    def with_comment(line: str, comment: str) -> str:
+        """A line with the source of its number."""
+        return f"{line:{COLUMN}s} # {comment}" if comment else line

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from fifthwheel.assess.steady_turn import measure, off_tracking
-from fifthwheel.assess.straight_path import CROSSFALL, lateral_positions
-from fifthwheel.assess.straight_path import measure as measure_straight
+from fifthwheel.assess.steady_motion import (
+    CROSSFALL,
+    lateral_positions,
+    measure_straight_path,
+    measure_turn,
+    off_tracking,
+)
 from fifthwheel.assess.truck import Truck
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -45,7 +49,7 @@ def test_at_high_speed_slip_angles_push_the_axles_outwards(speed):
 def test_an_unstable_truck_has_none():
     truck = Truck(vehicle=get("auburn_6x4"), speed=30.0)
     with pytest.raises(VehicleError, match="below its critical speed"):
-        measure(truck)
+        measure_turn(truck)
 
 
 def test_on_a_crossfall_the_units_run_askew_by_the_slip_of_their_rear_axles():
@@ -56,4 +60,4 @@ def test_on_a_crossfall_the_units_run_askew_by_the_slip_of_their_rear_axles():
     assert front == pytest.approx(0.0, abs=1e-12)
     assert abs(y[1] - y[0]) == pytest.approx(drive * (L1 + truck.body.front_overhang), rel=1e-6)
     assert abs(y[3] - y[2]) == pytest.approx(trailer * L2, rel=1e-6)
-    assert measure_straight(truck)["straight_path_width"] == pytest.approx(truck.body.width + np.ptp(y))
+    assert measure_straight_path(truck)["straight_path_width"] == pytest.approx(truck.body.width + np.ptp(y))

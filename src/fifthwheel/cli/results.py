@@ -1,4 +1,4 @@
-"""fifthwheel assess"""
+"""fifthwheel compare and assess"""
 
 import sys
 from functools import partial
@@ -7,9 +7,42 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel._atomic import one_run, result_folder
+from fifthwheel._atomic import one_run, reserved, result_folder
 from fifthwheel.cli import options, terminal
-from fifthwheel.cli.app import command
+from fifthwheel.cli.app import command, quantity_option
+
+
+@command(
+    "fifthwheel compare monday tuesday",
+    "fifthwheel compare empty laden/identification.json --csv compared.csv --html compared.html",
+    "fifthwheel compare monday tuesday wednesday --json",
+)
+def compare(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Result folders of `fifthwheel identify`, or their identification.json; at least two. The first is "
+            "the reference.",
+            show_default=False,
+        ),
+    ],
+    csv: Annotated[Path | None, typer.Option("--csv", help="CSV file for the table, in SI units.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", help="HTML file for the table and a plot.")] = None,
+    force: options.ForceFileOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Compare the estimates of several identifications, with their differences in units of sigma.
+
+    A difference of more than two sigma is real with a probability of 95 %. Errors of the vehicle file and of the model
+    that all runs share cancel in a difference. Runs that share logs are marked: their difference is no test.
+    """
+    from fifthwheel.report.comparison import comparison_document
+    from fifthwheel.workflow import compare_runs, write_comparison
+
+    with reserved(csv, html, force=force):
+        comparison = compare_runs(runs)
+        files = write_comparison(comparison, csv=csv, html=html)
+    terminal.print_result(comparison.as_dict(), partial(comparison_document, comparison), files, as_json=as_json)
 
 
 @command(
@@ -61,6 +94,8 @@ def assess(
     from fifthwheel.pages.page import checked_format
     from fifthwheel.report import gather_provenance
     from fifthwheel.report.assessment import assessment_document
+    from fifthwheel.vehicle import unit_of
+    from fifthwheel.vehicle.toml_format import read_quantity
     from fifthwheel.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
 
     if figures:
@@ -70,9 +105,17 @@ def assess(
     source = identification_file(truck) or Path(truck)
     with one_run(source):
         subject = read_truck(truck)
-    values, sigmas = _parameters(changes or [])
+    changed = {
+        path: read_quantity(text, unit_of(path), f"--set {path}")
+        for path, text in options.named_texts("--set", changes, "PATH=VALUE", "semitrailer.payload.height=1.8m").items()
+    }
     assessment = run_assessment(
-        subject, speed=_speed(speed), body=_body(body or []), changes=values, sigmas=sigmas, nonlinear=not linear
+        subject,
+        speed=quantity_option("--speed", speed, "m/s", "km/h"),
+        body=dict(options.named_texts("--body", body, "NAME=VALUE", "half_track=0.93m")),
+        changes={path: value for path, (value, _) in changed.items()},
+        sigmas={path: sigma for path, (_, sigma) in changed.items() if sigma},
+        nonlinear=not linear,
     )
     files: dict[str, Path] = {}
     if out is not None:
@@ -81,45 +124,3 @@ def assess(
             written = write_assessment(assessment, folder, provenance=provenance, figures=figures)
             files = terminal.in_folder(out, written)
     terminal.print_result(assessment.as_dict(), partial(assessment_document, assessment), files, as_json=as_json)
-
-
-def _parameters(texts: list[str]) -> tuple[dict[str, float], dict[str, float]]:
-    """Values and stated standard deviations of "PATH=VALUE", SI, by path."""
-    from fifthwheel.errors import VehicleError
-    from fifthwheel.vehicle import unit_of
-    from fifthwheel.vehicle.toml_format import read_quantity
-
-    values, sigmas = dict[str, float](), dict[str, float]()
-    for text in texts:
-        path, _, value = text.partition("=")
-        if not value:
-            raise VehicleError(f"--set {text}: expected PATH=VALUE, such as semitrailer.payload.height=1.8m")
-        values[path], sigma = read_quantity(value, unit_of(path), f"--set {path}")
-        if sigma:
-            sigmas[path] = sigma
-    return values, sigmas
-
-
-def _body(texts: list[str]) -> dict[str, float | str]:
-    """Texts of "NAME=VALUE" by name."""
-    from fifthwheel.errors import VehicleError
-
-    values = dict(text.partition("=")[::2] for text in texts)
-    if incomplete := [name for name, value in values.items() if not value]:
-        raise VehicleError(f"--body {incomplete[0]}: expected NAME=VALUE, such as half_track=0.93m")
-    return dict(values)
-
-
-def _speed(text: str) -> float:
-    """A speed in m/s; a number without a unit is in km/h."""
-    from fifthwheel.errors import SignalError, UnitError
-    from fifthwheel.units import quantity
-
-    try:
-        return float(text) / 3.6
-    except ValueError:
-        pass
-    try:
-        return quantity(text, "m/s")
-    except UnitError as error:
-        raise SignalError(f"--speed {text}: {error}") from None

@@ -1,4 +1,4 @@
-"""Axle loads in logs: compared with the vehicle file, and taken as its masses and CoG positions."""
+"""A vehicle file with what was measured: axle loads of a log, weighbridge slips, a static roll test."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -6,11 +6,13 @@ from typing import Any
 
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
+from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle, changes, with_axle_loads
+from fifthwheel.vehicle import DEFAULT_SIGMAS, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.vehicle.edited_file import edited, with_numbers
-from fifthwheel.vehicle.weighing.slip import Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.weighing import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""
@@ -167,3 +169,28 @@ def weigh_vehicle(
     source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
     weighed = weighed.model_copy(update={"source": source})
     return WeighedVehicle(vehicle=weighed, loads=loads, text=None if text is None else edited(text, weighed))
+
+
+def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
+    """The vehicle with the result of a roll test; see `vehicle.with_roll_test`.
+
+    Other numbers have the standard deviations that the vehicle file states, or else the default ones.
+
+    Raises:
+        VehicleError: the test is not plausible, or does not suit the vehicle.
+    """
+    relative = {key: sigma for key, sigma in DEFAULT_CONSIDERED.items() if key not in MODEL_ERRORS}
+    sigmas = {}
+    for path, value in vehicle.parameters().items():
+        if (key := longest_matching_key(path, relative)) and value > 0:
+            sigmas[path] = relative[key] * value
+    masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
+    tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
+    return tested.model_copy(update={"source": f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")})
+
+
+def tested_numbers(before: Vehicle, after: Vehicle) -> dict[str, dict[str, float]]:
+    """Value and sigma, SI, of every number by its path that a roll test has set."""
+    old, new = before.parameters(), after.parameters()
+    changed = [path for path in new if (new[path], after.stated.get(path)) != (old[path], before.stated.get(path))]
+    return {path: {"value": new[path], "sigma": after.stated[path]} for path in changed}

@@ -1,4 +1,4 @@
-"""fifthwheel design"""
+"""fifthwheel check and design: predictions before an identification"""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,8 +7,66 @@ import typer
 
 from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
-from fifthwheel.cli.app import command
-from fifthwheel.cli.terminal import print_files, progress_bar
+from fifthwheel.cli.app import Only, command, quantity_option
+from fifthwheel.cli.terminal import load_records, print_files, progress_bar, warn_of_axle_loads
+from fifthwheel.options import IdentifyOptions
+
+_OF_A_DESIGN = Only(("fix", "free", "prior", "consider", "any_load", "suspension_from"))
+_OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
+"""Options of an identification for predictions before it."""
+
+
+@command(
+    "fifthwheel check run.csv --vehicle truck.toml",
+    "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
+    "fifthwheel check run.csv -v truck.toml --exclude 12.5..14",
+    "fifthwheel check run.csv -v truck.toml --fix semitrailer.roll_stiffness",
+    "fifthwheel check run.csv -v truck.toml --free tractor.yaw_inertia --json",
+    "fifthwheel check run.csv -v truck.toml --plot time.html",
+)
+def check(
+    logs: options.Logs,
+    vehicle: options.VehicleOption,
+    signals: options.SignalsOption = None,
+    allow_outside: options.AllowOutsideOption = False,
+    exclude: options.ExcludeOption = None,
+    *,
+    chosen: Annotated[IdentifyOptions, _OF_LOGS],
+    plot: Annotated[
+        Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
+    ] = None,
+    force: options.ForceFileOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Predict the sigma of each parameter from these logs, and what would reduce it.
+
+    Predicts the sigma of each parameter that `identify` would estimate from all logs together. Uses the values of the
+    vehicle file and does no fit. For each parameter with a large sigma, it predicts the sigma if another parameter were
+    known, another manoeuvre driven or another signal logged. It also lists implausible signals, and late
+    ones.
+    """
+    from fifthwheel.identify.design.assess import assess_information
+    from fifthwheel.workflow import chosen_one_stage, read_vehicle
+
+    truck = read_vehicle(vehicle)
+    truck, settings = chosen_one_stage(truck, chosen)
+    with reserved(plot, force=force):
+        records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
+        warn_of_axle_loads(truck, records)
+        if plot is not None:
+            from fifthwheel.report.time_offsets import write_time_offsets
+
+            write_time_offsets(plot, records, truck)
+    assessment = assess_information(records, truck, settings)
+    if as_json:
+        print(assessment.to_json())
+    else:
+        from fifthwheel.pages.terminal import show
+        from fifthwheel.report.information import information_document
+
+        show(information_document(assessment))
+        if plot is not None:
+            print_files({plot.name: plot})
 
 
 @command(
@@ -44,12 +102,8 @@ def design(
             "Default: yaw rate and roll rate of every unit.",
         ),
     ] = None,
-    fix: options.FixOption = None,
-    free: options.FreeOption = None,
-    prior: options.PriorOption = None,
-    consider: options.ConsiderOption = None,
-    any_load: options.AnyLoadOption = False,
-    suspension_from: options.SuspensionOption = None,
+    *,
+    chosen: Annotated[IdentifyOptions, _OF_A_DESIGN],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
@@ -66,25 +120,22 @@ def design(
     """
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
-    from fifthwheel.workflow import IdentifyOptions, design_run, read_vehicle
+    from fifthwheel.workflow import chosen_one_stage, design_run, read_vehicle
     from fifthwheel.workflow.settings import fractions
 
     if out:
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
-    chosen = IdentifyOptions(
-        fix=fix or (), free=free or (), prior=prior or (), consider=consider or (), any_load=any_load
-    )
-    truck, settings = chosen.one_stage(truck, options.chosen_identification(suspension_from))
+    truck, settings = chosen_one_stage(truck, chosen)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(
                 truck,
-                fractions("--target", target),
+                fractions("--target", target or ()),
                 settings,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],
-                speed=_speed("--speed", speed) if speed else None,
-                max_speed=_speed("--max-speed", max_speed),
+                speed=quantity_option("--speed", speed, "m/s", "km/h") if speed else None,
+                max_speed=quantity_option("--max-speed", max_speed, "m/s", "km/h"),
                 max_acceleration=max_acceleration,
                 progress=progress,
             )
@@ -99,18 +150,3 @@ def design(
         show(design_document(result))
         if out:
             print_files({out.name: out})
-
-
-def _speed(option: str, text: str) -> float:
-    """A speed in m/s; without a unit it is in km/h.
-
-    Raises:
-        SignalError: the text is not a speed.
-    """
-    from fifthwheel.errors import SignalError
-    from fifthwheel.units import quantity
-
-    try:
-        return quantity(text if text[-1:].isalpha() else f"{text} km/h", "m/s")
-    except SignalError as error:
-        raise SignalError(f"{option}: {error}") from error

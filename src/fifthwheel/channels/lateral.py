@@ -1,0 +1,98 @@
+"""Lateral acceleration, as an accelerometer on the sprung body measures it; lateral velocity and sideslip angle."""
+
+from fifthwheel.channels.channel import (
+    Channel,
+    ErrorKind,
+    GainFault,
+    Instant,
+    NamePattern,
+    SensorModel,
+    SignalLimits,
+    StateNoise,
+    Symbol,
+    TurnRelation,
+)
+from fifthwheel.channels.inputs import VELOCITY_WORDS
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
+
+ACCELERATION_WORDS = "acc(el|eleration)?(_hor|_body)?"
+
+
+def _acceleration(now: Instant, i: int, name: str) -> Symbol:
+    """a + (x - x_cog) r' - (h - h_r) p' at the place, with g times the roll angle and the bank."""
+    unit = now.vehicle.units[i].name
+    arm = now.p[f"{name}.position"] - now.p[f"{unit}.cog"]
+    above = now.p[f"{name}.height"] - now.p[f"{unit}.roll_axis_height"]
+    a = now.acceleration[i]
+    planar = a[0] + arm * a[1] + GRAVITY * now.motion.bank
+    return planar - above * a[2] + GRAVITY * now.motion.roll[i] if now.roll else planar
+
+
+LATERAL_ACCELERATION = Channel(
+    quantity="lateral_acceleration",
+    unit="m/s^2",
+    patterns=(
+        NamePattern(
+            pattern=f"lat(eral)?_?acc|{ACCELERATION_WORDS}_?(y|lat[a-z]*)_?\\d?_|_a_?y(_|\\d)|_y_?acc|quer_?beschl",
+            excluded="_ang",
+        ),
+    ),
+    proposed="signal",
+    limit=SignalLimits(magnitude=12.0, jump=3.0, turn=1.0),
+    turn=TurnRelation(
+        expected=lambda turn: turn.speed * turn.yaw_rate,
+        least_sigma=0.3,
+        gain_faults=(GainFault("degrees", -1, 1 / 20), GainFault("unit", -1, 0.4), GainFault("unit", 2.5, 5)),
+        largest_offset=1.0,
+    ),
+    noise=(0.2**2, 0.2**2),
+    model=SensorModel(value=_acceleration, has_place=True, rate=lambda now, _, value: now.rate_of(value)),
+    errors=(
+        ErrorKind(kind="offset", setting="acceleration_offset", per_log=True),
+        ErrorKind(kind="gain", setting="acceleration_gain"),
+        ErrorKind(kind="delay", setting="acceleration_delay"),
+        ErrorKind(kind="position", setting="accelerometer_position"),
+        ErrorKind(kind="height", setting="accelerometer_height"),
+    ),
+)
+
+
+def _lateral_velocity(now: Instant, i: int, name: str) -> Symbol:
+    """v + (x - x_cog) r - (h - h_r) p at the place."""
+    unit = now.vehicle.units[i].name
+    arm = now.p[f"{name}.position"] - now.p[f"{unit}.cog"]
+    above = now.p[f"{name}.height"] - now.p[f"{unit}.roll_axis_height"]
+    return now.motion.v[i] + arm * now.motion.r[i] - above * now.motion.roll_rate[i]
+
+
+LATERAL_VELOCITY = Channel(
+    quantity="lateral_velocity",
+    unit="m/s",
+    patterns=(
+        NamePattern(
+            pattern=f"lat(eral)?_?vel|{VELOCITY_WORDS}_(y|lat[a-z]*|side[a-z]*)_|_y_?vel|_v_?y_|quer_?geschw",
+            excluded="_ang|frame",
+        ),
+    ),
+    proposed="reference",
+    limit=SignalLimits(magnitude=10.0, jump=1.0),
+    state=StateNoise(process=3e-3**2, observer_process=2e-2**2, initial_sigma=0.05),
+    model=SensorModel(value=_lateral_velocity, has_place=True),
+)
+
+SIDESLIP = Channel(
+    quantity="sideslip",
+    unit="rad",
+    patterns=(
+        NamePattern(
+            pattern="side_?slip|slip_?angle|angle_?slip|schwimm|_beta_", excluded="_(front|rear|left|right)_|rate"
+        ),
+    ),
+    proposed="reference",
+    limit=SignalLimits(magnitude=1.0, jump=0.1),
+    noise=(0.005**2, 0.005**2),
+    model=SensorModel(
+        value=lambda now, i, name: _lateral_velocity(now, i, name) / now.motion.u[i],
+        has_place=True,
+    ),
+)
