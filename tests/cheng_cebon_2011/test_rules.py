@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.estimator import _estimates, _Estimator, _settling_time, _State
+from fifthwheel.cheng_cebon_2011.estimator import _estimates, _settling_time, _State, _TwoStages
 from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.cheng_cebon_2011.stage import StageResult
 from fifthwheel.identify.history import ParameterHistory
@@ -141,10 +141,10 @@ def test_both_stages_are_repeated_until_no_parameter_changes(rounds: int, monkey
             settled={**state.settled, name: True},
         )
 
-    monkeypatch.setattr(_Estimator, "_stage", stage)
+    monkeypatch.setattr(_TwoStages, "_stage", stage)
     yaw = SimpleNamespace(names=("a",))
     full = SimpleNamespace(names=("a", HEIGHT), settings=TwoStage(rounds=rounds))
-    estimator = _Estimator(dataset=None, notes=(), yaw=yaw, full=full)
+    estimator = _TwoStages(dataset=None, notes=(), yaw=yaw, full=full)
     state = estimator._stages(_State(values={}, logs=(), not_excited=frozenset()), None)
     done = min(rounds, 5)
     assert calls == ["stage 1", "stage 2"] * done
@@ -161,11 +161,11 @@ def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch
     def posterior(problem: str, _: None, values: frozenset[str], *, gated: bool = True) -> None:
         calls.append((problem, sorted(values), gated))
 
-    monkeypatch.setattr(_Estimator, "_initial", lambda _, found: SimpleNamespace(logs=None, values=found))
-    monkeypatch.setattr(_Estimator, "_stages", lambda _, state, progress: state)
+    monkeypatch.setattr(_TwoStages, "_initial", lambda _, found: SimpleNamespace(logs=None, values=found))
+    monkeypatch.setattr(_TwoStages, "_stages", lambda _, state, progress: state)
     monkeypatch.setattr("fifthwheel.cheng_cebon_2011.estimator.evaluate_posterior", posterior)
-    monkeypatch.setattr(_Estimator, "_not_excited", lambda *_: frozenset(next(found)))
-    state, _ = _Estimator(dataset=None, notes=(), yaw="yaw", full="full").solve(None)
+    monkeypatch.setattr(_TwoStages, "_not_excited", lambda *_: frozenset(next(found)))
+    state, _ = _TwoStages(dataset=None, notes=(), yaw="yaw", full="full").solve(None)
     assert state.values == {"a", "c"}
     assert calls == [
         ("yaw", [], False),

@@ -332,11 +332,3 @@ def test_compiled_in_the_background(cache_folder: Path) -> None:
     for _ in range(2):
         with pytest.raises(NotImplementedError, match="refused"):
             refused(np.zeros(1), np.zeros((1, 1)), np.zeros(1))
-
-
-@pytest.mark.parametrize("vehicles", [1, 4, 9, 37])
-def test_threads_give_the_same(scan: Scan, vehicles: int) -> None:
-    carry, sample, constant = random_inputs(vehicles, 60)
-    single, parallel = scan.batch(carry, sample, constant), scan.batch(carry, sample, constant, threads=3)
-    for one, other in zip(single, parallel, strict=True):
-        assert np.array_equal(one, other)

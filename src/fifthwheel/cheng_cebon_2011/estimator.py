@@ -104,7 +104,7 @@ class _State:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Estimator:
+class _TwoStages:
     """What stays the same during one identification."""
 
     dataset: Dataset
@@ -207,7 +207,7 @@ class _Estimator:
         return sigma
 
 
-def _estimator(dataset: Dataset, settings: TwoStage) -> _Estimator:
+def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     """Unknowns and models of both stages.
 
     Raises:
@@ -241,10 +241,10 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _Estimator:
         full = problem((*dataset.yaw, *dataset.roll), [*stage_1, *stage_2], roll=True)
     else:
         notes.append(NO_STAGE_2_NOTE)
-    return _Estimator(dataset=dataset, notes=tuple(notes), yaw=yaw, full=full)
+    return _TwoStages(dataset=dataset, notes=tuple(notes), yaw=yaw, full=full)
 
 
-def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePosterior) -> Identification:
+def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePosterior) -> Identification:
     """The result: estimates with sigma and verdict, sensor errors, fits of all logs."""
     dataset, problem, sigma_z = estimator.dataset, estimator.full, estimator.sigma_z(state, posterior)
     unknowns, outputs = problem.unknowns, problem.outputs
@@ -277,7 +277,7 @@ def _identification(estimator: _Estimator, state: _State, posterior: TwoStagePos
     )
 
 
-def _estimates(estimator: _Estimator, state: _State, sigma_z: Mapping[str, float], *, trusted: bool) -> list[Estimate]:
+def _estimates(estimator: _TwoStages, state: _State, sigma_z: Mapping[str, float], *, trusted: bool) -> list[Estimate]:
     """Estimates of all parameters of both stages, also of those that are fixed or have no roll rate."""
     settings, vehicle = estimator.settings, estimator.dataset.initial_vehicle
     given, unknowns = vehicle.parameters(), {u.name: u for u in estimator.estimated}

@@ -91,7 +91,7 @@ class _Rows:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _State:
+class _StageState:
     """All that a stage has estimated between two passes; n_p unknowns."""
 
     z: Array  # (n_p,)
@@ -145,16 +145,16 @@ class _Stage:
         sigmas = np.array([filter_sigmas(u, self.settings) for u in self.problem.unknowns]).reshape(-1, 2)
         return np.where(self.is_active, sigmas.T, 0.0)
 
-    def initial(self, start: Mapping[str, float], logs: Sequence[LogData]) -> _State:
+    def initial(self, start: Mapping[str, float], logs: Sequence[LogData]) -> _StageState:
         """The state before the first pass."""
         z = self.problem.z(self.problem.values(start, logs[0]))
-        return _State(z=z, Pz=self._prior(), values=dict(start), logs=tuple(logs), before=z, step=np.zeros(len(z)))
+        return _StageState(z=z, Pz=self._prior(), values=dict(start), logs=tuple(logs), before=z, step=np.zeros(len(z)))
 
     def _prior(self) -> Array:
         """Covariance at the start of a pass."""
         return np.diag(self.sigmas[0] ** 2)
 
-    def run_pass(self, state: _State) -> _State:
+    def run_pass(self, state: _StageState) -> _StageState:
         """All logs once, in order; see the module docstring."""
         restart, active = self.settings.restart, self.is_active
         current = replace(
@@ -180,7 +180,7 @@ class _Stage:
             current, z=z, values=state.values | shared, step=step, damping=damping, rows=(*current.rows, last)
         )
 
-    def _run_log(self, state: _State, log: LogData) -> _State:
+    def _run_log(self, state: _StageState, log: LogData) -> _StageState:
         """One log: the unknowns that belong to it start from their prior, all others from the previous log."""
         specific = self.per_log & self.is_active
         Pz = state.Pz.copy()
@@ -242,7 +242,7 @@ class _Stage:
         """Rows for the history, of the estimated parameters only."""
         return _Rows(time=time, z=z[:, self.is_estimated], variance=variance[:, self.is_estimated])
 
-    def settled(self, state: _State) -> bool:
+    def settled(self, state: _StageState) -> bool:
         """Whether the last pass changed no parameter."""
         if not self.settings.restart:
             return False
@@ -253,7 +253,7 @@ class _Stage:
         sigma = np.sqrt(np.diag(state.Pz)) * np.abs(scale.slope(p))
         return not has_changed((p - p_before)[estimated], p[estimated], sigma[estimated], self.settings)
 
-    def history(self, state: _State) -> ParameterHistory:
+    def history(self, state: _StageState) -> ParameterHistory:
         """Of the estimated parameters over all passes."""
         estimated = [u for u, flag in zip(self.problem.unknowns, self.is_estimated, strict=True) if flag]
         scale = scaling(estimated)

@@ -48,7 +48,6 @@ class TripChange:
     probability: float  # of this kind at this trip, among all kinds and dates
     statistic: float  # normalised innovation squared of the alarm
     threshold: float  # that it exceeds without a change by the false-alarm probability of one test
-    alarm: int  # trip after which it was found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +97,6 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange
                     probability=probability,
                     statistic=alarm[0],
                     threshold=alarm[1],
-                    alarm=n,
                 )
             )
             if kind.name == OUTLIER:

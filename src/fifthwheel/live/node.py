@@ -13,6 +13,8 @@ from fifthwheel.logs.can.decoder import Frame, FrameDecoder
 from fifthwheel.observe import Status
 from fifthwheel.observe.states import wheel_lifts
 
+RATE = 100.0
+"""Of the outputs, Hz."""
 SHOWN = 1.0
 """A jump of the time or an overload is reported for this time, s."""
 LATE_FRAME = 0.05
@@ -48,8 +50,8 @@ class Output:
 class Node:
     """States from the frames of one or several buses.
 
-    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives. `rate` is that of
-    the outputs, Hz; the columns `extra` are those that the decoder has beside those of the map.
+    The same frames give the same outputs, whenever they arrive. Call `advance` when no frame arrives. The columns
+    `extra` are those that the decoder has beside those of the map.
     """
 
     def __init__(
@@ -58,7 +60,6 @@ class Node:
         decoder: FrameDecoder,
         live_map: LiveMap,
         *,
-        rate: float,
         extra: tuple[str, ...] = (),
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
@@ -68,11 +69,10 @@ class Node:
         """Last valid value of the extra columns."""
         self.frames = 0
         """Frames with a mapped signal."""
-        self._map, self._sampler, self._time_base = live_map, Sampler(rate), TimeBase()
+        self._map, self._sampler, self._time_base = live_map, Sampler(RATE), TimeBase()
         self._health = Health(column for column in decoder.columns if column not in extra)
         self.extra_columns = extra
         self._answer: Mapping[str, float] = _INPUT_MISSING
-        self._rate = rate
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
 
     def set_fault(self, fault: LiveFault, present: bool) -> None:
@@ -120,7 +120,7 @@ class Node:
 
     def finish(self) -> list[Output]:
         """The output of the last cycle, when no further frame comes."""
-        return self.advance(self.newest + LATE / self._rate) if math.isfinite(self.newest) else []
+        return self.advance(self.newest + LATE / RATE) if math.isfinite(self.newest) else []
 
     def _skip(self, before: float, time: float) -> Iterator[Output]:
         """The outputs at the beginning of a gap; then the cycles begin again."""

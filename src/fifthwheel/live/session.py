@@ -1,8 +1,7 @@
 """What happens with the outputs of a node: frames, record, estimates, page."""
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -43,7 +42,6 @@ class Session:
     send_period: float = 0.01  # time between two outputs that are sent, s
     trailer_column: str = ""  # column with the number of the trailer; empty for none
     views: Sequence[View] = ()
-    now: Callable[[], float] = time.monotonic
 
     def __post_init__(self) -> None:
         self._sent = self._sent_parameter = -1e9

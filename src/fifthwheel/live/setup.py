@@ -28,9 +28,6 @@ from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import exported_observer, read_vehicle
 
-RATE = 100.0
-"""Of the outputs, Hz."""
-
 
 @contextmanager
 def opened(
@@ -169,18 +166,16 @@ def _report(session: Session, say: Callable[[str], object]) -> None:
         say(f"Written: {session.recorder.path}")
 
 
-def make_node(
-    signal_map: SignalMap, estimator: LiveEstimator, *, extra: tuple[str, ...] = (), rate: float = RATE
-) -> Node:
+def make_node(signal_map: SignalMap, estimator: LiveEstimator, *, extra: tuple[str, ...] = ()) -> Node:
     """The node of a vehicle, with a map as `completed_map` gives it.
 
-    The values of the `extra` columns of the databases are kept in `Node.extra`; `rate` is that of the outputs, Hz. A
-    SignalError if a column is in no database, or has timestamps of its own.
+    The values of the `extra` columns of the databases are kept in `Node.extra`. A SignalError if a column is in no
+    database, or has timestamps of its own.
     """
     columns = list(dict.fromkeys(text for channel in signal_map.signals.values() for text in channel.columns))
     decoder = FrameDecoder(load(signal_map.databases), [*columns, *extra])
     mapped = LiveMap(signal_map, ["time", *decoder.columns])
-    return Node(estimator, decoder, mapped, rate=rate, extra=decoder.columns[len(columns) :])
+    return Node(estimator, decoder, mapped, extra=decoder.columns[len(columns) :])
 
 
 def completed_map(signal_map: SignalMap) -> SignalMap:

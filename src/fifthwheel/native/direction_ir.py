@@ -11,7 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from fifthwheel.native.instructions import Instruction, instructions
-from fifthwheel.native.llvm_ir import Emitter, Layout, Register, function
+from fifthwheel.native.llvm_ir import ArrayLayout, Emitter, Register, function
 
 _ARRAYS = ("carry", "sample", "constant", "carry", "constant")
 _RESULTS = ("carry", "output")
@@ -181,23 +181,23 @@ def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
         "nominal",
         nominal,
         [
-            Layout("carry", nominal.type, str(n_carry)),
-            Layout("sample", nominal.type, "0", str(n_sample)),
-            Layout("constant", nominal.type, str(n_constant)),
-            Layout("output", nominal.type, "0", str(step.numel_out(1))),
-            Layout("shared", nominal.type, "0", str(shared)),
-            Layout("fixed", nominal.type, "0"),
+            ArrayLayout("carry", nominal.type, str(n_carry)),
+            ArrayLayout("sample", nominal.type, "0", str(n_sample)),
+            ArrayLayout("constant", nominal.type, str(n_constant)),
+            ArrayLayout("output", nominal.type, "0", str(step.numel_out(1))),
+            ArrayLayout("shared", nominal.type, "0", str(shared)),
+            ArrayLayout("fixed", nominal.type, "0"),
         ],
     )
     source += function(
         "directions",
         directions,
         [
-            Layout("carry", directions.type, str(n_carry_dot)),
-            Layout("constant", directions.type, str(n_constant_dot)),
-            Layout("output", directions.type, "1", "%pitch.row"),
-            Layout("shared", nominal.type, "0", str(shared)),
-            Layout("fixed", nominal.type, "0"),
+            ArrayLayout("carry", directions.type, str(n_carry_dot)),
+            ArrayLayout("constant", directions.type, str(n_constant_dot)),
+            ArrayLayout("output", directions.type, "1", "%pitch.row"),
+            ArrayLayout("shared", nominal.type, "0", str(shared)),
+            ArrayLayout("fixed", nominal.type, "0"),
         ],
         pitch=True,
         strides=[f"  %pitch.row = mul i64 %pitch, {step.numel_out(3)}"],

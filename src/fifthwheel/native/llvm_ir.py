@@ -164,7 +164,7 @@ def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
     return text, last
 
 
-class Layout(NamedTuple):
+class ArrayLayout(NamedTuple):
     """Where the elements of an array are: element e of row k of group g is at g * group + k * row + e."""
 
     name: str
@@ -174,7 +174,7 @@ class Layout(NamedTuple):
 
 
 def function(
-    name: str, emitter: Emitter, layouts: Sequence[Layout], *, pitch: bool = False, strides: Sequence[str] = ()
+    name: str, emitter: Emitter, layouts: Sequence[ArrayLayout], *, pitch: bool = False, strides: Sequence[str] = ()
 ) -> str:
     """LLVM assembly of `void name(i64 samples, i64 groups, [i64 pitch,] ptr array, ...)`.
 
@@ -240,10 +240,10 @@ def module(step: ca.Function, lanes: int = 1) -> str:
     n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
     n_output = step.numel_out(1)
     layouts = [
-        Layout("carry", emitter.type, str(n_carry)),
-        Layout("sample", emitter.type, "%samples.sample", str(n_sample)),
-        Layout("constant", emitter.type, str(n_constant)),
-        Layout("output", emitter.type, "%samples.output", str(n_output)),
+        ArrayLayout("carry", emitter.type, str(n_carry)),
+        ArrayLayout("sample", emitter.type, "%samples.sample", str(n_sample)),
+        ArrayLayout("constant", emitter.type, str(n_constant)),
+        ArrayLayout("output", emitter.type, "%samples.output", str(n_output)),
     ]
     strides = [
         f"  %samples.sample = mul i64 %samples, {n_sample}",

@@ -95,14 +95,13 @@ class Scan:
         self.single(rows, 1, carry.ctypes.data, sample.ctypes.data, constant.ctypes.data, output.ctypes.data)
         return carry, output
 
-    def batch(self, carry: Array, sample: Array, constant: Array, threads: int = 1) -> tuple[Array, Array]:
+    def batch(self, carry: Array, sample: Array, constant: Array) -> tuple[Array, Array]:
         """Process the records of B vehicles, `lanes` at a time.
 
         Args:
             carry: (B, n_carry).
             sample: (B, N, n_sample), or (N, n_sample) if all vehicles have the same record.
             constant: (B, n_constant).
-            threads: number of threads.
 
         Returns:
             The carries (B, n_carry) and the outputs (B, N, n_output).
@@ -117,19 +116,8 @@ class Scan:
         self._expect("carry", carry.shape, (vehicles, self.n_carry))
         self._expect("constant", constant.shape, (vehicles, self.n_constant))
         carry, sample, constant = (self._to_lanes(array) for array in (carry, sample, constant))
-        groups = len(carry)
-        output = np.empty((groups, rows, self.n_output, self.lanes))
-        vector, arrays = self.vector, (carry, sample, constant, output)
-
-        def process(first: int, last: int) -> None:
-            addresses = [array.ctypes.data + first * array.strides[0] for array in arrays]
-            vector(rows, last - first, *addresses)
-
-        edges = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
-        if len(edges) <= 2:
-            process(0, groups)
-        else:
-            list(workers().map(process, edges[:-1], edges[1:]))
+        output = np.empty((len(carry), rows, self.n_output, self.lanes))
+        self.vector(rows, len(carry), *(array.ctypes.data for array in (carry, sample, constant, output)))
         return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
 
     @property
