@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from fifthwheel.vehicle.classes.figures import DAMPING_TIME, RELAXATION_LENGTH, AxleFigures, Figure
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
@@ -28,7 +29,6 @@ from fifthwheel.simulate import simulate
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.vehicle.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
-from fifthwheel.vehicle.classes.figures import DAMPING_TIME, RELAXATION_LENGTH, AxleFigures, Figure
 from fifthwheel.vehicle.classes.table import CLASSES, FIFTH_WHEEL, VehicleClass
 from fifthwheel.vehicle.weighing import Slip
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle

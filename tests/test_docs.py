@@ -58,8 +58,8 @@ def blocks(path: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
-SLOW = {("live", "python")}
-"""Pages and languages of the examples that compile the learner."""
+SLOW = {("live", "python"), ("limits", "python")}
+"""Pages and languages of the examples that compile the learner, or the observer with saturating tyres."""
 
 
 def examples(language: str, first: str = "") -> list[object]:

@@ -43,7 +43,8 @@ FLOWS = [
 ]
 BARS = [
     "channels: of each measured quantity its unit, model, limits, noise, sensor errors and words; every room reads it",
-    "workflow joins the steps for live, app, fleet and cli; studies, cheng_cebon_2011 and export use the rooms directly",
+    "workflow joins the steps for live, app, fleet and cli; "
+    "studies, cheng_cebon_2011 and export use the rooms directly",
 ]
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.identify.design import design_experiment
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
@@ -128,16 +127,15 @@ def test_check_refuses(folder, run):  # noqa: F811
 def test_design_proposes_a_drive(run):  # noqa: F811
     outcome = run("design", "-v", TRUCK, "--target", f"{INERTIA}=10%", *FAST, "--out", "drive.csv")
     assert (outcome.code, outcome.err) == (0, "")
-    assert re.match(r"A run of \d+ s reaches all targets\.", outcome.out)
+    assert (proposed := re.match(r"A run of (\d+) s reaches all targets\.", outcome.out))
     assert re.search(r"- \d+ x lane change of 0\.\d Hz.*, at a constant 80 km/h\.", outcome.out)
     assert re.search(r"\+-10 % .*identifiable", line_of(outcome.out, INERTIA))
     assert "Written: drive.csv" in outcome.out
     record = read_log("drive.csv")
     assert set(record.signals) == {"speed", "steer.tractor.front"}
     assert record.signals["speed"] == pytest.approx(80 / 3.6)
-    expected = design_experiment(get(TRUCK), {INERTIA: 0.1}).best
     assert 0 < np.abs(record.signals["steer.tractor.front"]).max() < 0.1
-    assert record.span[1] + 0.01 >= expected.duration - 1e-6  # other speeds may do it faster
+    assert record.span[1] == pytest.approx(int(proposed[1]), abs=0.52)  # the text is rounded
 
 
 @pytest.mark.slow
