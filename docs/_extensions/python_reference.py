@@ -3,11 +3,13 @@
 import inspect
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_type_hints
 
 from sphinx.application import Sphinx
+from sphinx.util.typing import stringify_annotation
 
 import fifthwheel
+from fifthwheel.settings import Settings, options_of
 
 SECTION = re.compile(r"(Args|Returns|Yields|Raises|Example|Examples|Attributes|Note|Notes):$")
 
@@ -59,7 +61,24 @@ def quote_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, line
     lines[:] = quoted
 
 
+def plain_types(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, result: str | None
+) -> None:
+    """Show the types of settings without their limits."""
+    if isinstance(obj, type) and issubclass(obj, Settings):
+        shown, hints = app.env.temp_data["annotations"][name], get_type_hints(obj)
+        shown |= {key: stringify_annotation(hints[key], "smart") for key in shown if key in hints}
+
+
+def describe_options(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Describe the settings that are options by their help."""
+    if isinstance(obj, type) and issubclass(obj, Settings) and options_of(obj):
+        lines += ["", "Args:", *(f"    {key}: {option.help}" for key, option in options_of(obj).items())]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("source-read", add_reference)
     app.connect("autodoc-process-docstring", quote_blocks, priority=400)  # before napoleon
+    app.connect("autodoc-process-docstring", describe_options, priority=401)
+    app.connect("autodoc-process-signature", plain_types, priority=900)  # after the types are recorded
     return {"parallel_read_safe": True}

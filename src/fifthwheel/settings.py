@@ -27,6 +27,9 @@ class Limits(NamedTuple):
     lt: float | None = None
     le: float | None = None
 
+    def __repr__(self) -> str:
+        return ", ".join(f"{name}={limit:g}" for name, limit in self._asdict().items() if limit is not None)
+
     def __get_pydantic_core_schema__(self, source: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         return handler(source) | {name: limit for name, limit in self._asdict().items() if limit is not None}
 

@@ -151,7 +151,7 @@ def test_a_signal_removes_temporary_files(number, code, place):
 
 WORKERS = """
 import sys, time
-from fifthwheel.cli import main, reproduce as command
+from fifthwheel.cli import main
 from fifthwheel.cheng_cebon_2011 import outcomes
 import importlib
 study = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
