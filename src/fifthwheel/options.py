@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from fifthwheel.settings import Count, Cure, Fraction, Limits, Option, Positive, Settings
 
 TyreLaw = Literal["linear", "saturating"]
+TyreChoice = Literal["linear", "saturating", "auto"]
 Friction = Annotated[float, Limits(ge=0.05, le=1.5), Cure("a dry road has 0.75")]
 """Peak friction of a road."""
 Names = tuple[str, ...]
@@ -116,7 +117,7 @@ class IdentifyOptions(Settings):
         ),
     ] = "output-error"
     tyres: Annotated[
-        Literal["linear", "saturating", "auto"],
+        TyreChoice,
         Option(
             help="linear; saturating: at the friction of the road, which is estimated too; auto: what the logs "
             "support.",

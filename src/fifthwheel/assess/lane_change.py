@@ -54,22 +54,14 @@ def course(speed: float) -> LaneChange:
 
 
 def measure(truck: Truck) -> Values:
-    """Measures of the lane change of the linear model, with the rollover threshold of the rearmost units.
-
-    Raises:
-        VehicleError: the truck is unstable at this speed, or its axle loads are not determined.
-    """
+    """Measures of the lane change of the linear model, with the rollover threshold of the rearmost units."""
     truck.require_stable()
     return measures(linear(truck)) | {REAR: rollover(truck)[-1].threshold}
 
 
 def measure_peak(truck: Truck) -> Values:
     """The largest gain from the lateral acceleration of the first CoG to that of the last, as
-    `dynamics.rearward_amplification`; a parabola through the largest gain and its neighbours gives the peak.
-
-    Raises:
-        VehicleError: the truck is unstable at this speed.
-    """
+    `dynamics.rearward_amplification`; a parabola through the largest gain and its neighbours gives the peak."""
     truck.require_stable()
     if len(truck.vehicle.units) == 1:
         return {}

@@ -58,11 +58,7 @@ class LowSpeedTurn:
 
 
 def measure(truck: Truck) -> Values:
-    """Swept path, m, friction demand and, if the rear overhang is known, tail swing, m.
-
-    Raises:
-        VehicleError: the first unit has no axle behind its first axle group.
-    """
+    """Swept path, m, friction demand and, if the rear overhang is known, tail swing, m."""
     run = turn(truck)
     values = {"swept_path": swept_path(truck, run), "friction_demand": friction_demand(truck, run)}
     if truck.body.rear_overhang is not None:

@@ -36,7 +36,8 @@ QUANTILE = 1.6448536269514722
 
 Order = Literal["linear", "sampled"]
 Family = Callable[[Truck], Values]
-"""Measures of a truck that are computed together."""
+"""Measures of a truck that are computed together; a FifthwheelError where the truck, such as an unstable one, does not
+have them."""
 
 
 @dataclass(frozen=True, kw_only=True)

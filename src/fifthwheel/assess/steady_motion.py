@@ -36,11 +36,7 @@ CROSSFALL = 0.03
 
 
 def measure_turn(truck: Truck) -> Values:
-    """The off-tracking at `ACCELERATION`, m.
-
-    Raises:
-        VehicleError: the truck is unstable at this speed.
-    """
+    """The off-tracking at `ACCELERATION`, m."""
     truck.require_stable()
     return {"steady_off_tracking": off_tracking(truck, ACCELERATION / truck.speed)}
 
@@ -68,11 +64,7 @@ def off_tracking(truck: Truck, yaw_rate: float) -> float:
 
 
 def measure_straight_path(truck: Truck) -> Values:
-    """The swept width on a road with `CROSSFALL`, m.
-
-    Raises:
-        VehicleError: the truck is unstable at this speed.
-    """
+    """The swept width on a road with `CROSSFALL`, m."""
     truck.require_stable()
     y = lateral_positions(truck)
     return {"straight_path_width": float(np.ptp(y)) + truck.body.width}

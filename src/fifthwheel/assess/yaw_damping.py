@@ -26,20 +26,12 @@ ROLL = ("roll", "roll_rate")
 
 
 def measure(truck: Truck) -> Values:
-    """The damping ratio by eigenvalues; negative for an oscillation that grows.
-
-    Raises:
-        VehicleError: the truck diverges without oscillation at this speed.
-    """
+    """The damping ratio by eigenvalues; negative for an oscillation that grows."""
     return {"yaw_damping": eigenvalue_damping(truck)}
 
 
 def measure_pulse(truck: Truck) -> Values:
-    """The damping ratio by the decay after a pulse.
-
-    Raises:
-        VehicleError: the truck is unstable at this speed, or no axle is steerable.
-    """
+    """The damping ratio by the decay after a pulse."""
     truck.require_stable()
     return {"yaw_damping_pulse": decay(*pulse_response(truck))}
 

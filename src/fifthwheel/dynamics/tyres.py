@@ -37,11 +37,12 @@ the friction that both forces use. When the speed rises, only the first unit dri
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.dynamics.symbolic import Expressions
+from fifthwheel.options import TyreLaw as TyreLaw
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import (
@@ -55,7 +56,6 @@ from fifthwheel.vehicle.parameters import (
     TYRE_PARAMETERS,
 )
 
-TyreLaw = Literal["linear", "saturating"]
 NO_CHANGE = ca.SX(0)
 """Of a load, N, or of the speed, m/s^2."""
 NOMINAL_LOAD = 35e3

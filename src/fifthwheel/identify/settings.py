@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Annotated, ClassVar, Literal
 
-from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
-from fifthwheel.options import Friction
+from fifthwheel.options import Friction, TyreChoice, TyreLaw
 from fifthwheel.settings import Count, Cure, FinitePositive, Positive, Settings
 from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
 from fifthwheel.vehicle.uncertainty import Change
@@ -157,7 +156,7 @@ class OneStage(CommonSettings):
     roll_inertia_prior: Positive = 0.6
     """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
     the same height may be a point, or stand along the sides."""
-    tyres: Literal["linear", "saturating", "auto"] = "linear"
+    tyres: TyreChoice = "linear"
     """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
     and which is estimated too (`dynamics.tyres`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
     in a `Learner` saturating."""

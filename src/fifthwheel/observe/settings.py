@@ -8,11 +8,10 @@ from pydantic import AfterValidator
 
 from fifthwheel.channels import LATERAL_ACCELERATION, SensorErrorName, checked_name, is_of
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
-from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.filters.variances import Variances
-from fifthwheel.options import ObserverOptions
+from fifthwheel.options import ObserverOptions, TyreLaw
 from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, NonNegative, Positive
 
 

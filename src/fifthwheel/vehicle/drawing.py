@@ -6,10 +6,7 @@ import numpy as np
 
 from fifthwheel.plots import Area, Axis, Item, Label, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, CYCLE, DARK, GREY, ORANGE, VERMILLION
-from fifthwheel.vehicle.unit import Unit
-
-Joint = tuple[float, float, float, bool]
-"""x on the unit in front, x on the unit behind, height above the ground, m; whether it is a drawbar eye."""
+from fifthwheel.vehicle.unit import Coupling, Unit
 
 WHEEL_RADIUS, WHEEL_WIDTH, TRACK = 0.5, 0.3, 2.0
 """Symbols of the wheels, m."""
@@ -22,32 +19,31 @@ UNITS = tuple(colour for colour in CYCLE if colour not in (ORANGE, DARK))
 _CIRCLE = np.linspace(0, 2 * np.pi, 33)
 
 
-def drawing(name: str, units: Sequence[Unit], joints: Sequence[Joint], derived: Mapping[str, float]) -> Plot:
+def drawing(name: str, units: Sequence[Unit], couplings: Sequence[Coupling], derived: Mapping[str, float]) -> Plot:
     """The drawing; x is forward, 0 at the origin of the first unit. `derived` is `Vehicle.derived`."""
     origins = [0.0]
-    for leading, trailing, *_ in joints:
-        origins.append(origins[-1] + leading - trailing)
+    for coupling in couplings:
+        origins.append(origins[-1] + coupling.leading_position - coupling.trailing_position)
     side: list[Item] = []
     top: list[Item] = []
     for k, (unit, origin) in enumerate(zip(units, origins, strict=True)):
-        couplings = [joints[k - 1][1]] * (k > 0) + [joint[0] for joint in joints[k : k + 1]]
+        in_front, behind = couplings[k - 1] if k else None, [c.leading_position for c in couplings[k : k + 1]]
         colour, axles = UNITS[k % len(UNITS)], [axle.position for axle in unit.axles]
-        ends = axles + couplings
-        if k and joints[k - 1][3]:  # a dolly: a drawbar in front of its frame
-            eye, ends = origin + joints[k - 1][1], axles
+        ends = [*axles, *behind, *([in_front.trailing_position] if in_front else [])]
+        if in_front and in_front.kind == "drawbar_eye":  # a dolly: a drawbar in front of its frame
+            eye, ends = origin + in_front.trailing_position, axles
             frame = [origin + max(axles) + OVERHANG] * 2
-            side.append(Line([eye, frame[0]], [joints[k - 1][2], FRAME], colour=colour, width=3))
+            side.append(Line([eye, frame[0]], [in_front.height, FRAME], colour=colour, width=3))
             top += [Line([eye, x], [0, y], colour=colour, width=2) for x, y in zip(frame, (-0.5, 0.5), strict=True)]
         rear, front = origin + min(ends) - OVERHANG, origin + max(ends) + OVERHANG
         cog = ([origin + unit.cog], [derived[f"{unit.name}.cog_height"]])
         side += [*_side(unit, origin, rear, front, colour), Label((rear + front) / 2, -0.35, unit.name)]
         side.append(Points(*cog, name="CoG, height of the laden body", colour=BLUE, marker="cross", size=9))
         top += _top(unit, origin, rear, front, colour)
-    joint_x = [origin + joint[0] for origin, joint in zip(origins, joints, strict=False)]
-    if joints:
-        heights = [height for _, _, height, _ in joints]
-        side.append(Points(joint_x, heights, name="coupling", colour=DARK, marker="square", size=8))
-        top.append(Points(joint_x, np.zeros(len(joints)), name="coupling", colour=DARK, marker="square", size=8))
+    if couplings:
+        joint_x = [origin + c.leading_position for origin, c in zip(origins, couplings, strict=False)]
+        for items, heights in ((side, [c.height for c in couplings]), (top, [0.0] * len(couplings))):
+            items.append(Points(joint_x, heights, name="coupling", colour=DARK, marker="square", size=8))
     ends_of_ground = [x for item in side if isinstance(item, Area) for x in (np.min(item.x), np.max(item.x))]
     side.append(Line([min(ends_of_ground), max(ends_of_ground)], [0, 0], colour=GREY, width=1))
     x = Axis(label="x", unit="m")

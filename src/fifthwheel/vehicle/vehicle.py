@@ -107,8 +107,7 @@ class Vehicle(Component):
         """
         from fifthwheel.vehicle.drawing import drawing  # only a plot needs NumPy
 
-        joints = [(c.leading_position, c.trailing_position, c.height, c.kind == "drawbar_eye") for c in self.couplings]
-        return drawing(self.name, self.units, joints, self.derived())
+        return drawing(self.name, self.units, self.couplings, self.derived())
 
     def __repr__(self) -> str:
         names = " + ".join(unit.name for unit in self.units)
