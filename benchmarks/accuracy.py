@@ -20,7 +20,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from fifthwheel.record.segments import segments_above
 
 from fifthwheel.channels import SignalName
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
@@ -36,6 +35,7 @@ from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
 from fifthwheel.record import Record
+from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get

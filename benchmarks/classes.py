@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from fifthwheel.vehicle.classes.figures import DAMPING_TIME, RELAXATION_LENGTH, AxleFigures, Figure
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
@@ -29,7 +28,15 @@ from fifthwheel.simulate import simulate
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.vehicle.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
-from fifthwheel.vehicle.classes.table import CLASSES, FIFTH_WHEEL, VehicleClass
+from fifthwheel.vehicle.classes.table import (
+    CLASSES,
+    DAMPING_TIME,
+    FIFTH_WHEEL,
+    RELAXATION_LENGTH,
+    AxleFigures,
+    Figure,
+    VehicleClass,
+)
 from fifthwheel.vehicle.weighing import Slip
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle
 

@@ -39,9 +39,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from fifthwheel.diagnose.run_summary import summarise_runs
 
 from fifthwheel.diagnose.cautions import Caution, identification_cautions
+from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, identify
 from fifthwheel.observe import Observer, States

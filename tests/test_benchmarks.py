@@ -1,5 +1,7 @@
 """Benchmarks as programs: what they print for few cases."""
 
+import ast
+import importlib
 import os
 import re
 import subprocess
@@ -22,6 +24,15 @@ def printed(program: str, *arguments: str) -> list[str]:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("program", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_names_that_a_benchmark_imports_exist(program: Path) -> None:
+    for node in ast.walk(ast.parse(program.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("fifthwheel"):
+            module = importlib.import_module(str(node.module))
+            for name in node.names:
+                assert hasattr(module, name.name) or importlib.import_module(f"{node.module}.{name.name}")
 
 
 def test_every_corruption_alters_one_input() -> None:
