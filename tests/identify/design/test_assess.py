@@ -289,7 +289,7 @@ def test_estimated_and_fixed_parameters(truck, record):
     separate = assess_information([record], truck, OneStage(uniform_payload=False))
     assert separate["semitrailer.sprung.cog_height"].value == pytest.approx(truck.derived()["semitrailer.cog_height"])
     with pytest.raises(VehicleError, match="fixed: every parameter is fixed"):
-        assess_information([record], truck, OneStage(free=(FRONT,), fixed=(FRONT,)))
+        assess_information([record], truck, OneStage(fixed=("cornering_stiffness", "yaw_inertia", "payload.height")))
     with pytest.raises(VehicleError, match="no such parameter"):
         assess_information([record], truck, OneStage(fixed=("tractor.colour",)))
 

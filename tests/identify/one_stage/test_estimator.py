@@ -19,6 +19,7 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.identify.conftest import without
 
+EVERY_PARAMETER = ("cornering_stiffness", "yaw_inertia", "payload.height")
 KNOWN = OneStage(priors={}, consider={}, nuisances=False)
 HEIGHT = "semitrailer.payload.height"
 STEER = "steer.tractor.front"
@@ -233,7 +234,7 @@ def test_fixed_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
     with pytest.raises(VehicleError, match=r"tractor\.yaw_inertai: no such parameter"):
         identify([record], guess, replace(KNOWN, free=("tractor.yaw_inertai",)))
     with pytest.raises(VehicleError, match="every parameter is fixed"):
-        identify([record], guess, replace(KNOWN, free=(front,), fixed=(front,), nuisances=False))
+        identify([record], guess, replace(KNOWN, free=None, fixed=EVERY_PARAMETER, nuisances=False))
     with pytest.raises(VehicleError, match=r"fifth_wheel\.roll_damping: expected above 0"):
         identify([record], guess, replace(KNOWN, free=("fifth_wheel.roll_damping",)))
 
