@@ -82,7 +82,7 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
         assert "All 5 parameters are identified" in report(page).locator(".headline").inner_text()
         page.get_by_role("button", name="Use the identified truck").click()
         page.get_by_text("vehicle.toml is the identified truck of run-1 now.").wait_for()
-        page.get_by_text("Settings").click()
+        page.get_by_text("Settings", exact=True).click()
         field = page.get_by_label(re.compile(r"^Fix\."))
         field.fill(FRONT)
         page.get_by_role("option", name=FRONT).click()
@@ -207,7 +207,7 @@ def test_a_killed_server_loses_nothing(browser, tmp_path):
         context = browser.new_context()
         page = context.new_page()
         page.goto(f"{address}identify")
-        page.get_by_text("Settings").click()
+        page.get_by_text("Settings", exact=True).click()
         page.get_by_label("Load of any shape").click()
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
@@ -229,7 +229,7 @@ def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
         tab(browser, f"{address}identify") as one,
         tab(browser, f"{address}identify") as two,
     ):
-        one.get_by_text("Settings").click()
+        one.get_by_text("Settings", exact=True).click()
         one.get_by_label("Load of any shape").click()
         two.get_by_label("Load of any shape").wait_for()  # it has reloaded, and shows the settings
         assert two.get_by_label("Load of any shape").is_checked()
