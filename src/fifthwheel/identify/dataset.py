@@ -92,8 +92,7 @@ class Dataset:
     @property
     def speeds(self) -> tuple[float, float]:
         """Lowest and highest speed of the logs that the vehicle is identified on, m/s."""
-        lowest, highest = zip(*[log.speeds for log in self.logs], strict=True)
-        return min(lowest), max(highest)
+        return speed_range(self.logs)
 
     def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
         """The initial vehicle with estimated values; its source names the logs and their speeds."""
@@ -183,6 +182,12 @@ def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ..
     """Units with neither a yaw rate nor an articulation angle among the channels, such as a dolly, front to rear."""
     measured = {SignalName.of(name).unit for name in channels}
     return tuple(unit.name for unit in vehicle.units if unit.name not in measured)
+
+
+def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:
+    """Lowest and highest speed of logs, m/s."""
+    lowest, highest = zip(*[log.speeds for log in logs], strict=True)
+    return min(lowest), max(highest)
 
 
 def _require_distinct_names(records: Sequence[Record], everything: Sequence[Record]) -> None:

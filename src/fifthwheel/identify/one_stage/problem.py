@@ -38,7 +38,7 @@ from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
-from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
 from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
@@ -332,8 +332,7 @@ class Problem:
     @cached_property
     def _speed_range(self) -> tuple[float, float]:
         """Lowest and highest speed, m/s."""
-        lowest, highest = zip(*[log.speeds for log in self.logs], strict=True)
-        return min(lowest), max(highest)
+        return speed_range(self.logs)
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:

@@ -3,14 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fifthwheel.channels import USUAL
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION
 from fifthwheel.settings import FiniteNonNegative, NonNegative, Positive, Settings
-
-DISCREPANCY: Mapping[str, float] = {"yaw_rate": 0.0025, "roll_rate": 0.0005, "articulation": 0.003}
-"""Of the nonlinear truck (`plant`) in everyday driving, by the noise model that an identification fits
-(`identify.noise_model`); of an articulation angle the fraction of its signal that the yaw rate has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +34,9 @@ class LearnerSettings(Settings):
     max_lateral_acceleration: Positive = NONLINEAR_ACCELERATION
     """Nothing is learned while the steer angle corresponds to a larger steady lateral acceleration, m/s^2: the model is
     linear. Tyres that saturate have no such limit."""
-    discrepancy: Mapping[str, FiniteNonNegative] = field(default_factory=lambda: dict(DISCREPANCY))
+    discrepancy: Mapping[str, FiniteNonNegative] = field(
+        default_factory=lambda: {channel.quantity: channel.discrepancy for channel in USUAL}
+    )
     """Standard deviation of the discrepancy of a channel by quantity, SI: the part of its signal that the linear model
     does not describe, a first-order process. Without sensor errors (`nuisances`) the model has none."""
     discrepancy_time: Positive = 5.0
