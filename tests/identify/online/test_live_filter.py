@@ -153,3 +153,8 @@ def test_autocorrelation_follows_ten_times_slower() -> None:
         expected += 0.01 / 50.01 * (average**2 / (weight / (2 - weight)) - expected)
     assert statistics.autocorrelation[0] == pytest.approx(expected)
     assert expected == pytest.approx(199 * (1 - np.exp(-20 / 50)), rel=0.1)
+
+
+def test_a_learner_uses_every_gyro_of_a_unit(guess) -> None:
+    outputs = online_setup(guess, [*SIGNALS, "yaw_rate.semitrailer.rear"], FIVE).outputs
+    assert {*outputs} - {*online_setup(guess, SIGNALS, FIVE).outputs} == {"yaw_rate.semitrailer.rear"}
