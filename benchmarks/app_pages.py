@@ -28,7 +28,7 @@ MAX_SIZE = 150_000
 """Bytes of a picture."""
 SETTLED = 4000
 """ms in which a page is drawn, after the first of its plots."""
-RUNS = {"first": [], "roll stiffness known": ["--consider", "roll_stiffness=5%"]}
+RUNS = {"first": [], "roll stiffness known": ["--set", "roll_stiffness=+- 5 %"]}
 """Options of the identifications."""
 
 

@@ -29,6 +29,7 @@ GUESS = {"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stif
 LIGHT = fw.OneStage(
     fixed=("tractor.front.cornering_stiffness", "semitrailer.yaw_inertia", "semitrailer.payload.height"),
     consider={},
+    tyres="linear",
     adapt_noise=False,
     check=False,
 )
@@ -138,7 +139,7 @@ def overhead(folder, trips, count):
 def coverage(folder, trucks, trips, jobs):
     """Coverage of 90 % intervals; changes in the middle: of tyres by 15 %, of the load, or none, in turn."""
     drive = "tractor.drive.cornering_stiffness"
-    settings = fw.OneStage(consider={})  # the vehicle file is exact but for the estimated parameters
+    settings = fw.OneStage(consider={}, tyres="linear")  # as the logs; the vehicle file is exact but for the estimates
 
     values = TRUCK.parameters()
     load = {"semitrailer.payload.height": 0.4 + values["semitrailer.payload.height"]}

@@ -161,7 +161,7 @@ def result_of(case: Case, corruption: Corruption | None) -> Result:
 def wrong_estimates(result: Identification, ranges: Mapping[str, Range]) -> Iterator[Wrong]:
     """The estimates that are wrong, parameters first, then derived quantities."""
     for estimate in (*result.parameters, *result.derived):
-        if not estimate.sigma:
+        if not estimate.sigma or estimate.name not in ranges:  # such as the friction, which few of these logs use
             continue
         nearest = float(np.clip(estimate.value, *ranges[estimate.name]))
         z = (estimate.value - nearest) / estimate.sigma

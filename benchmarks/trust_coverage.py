@@ -1,6 +1,6 @@
 """Coverage of the 90 % intervals of parameters and states with random errors of vehicle file and sensors.
 
-Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the considered
+Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the uncertain
 parameters, and the errors of the sensors, the latency of the gyros and the bank from the priors of `OneStage`. The
 linear truck has the speed and the steer angle of a run of the nonlinear truck.
 """
@@ -24,8 +24,8 @@ from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
 from fifthwheel.names import ParameterPath
-from fifthwheel.observe import Observer, ObserverSettings
-from fifthwheel.plant import Sensor, measure
+from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.plant import PlantRun, Sensor, measure
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.studies.scenarios import initial_guess
@@ -70,27 +70,30 @@ class Sample:
     converged: bool = True
 
 
-def drawn_file(settings: OneStage, rng: np.random.Generator) -> Vehicle:
+def drawn_file(truck: Vehicle, settings: OneStage, rng: np.random.Generator) -> Vehicle:
     """The truck with errors of all numbers of its file that are not estimated."""
-    values = TRUCK.parameters()
-    for change in changes(TRUCK):
+    values = truck.parameters()
+    for change in changes(truck):
         z = rng.normal()
         for path, slope in change.slopes.items():
             values[path] += z * slope
-    estimated = {*stage_1_names(TRUCK), "semitrailer.payload.height"}
+    estimated = {*stage_1_names(truck), "semitrailer.payload.height", *truck.stated}
     for path, value in values.items():
         key, parsed = longest_matching_key(path, settings.consider), ParameterPath.of(path)
         is_trailer_body = (parsed.unit, parsed.component) == ("semitrailer", "sprung")
         if key is not None and key not in MODEL_ERRORS and value > 0 and not is_trailer_body and path not in estimated:
             values[path] = value * math.exp(settings.consider[key] * rng.normal())
-    return TRUCK.replace(values)
+    return truck.replace(values)
 
 
 def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     """Time (N,) and true signals and states (N,) each of a run on a banked road; bank in rad."""
     run = driven(draw.run, draw.seed, draw.duration, (*draw.changes, ("bank", bank)) if draw.nonlinear else ())
-    if draw.nonlinear:
-        return run.time, run.truth
+    return (run.time, run.truth) if draw.nonlinear else linear_signals(run, bank)
+
+
+def linear_signals(run: PlantRun, bank: float) -> tuple[Array, Mapping[str, Array]]:
+    """The same of the linear truck with the inputs of a run of the nonlinear one."""
     inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
     truck = TRUCK.with_logged_steering(inputs, run.name)
     model = dynamics.model(truck, outputs, roll=True, bank=True)
@@ -102,21 +105,36 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
 
 def drawn_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
     """Bank of the road and errors of all sensors of one log, SI."""
-    errors = {"bank": settings.bank_prior * rng.normal()}
-    errors |= {f"{STEER}.gain": 1 + settings.steer_gain_prior * rng.normal()}
-    errors |= {f"{STEER}.offset": settings.steer_offset_prior * rng.normal()}
+    return shared_errors(settings, rng) | log_errors(settings, rng)
+
+
+def shared_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
+    """Errors of the sensors that all logs share, SI."""
+    errors = {f"{STEER}.gain": 1 + settings.steer_gain_prior * rng.normal()}
     errors |= {f"{STEER}.delay": settings.steer_delay_prior * rng.normal()}
     for name in GYROS:
         errors |= {f"{name}.misalignment": settings.misalignment_prior * rng.normal()}
         errors |= {f"{name}.delay": settings.consider["gyro_delay"] * rng.normal()}
         errors |= {f"{name}.gain": 1 + settings.rate_gain_prior * rng.normal()}
-        errors |= {f"{name}.offset": settings.rate_offset_prior * rng.normal()}
     return errors
+
+
+def log_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
+    """Bank of the road and offsets of the sensors in one log, SI."""
+    errors = {"bank": settings.bank_prior * rng.normal()}
+    errors |= {f"{STEER}.offset": settings.steer_offset_prior * rng.normal()}
+    return errors | {f"{name}.offset": settings.rate_offset_prior * rng.normal() for name in GYROS}
 
 
 def drawn_record(draw: Draw, errors: Mapping[str, float], name: str) -> Record:
     """The log of a draw with errors of all sensors and the true states as reference."""
-    time, truth = true_signals(draw, errors["bank"])
+    return measured_record(*true_signals(draw, errors["bank"]), errors, name, draw.seed)
+
+
+def measured_record(
+    time: Array, truth: Mapping[str, Array], errors: Mapping[str, float], name: str, seed: int
+) -> Record:
+    """A log of true signals with errors of all sensors, and the true states as reference."""
     measured: dict[str, Array] = {SPEED: truth[SPEED]}
     late = np.interp(time - errors[f"{STEER}.delay"], time, truth[STEER])
     measured[STEER] = late / errors[f"{STEER}.gain"] + errors[f"{STEER}.offset"]
@@ -127,14 +145,14 @@ def drawn_record(draw: Draw, errors: Mapping[str, float], name: str) -> Record:
         values = np.interp(time - errors[f"{gyro}.delay"], time, values)
         measured[gyro] = errors[f"{gyro}.gain"] * values + errors[f"{gyro}.offset"]
     sensors = {name: Sensor(variance=GYROS.get(name, 0.0)) for name in measured}
-    signals = measure(time, measured, sensors, seed=draw.seed)
+    signals = measure(time, measured, sensors, seed=seed)
     return Record(time=time, signals=signals, reference={name: truth[name] for name in STATES}, name=name)
 
 
 def samples(draw: Draw) -> dict[str, Sample]:
     """Errors and sigmas of all estimates and states by name, as fractions and in rad; empty if the log is refused."""
     settings, rng = OneStage(tyres=draw.tyres), np.random.default_rng([draw.seed, 17])
-    file = drawn_file(settings, rng)
+    file = drawn_file(TRUCK, settings, rng)
     errors = drawn_errors(settings, rng)
     of_log = {key: x for key, x in drawn_errors(settings, rng).items() if key == "bank" or key.endswith(".offset")}
     record = drawn_record(draw, errors, "log")
@@ -168,6 +186,13 @@ def state_samples(
         ON_LINE: (unseen, result.observer(), None),
         FILE_ONLY: (unseen, Observer(file, unseen.signals), None),
     }
+    return observed_samples(observers)
+
+
+def observed_samples(
+    observers: Mapping[str, tuple[Record, Observer, Uncertainty | None]],
+) -> Iterator[tuple[str, Sample]]:
+    """Errors and sigmas of the states of logs with their observers, by the suffix of the names."""
     for suffix, (log, observer, uncertainty) in observers.items():
         states = observer.batch(log, uncertainty)
         for name in STATES:

@@ -45,7 +45,7 @@ def test_with_known_parameters_both_are_the_kalman_filter(example, record) -> No
 
 def test_particles_correct_the_initial_values(example) -> None:
     record, guess = simulated(TRUCK, fw.SimulatedRun(count=1)).record(1), initial_guess(TRUCK, 1)
-    estimates = example("particle_filter").ParticleFilter(particles=40)(record, guess)
+    estimates = example("particle_filter").ParticleFilter()(record, guess)
     known = example("particle_filter").ParticleFilter(particles=1, prior=0.0)(record, guess)
     true = TRUCK.parameters()
     errors = [estimate.value / true[estimate.name] - 1 for estimate in estimates.parameters]

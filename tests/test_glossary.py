@@ -35,7 +35,7 @@ TERMS = (
     "verdict",
     "considered parameter",
     "fixed parameter",
-    "uncertain parameter",
+    "uncertain number",
     "estimated parameter",
     "bias",
     "offset",

@@ -16,8 +16,10 @@ point = trailer.model_copy(update={"payload": trailer.payload.model_copy(update=
 true = block.model_copy(update={"units": (block.units[0], point)})
 record = fw.simulate(true, count=5, seed=1)
 
-assumed = fw.identify([record], block, fw.OneStage(consider={}))  # the vehicle file says: a uniform block
-separate = fw.identify([record], block, fw.OneStage(consider={}, uniform_payload=False))
+assumed = fw.identify(
+    [record], block, fw.OneStage(consider={}, tyres="linear")
+)  # the vehicle file says: a uniform block
+separate = fw.identify([record], block, fw.OneStage(consider={}, uniform_payload=False, tyres="linear"))
 
 # %%
 # The point load has the same CoG, but less roll inertia than the block.

@@ -8,7 +8,9 @@ from fifthwheel.settings import Count, Cure, Fraction, Limits, Option, Positive,
 
 TyreLaw = Literal["linear", "saturating"]
 TyreChoice = Literal["linear", "saturating", "auto"]
-Friction = Annotated[float, Limits(ge=0.05, le=1.5), Cure("a dry road has 0.75")]
+FRICTION_RANGE = (0.05, 6.0)
+"""Of the peak friction of a road; far above 1, tyres are linear."""
+Friction = Annotated[float, Limits(ge=FRICTION_RANGE[0], le=FRICTION_RANGE[1]), Cure("a dry road has 0.75")]
 """Peak friction of a road."""
 Names = tuple[str, ...]
 
@@ -62,24 +64,28 @@ class IdentifyOptions(Settings):
             },
         ),
     ] = "one-stage"
-    fix: Annotated[Names, Option(help="A parameter that keeps its value, assumed to be exact")] = ()
-    free: Annotated[
-        Names, Option(help="A parameter to estimate in addition to the default ones", label="Estimate too")
-    ] = ()
-    prior: Annotated[
+    statements: Annotated[
         Names,
         Option(
-            help="NAME=FRACTION: also estimate NAME; FRACTION is its prior sigma relative to its value, such as "
-            "relaxation_length=20%. NAME is a parameter path or its last part. 0: NAME is exact and not estimated."
+            flags=("--set",),
+            help="NAME=STATEMENT: what you know of a number. NAME is a parameter path or its last part, road.friction, "
+            "or a sensor error such as steer.tractor.front.gain. STATEMENT is a value, '+- SIGMA', both, 'exact', or "
+            "'free' for a wide prior: semitrailer.mass='33.4 t +- 0.5 %', yaw_inertia=exact, road.friction=wet "
+            "(dry, wet, snow, ice or unknown). Errors of all sensors of a kind, such as steer_delay='+- 5 ms': "
+            "steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
+            "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
+            "accelerometer_position, accelerometer_height, and bank. Errors of the model: vehicle_file and softening "
+            "(times the default), gyro_delay, stiffness_variation, time_base, discrepancy.",
+            label="Statements on numbers",
         ),
+    ] = ()
+    fix: Annotated[Names, Option(help="Old form of --set NAME=exact.", replaced_by="--set")] = ()
+    free: Annotated[Names, Option(help="Old form of --set NAME=free.", replaced_by="--set")] = ()
+    prior: Annotated[
+        Names, Option(help="NAME=FRACTION: old form of --set NAME='+- FRACTION'.", replaced_by="--set")
     ] = ()
     consider: Annotated[
-        Names,
-        Option(
-            help="NAME=FRACTION: do not estimate NAME, but include its uncertainty in every sigma, such as "
-            "roll_stiffness=10%. NAME is a parameter path or its last part, or vehicle_file or softening (times the "
-            "default), or gyro_delay (2ms). 0: NAME is exact."
-        ),
+        Names, Option(help="NAME=FRACTION: old form of --set NAME='+- FRACTION'.", replaced_by="--set")
     ] = ()
     any_load: Annotated[
         bool,
@@ -88,16 +94,7 @@ class IdentifyOptions(Settings):
             label="Load of any shape",
         ),
     ] = False
-    sensor: Annotated[
-        Names,
-        Option(
-            help="NAME=SIGMA: prior sigma of a sensor error, such as steer_delay=5ms if all signals have a common time "
-            "base. NAME is steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
-            "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
-            "accelerometer_position, accelerometer_height or bank.",
-            label="Sensors",
-        ),
-    ] = ()
+    sensor: Annotated[Names, Option(help="NAME=SIGMA: old form of --set NAME='+- SIGMA'.", replaced_by="--set")] = ()
     suspension_from: Annotated[
         Path | None,
         Option(
@@ -119,22 +116,18 @@ class IdentifyOptions(Settings):
     tyres: Annotated[
         TyreChoice,
         Option(
-            help="linear; saturating: at the friction of the road, which is estimated too; auto: what the logs "
-            "support.",
+            help="saturating: at the friction of the road, which is estimated too; linear, with an unknown softening; "
+            "auto: saturating if the axle loads are known.",
             choices={
-                "linear": "Linear",
+                "auto": "Saturating if the axle loads are known",
                 "saturating": "Saturating at the friction of the road, which is estimated",
-                "auto": "What the logs support",
+                "linear": "Linear, with an unknown softening",
             },
         ),
-    ] = "linear"
-    friction: Annotated[
-        Friction | None,
-        Option(
-            help="Probable peak friction of the road for tyres that saturate: 0.75 dry, 0.6 wet, 0.3 snow. Default: "
-            "0.75.",
-        ),
-    ] = None
+    ] = "auto"
+    friction: Annotated[Friction | None, Option(help="Old form of --set road.friction=VALUE.", replaced_by="--set")] = (
+        None
+    )
     passes: Annotated[
         Count | None, Option(help="Maximum number of passes through the logs in each stage; two stages only.")
     ] = None

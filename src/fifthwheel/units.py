@@ -150,13 +150,11 @@ def uncertain_quantity(
     """
     if not isinstance(value, str) or len(value) > 5 * MAX_LENGTH:
         return quantity(value, si, strict=strict), None
-    text, *statement = _STATEMENT.split(value)
-    if len(statement) > 2 or (statement[:1] == ["exact"] and statement[1]):
-        raise UnitError(f"expected one '+- ...' or 'exact' at the end, got {_shown(value)}; keep only one")
+    text, *statement = split_statement(value)
     size = quantity(text, si, strict=strict)
     if unit_needed and size and not _number_and_unit(text, si)[1]:
         raise UnitError(f"expected a number with a unit such as '1 {si}', got {_shown(value)}; add its unit")
-    if not statement:
+    if not statement[0]:
         return size, None
     if statement[0] == "exact":
         return size, 0.0
@@ -179,6 +177,23 @@ def uncertain_quantity(
             f"after '+-': expected a finite standard deviation, 0 or more, got {_shown(value)}; give its magnitude"
         )
     return size, sigma
+
+
+def split_statement(text: str) -> tuple[str, str, str]:
+    """The parts of a text such as "8 t +- 2 %": the value, "+-" or "exact", and the standard deviation; each may be
+    empty.
+
+    Raises:
+        UnitError: the text has several '+-' or 'exact', or something behind 'exact'.
+
+    >>> split_statement("8 t +- 2 %"), split_statement("exact")
+    (('8 t', '+-', '2 %'), ('', 'exact', ''))
+    """
+    value, *statement = _STATEMENT.split(text)
+    if len(statement) > 2 or (statement[:1] == ["exact"] and statement[1]):
+        raise UnitError(f"expected one '+- ...' or 'exact' at the end, got {_shown(text)}; keep only one")
+    mark, sigma = statement or ("", "")
+    return value, mark if mark in ("", "exact") else "+-", sigma
 
 
 def base_units(unit: str) -> dict[str, int]:

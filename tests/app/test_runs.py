@@ -81,7 +81,8 @@ def test_the_settings_are_those_of_the_options(identified):
     )
     assert [record.name for record in (*found.records, *found.validate)] == ["first", "second"]
     assert found.settings.fixed == (FRONT,)
-    assert found.settings.consider["roll_stiffness"] == 0.05
+    path = "semitrailer.roll_stiffness"
+    assert found.truck.stated[path] == pytest.approx(0.05 * found.truck.parameters()[path])
 
 
 def test_a_failed_run_leaves_no_result(workspace, identified):

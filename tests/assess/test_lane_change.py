@@ -71,7 +71,11 @@ def test_a_narrow_track_transfers_more_load():
 
 @pytest.mark.slow
 def test_the_nonlinear_truck_agrees():
-    """An independent model: at 0.15 g its tyres are almost linear, but its driver rounds off the course."""
+    """An independent model: at 0.15 g its tyres are almost linear.
+
+    Its driver rounds off the course, so that the rearward amplification of that course is 10 % higher. With the steer
+    angle of that driver the linear model has the same ratio of the peaks of both units, within 1 %.
+    """
     pytest.importorskip("mujoco")
     from fifthwheel.assess.nonlinear import measures as nonlinear_measures
     from fifthwheel.assess.steady_motion import measure_turn
@@ -81,7 +85,11 @@ def test_the_nonlinear_truck_agrees():
     assert set(runs) == {"nonlinear"}
     assert runs["nonlinear"].x["front"][0] == 0.0
     assert runs["nonlinear"].x["semitrailer"][0] == pytest.approx(-3.1 - 9.3, abs=0.05)
+    run, outputs = runs["nonlinear"], [f"cog_acceleration.{unit}" for unit in ("tractor", "semitrailer")]
+    system = linear_system(TRUCK.vehicle, TRUCK.speed, outputs)
+    peaks = [np.abs(response).max() for response in system.response(run.time, {system.inputs[0]: run.steer}).values()]
+    actual = np.abs(run.acceleration["semitrailer"]).max() / np.abs(run.acceleration["tractor"]).max()
+    assert actual == pytest.approx(peaks[1] / peaks[0], rel=0.01)
     expected = measure(TRUCK) | measure_turn(TRUCK)
-    assert values["rearward_amplification"] == pytest.approx(expected["rearward_amplification"], rel=0.1)
     assert values["load_transfer_ratio"] == pytest.approx(expected["load_transfer_ratio"], rel=0.2)
     assert values["steady_off_tracking"] == pytest.approx(expected["steady_off_tracking"], rel=0.15)

@@ -19,11 +19,11 @@ def test_table_and_files(runs, run, tmp_path):  # noqa: F811
     page, table = tmp_path / "c.html", tmp_path / "c.csv"
     outcome = run("compare", *runs, "--csv", table, "--html", page)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("0 of 5 parameters differ from monday by more than 2 sigma.")
+    assert outcome.out.startswith("0 of 6 parameters differ from monday by more than 2 sigma.")
     assert "share lane changes" in " ".join(outcome.out.split())
     with table.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert len(rows) == 10
+    assert len(rows) == 12
     assert {row["difference_in_sigmas"] for row in rows} == {"", "0.0"}
     text = Page(page.read_text()).text
     assert runs[1].name in text

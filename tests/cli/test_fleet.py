@@ -5,7 +5,7 @@ import pytest
 from tests.cli.test_cli import run  # noqa: F401 - a fixture
 from tests.fleet.make import FIXED, make_fleet
 
-OPTIONS = [word for name in FIXED for word in ("--fix", name)]
+OPTIONS = [word for name in FIXED for word in ("--set", f"{name}=exact")]
 
 
 def test_a_run_and_its_page(run, tmp_path):  # noqa: F811

@@ -20,7 +20,14 @@ def estimate(name, verdict=Verdict.CONVERGED, *, sigma=0.01, **others):
 def of(result, *estimates, **others):
     """A result with these parameters, and nothing else to say."""
     fits = tuple(fit for fit in result.identification.fits if fit.identified_on)
-    nothing = {"fits": fits, "variance_budget": {}, "uncertain": (), "sensors": (), "doubts": ()}
+    nothing = {
+        "fits": fits,
+        "variance_budget": {},
+        "remaining_uncertainty": {},
+        "uncertain": (),
+        "sensors": (),
+        "doubts": (),
+    }
     return replace(result.identification, parameters=estimates, **(nothing | others))
 
 

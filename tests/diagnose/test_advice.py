@@ -109,7 +109,8 @@ def test_a_missing_roll_rate(result):
 
 
 def test_what_separates_correlated_parameters(result):
-    for other, cure in ((AXIS, f"fix {AXIS} at a value from another source (--fix)"), ("steer.x.gain", "calibration")):
+    stated = f"state {AXIS} with its uncertainty from another source (--set)"
+    for other, cure in ((AXIS, stated), ("steer.x.gain", "calibration")):
         correlated = estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(other, REAR))
         (step,) = (s for s in next_steps(of(result, correlated)) if "To identify" in s.message)
         assert step.parameters == (HEIGHT,)
@@ -120,23 +121,23 @@ def test_what_separates_correlated_parameters(result):
 
 
 def test_dominant_uncertainties(result):
-    axis = estimate(AXIS, Verdict.FIXED, value=-2.0, sigma=0.3)
+    axis = estimate(AXIS, Verdict.NOT_EXCITED, value=-2.0, sigma=0.3, initial=-1.5, prior=0.3)
     wide = estimate(HEIGHT, sigma=0.1)
     for source, uncertain, text in (
         (
             AXIS,
             (axis,),
-            f"60 % of the variance of {HEIGHT} comes from {AXIS} (assumed uncertainty 15 %). Measure it, or ",
+            f"The variance of {HEIGHT} would be 60 % smaller if {AXIS} were exact (known to ±20 %, with the logs to "
+            "±15 %). Measure it, or ",
         ),
-        (AXIS, (axis,), f"--consider {AXIS}=5%"),
+        (AXIS, (axis,), f"--set {AXIS}='+- 5 %'"),
         (
             AXIS,
             (axis,),
             "Or calibrate it with a log with a known payload (--suspension-from), or by a static test (roll-test).",
         ),
-        (AXIS, (replace(axis, sigma=None),), "(assumed uncertainty 0 %)"),
-        (SOFTENING, (), f"comes from {SOFTENING}. Tyres soften with the slip angle"),
-        ("mass_scale", (), "comes from mass_scale. Measure it, and state its uncertainty in the vehicle file."),
+        (SOFTENING, (), f"if {SOFTENING} were exact. Tyres soften with the slip angle"),
+        ("mass_scale", (), "if mass_scale were exact. Measure it, and state its uncertainty in the vehicle file."),
     ):
         steps = next_steps(of(result, wide, variance_budget={HEIGHT: {source: 0.6}}, uncertain=uncertain))
         assert [step.parameters for step in steps if text in step.message] == [(HEIGHT,)]
@@ -192,10 +193,13 @@ def test_causes_in_words(result, sign):
         ),
         (
             cause({"tractor.softening": sign * 1.0}),
-            f"the tyres of tractor soften with the slip angle: try --tyres auto ({times})",
+            f"the tyres of tractor soften more with the slip angle: use --tyres saturating ({times})",
         ),
         (
-            cause({position: sign * 0.1, "tractor.drive.position": sign * -0.25}, "tractor.axle_positions"),
+            cause(
+                {position: sign * 0.1, "tractor.drive.position": sign * -0.25, "tractor.drive.static_load": 5e3},
+                "tractor.axle_positions",
+            ),
             f"the axles of tractor are up to 0.25 m {'closer to' if later else 'further from'} its front ({times})",
         ),
         (cause({"yaw_rate.tractor.gain": sign * 0.1}), f"yaw_rate.tractor.gain is different ({times})"),
@@ -208,5 +212,9 @@ def test_causes_in_words(result, sign):
             cause({stiffness: sign * 0.2 * values[stiffness], mass: 1.0}),
             f"{stiffness} is 20 % {larger} with 1 other numbers that belong to it ({times})",
         ),
+        (
+            cause({stiffness: sign * 0.2 * values[stiffness]}, f"{stiffness}.variation@1"),
+            f"{stiffness} is 20 % {larger} in b than in all logs together ({times})",
+        ),
     ):
-        assert describe_cause(what, vehicle) == text
+        assert describe_cause(what, vehicle, ("a", "b")) == text

@@ -151,8 +151,11 @@ def test_runs_outside_the_range(result):
         RunSummary(name="lane changes", speed=(24.0, 25.0), acceleration=3.4),
         RunSummary(name=NASTY, speed=(18.0, 20.0), acceleration=1.0),
     ]
-    caution = only(identification_cautions(result.identification, runs), CautionKind.NONLINEAR_RANGE)
+    saturating = result.identification
+    linear = replace(saturating, settings=replace(saturating.settings, tyres="linear"))
+    caution = only(identification_cautions(linear, runs), CautionKind.NONLINEAR_RANGE)
     assert (caution.log, caution.value) == ("lane changes", 3.4)
+    assert not any(c.kind is CautionKind.NONLINEAR_RANGE for c in identification_cautions(saturating, runs))
 
 
 def test_large_innovations_are_one_caution_for_a_log(result):

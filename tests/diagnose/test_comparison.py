@@ -39,6 +39,13 @@ def test_errors_of_a_common_vehicle_file_cancel(result):
     assert difference(a, b).sigma == pytest.approx(np.sqrt(0.04**2 + 0.03**2 + 0.01**2))
 
 
+def test_what_the_logs_add_to_an_uncertain_number_is_independent(result):
+    """The logs of both leave 60 % of the prior sigma: the shift by the prior is 0.6 of the part in the budget."""
+    others = {"variance_budget": {FRONT: {SOFTENING: 16 / 25}}, "remaining_uncertainty": {SOFTENING: 0.6}}
+    a, b = (run(result, log, estimate(FRONT, sigma=0.05), **others) for log in "12")
+    assert difference(a, b).sigma == pytest.approx(np.sqrt(2 * (0.05**2 - 0.024**2)))
+
+
 def test_errors_of_different_vehicle_files_do_not_cancel(result):
     path = "semitrailer.roll_axis_height"
     budget = {"variance_budget": {FRONT: {path: 9 / 25}}}
@@ -100,4 +107,6 @@ def test_the_differences_of_equal_trucks_have_their_sigma():
     runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(20)]
     found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
     assert 0.4 < np.sqrt(np.mean([d.sigmas**2 for d in found])) < 1.6
-    assert found[0].sigma < 0.5 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
+    assert found[0].sigma < 0.7 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
+    variation = settings.consider["stiffness_variation"] * truck.parameters()[name]
+    assert found[0].sigma > np.sqrt(2) * variation  # each log has its own

@@ -9,7 +9,7 @@ from fifthwheel.identify.design import Remedy
 @pytest.mark.parametrize(
     ("known", "text"),
     [
-        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (--fix)"),
+        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (--set)"),
         (("mass_scale",), "if all masses are known exactly (state it in the vehicle file)"),
         (
             ("semitrailer.payload.mass",),
@@ -25,6 +25,7 @@ from fifthwheel.identify.design import Remedy
             "if the axle positions of the tractor are known exactly (state it in the vehicle file) and the gain of "
             "steer.tractor.front is calibrated",
         ),
+        (("time_base",), "if the rate of the time base is checked (--set time_base=exact)"),
         (("steer.tractor.front.play",), "if the play of steer.tractor.front is measured"),
     ],
 )

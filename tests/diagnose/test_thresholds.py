@@ -112,14 +112,18 @@ def test_the_place_of_an_accelerometer(result, kind):
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_steering_gain_delay_and_misalignment_must_be_significant(result, sign):
-    """A gain by 0.1 and two sigmas, a delay by 20 ms and three sigmas, a misalignment by two sigmas."""
+    """A gain by 0.1 and two sigmas, a delay by 20 ms and three sigmas, a misalignment by two sigmas.
+
+    A delay by 2.5 prior sigmas is unusual in any case, a smaller misalignment never.
+    """
+    settings = result.identification.settings
+    delay, misalignment = 2.5 * settings.steer_delay_prior, 2.5 * settings.misalignment_prior
     for name, mean, values in (
         (f"{STEER}.gain", 1.0, {0.01: 0.1, 0.05: 0.1, 0.06: 0.12, 0.2: 0.4}),
-        (f"{STEER}.delay", 0.0, {0.001: 0.02, 0.02 / 3: 0.02, 0.01: 0.03, 0.1: 0.25}),
-        (f"{GYRO}.misalignment", 0.0, {0.01: np.radians(7.5), 0.1: 0.2}),
+        (f"{STEER}.delay", 0.0, {0.001: 0.02, 0.02 / 3: 0.02, 0.01: 0.03, 0.1: delay}),
+        (f"{GYRO}.misalignment", 0.0, {0.01: misalignment, 0.1: 0.2}),
     ):
         for sigma, limit in values.items():
-            settings = result.identification.settings
             assert not unusual(result, name, mean + sign * limit * (1 - 1e-6), sigma, settings), (name, sigma)
             assert unusual(result, name, mean + sign * limit * (1 + 1e-6), sigma, settings), (name, sigma)
 
@@ -129,7 +133,7 @@ def test_rejected_samples_and_the_lateral_acceleration_of_a_run(result):
     for rejected, expected in ((0.05, []), (0.05 * ABOVE, [CautionKind.REJECTED_SAMPLES])):
         of = replace(result.identification, fits=(), logs=(replace(log, rejected={GYRO: rejected}),))
         assert kinds(identification_cautions(of)) == expected
-    of = replace(result.identification, fits=())
+    of = replace(result.identification, fits=(), settings=replace(result.identification.settings, tyres="linear"))
     for acceleration, expected in ((3.0, []), (3.0 * ABOVE, [CautionKind.NONLINEAR_RANGE])):
         run = RunSummary(name="run", speed=(20.0, 25.0), acceleration=acceleration)
         assert kinds(identification_cautions(of, [run])) == expected

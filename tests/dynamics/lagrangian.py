@@ -6,9 +6,11 @@ that is fixed to the sprung body in front and to its own. Positions are exact to
 so the equations are exact to first order.
 
 Sympy gives the motion under a side force and its moment about the vertical at every axle, and the slip angle at every
-axle. The relation of force and slip angle is added numerically: without lag, or with a relaxation length. Then the
-force F of a group (not its lagged slip angle, as in the library) is a state, sigma F' + u F = u sum C_k alpha_k; each
-axle has an equal share of F and, without lag, the difference of its C_k alpha_k from the mean.
+axle. The relation of force and slip angle is added numerically: without lag, or with a relaxation length l. Then the
+force F of a group (not its lagged slip angle, as in the library) is a state, F = C (alpha - d' / u) with the sideways
+displacement d = F (l / C + c) of the road contact under the body: of the tyres, and c of the axles that roll on them
+(`axle_compliance`). Each axle has an equal share of F and, without lag, the difference of its C_k alpha_k from the
+mean.
 
 Three numbers that the library does not need, and that therefore must have no effect, have arbitrary values: the
 distance of the sprung CoG ahead of the unit's CoG, the sprung pitch inertia, and the yaw inertia of the sprung body.
@@ -104,7 +106,9 @@ def linear(
         }
     function, arguments = lagrangian(tuple(len(unit.axles) for unit in units), roll)
     M, D, K, H, P, R = (np.array(m, dtype=float) for m in function(*(values[name] for name in arguments)))
-    T = side_forces([(group, indices) for _, group, indices in groups], speed)
+    heights = [unit.roll_axis_height for unit in units for _ in unit.axle_groups]
+    compliances = [axle_compliance(group, height) for (_, group, _), height in zip(groups, heights, strict=True)]
+    T = side_forces([(group, indices) for _, group, indices in groups], compliances, speed)
     relaxation = [(path, group.cornering_stiffness) for path, group, _ in groups if group.relaxation_length]
     g = len(relaxation)
 
@@ -142,7 +146,19 @@ def linear(
     return Linear((*dynamic, *angles, *(f"slip_angle.{path}" for path, _ in relaxation)), E, F, G)
 
 
-def side_forces(groups: Sequence[tuple[AxleGroup, list[int]]], speed: float) -> Array:
+def axle_compliance(group: AxleGroup, roll_axis_height: float) -> float:
+    """Sideways displacement of the road contact under a fixed body per side force of an axle group, m/N.
+
+    The axle rolls on its tyres about the road contact by theta, the body on the axle about the roll centre of the
+    suspension at the height h. The roll axis is at the height of the body that does not move when only the body rolls.
+    """
+    both = group.roll_stiffness + group.tyre_roll_stiffness  # of the axle, with the body fixed
+    theta = group.roll_stiffness / both  # of the axle, per roll angle of the body: equal moments of the springs
+    h = roll_axis_height / (1 - theta)  # the roll centre moves h theta to one side, and h - h_r to the other below it
+    return h * h / both
+
+
+def side_forces(groups: Sequence[tuple[AxleGroup, list[int]]], compliances: Sequence[float], speed: float) -> Array:
     """(side force of every axle, F' of every group with relaxation) by (slip angle of every axle, F of these groups).
 
     Without a relaxation length each axle has the force C alpha. With one, F tends to the sum of C alpha over the axles;
@@ -152,11 +168,12 @@ def side_forces(groups: Sequence[tuple[AxleGroup, list[int]]], speed: float) -> 
     T = np.zeros((count, count))
     for group, indices in groups:
         T[indices, indices] = group.cornering_stiffness / len(indices)
-    for group, indices in groups:
+    for (group, indices), of_axles in zip(groups, compliances, strict=True):
         if not group.relaxation_length:
             continue
         k, n = len(T), len(indices)
-        direct, rate = T[indices, :].copy(), speed / group.relaxation_length
+        direct, compliance = T[indices, :].copy(), group.relaxation_length / group.cornering_stiffness + of_axles
+        rate = speed / (group.cornering_stiffness * compliance)
         T = block_diag(T, np.array([[-rate]]))
         T[k, :k] = rate * direct.sum(axis=0)
         T[indices, :k] -= direct.mean(axis=0)

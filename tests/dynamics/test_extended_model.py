@@ -8,7 +8,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from tests.dynamics.lagrangian import Array
+from tests.dynamics.lagrangian import Array, axle_compliance
 from tests.dynamics.test_lagrangian import TRUCK, VEHICLES
 from tests.dynamics.test_model import typical
 
@@ -84,7 +84,10 @@ def test_braking_is_that_of_the_plain_model() -> None:
 
 @pytest.mark.parametrize("name", ["article", "truck", "b_double", "b_double, some relaxation"])
 def test_softening_reduces_the_stiffness_at_a_slip_angle(name: str) -> None:
-    """The plain model with C / (1 + s |alpha|), alpha from the kinematics of the axles or the lagged slip angle."""
+    """The plain model with C / (1 + s |alpha|), alpha from the kinematics of the axles or the lagged slip angle.
+
+    The relaxation length stays that of the vehicle file's C, of which C h^2 / (K + K_t) is a part.
+    """
     vehicle = VEHICLES[name]
     plain, extended = both(vehicle, ("lateral_acceleration.tractor",))
     x, d = sample(extended)
@@ -113,6 +116,9 @@ def test_softening_reduces_the_stiffness_at_a_slip_angle(name: str) -> None:
             factor = 1 + softening * (np.hypot(slip, 0.001) - 0.001)  # smooth at zero
             assert factor == pytest.approx(1 + softening * slip, abs=0.001 * softening)
             softer[f"{path}.cornering_stiffness"] /= factor
+            if group.relaxation_length:
+                lost = group.cornering_stiffness * (1 - 1 / factor)
+                softer[f"{path}.relaxation_length"] += lost * axle_compliance(group, unit.roll_axis_height)
     k = len(plain.inputs)
     narrow = np.r_[d[:k], d[len(extended.inputs) :][:k]]
     for actual, expected in zip(step(extended, x, d, values), step(plain, x, narrow, softer), strict=True):

@@ -13,16 +13,36 @@ from fifthwheel.plant import Plant
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle, get
 from fifthwheel.vehicle.parameters import (
+    DRAG_AREA,
     FRICTION,
     FRICTION_SENSITIVITY,
+    ROLLING_RESISTANCE,
     STIFFNESS_SENSITIVITY,
 )
-from tests.dynamics.lagrangian import linear
+from tests.dynamics.lagrangian import axle_compliance, linear
 from tests.dynamics.test_lagrangian import with_trail
 
 TRUCK = get("cheng_cebon_2011")
 SPEED = 20.0
-LINEAR = {FRICTION: 1e9, STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0}
+NO_RESISTANCE = {DRAG_AREA: 0.0, ROLLING_RESISTANCE: 0.0}
+LINEAR = {FRICTION: 1e9, STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0} | NO_RESISTANCE
+AIR = 0.6 * 6.0 * SPEED**2
+"""Drag of the air, N, on 6 m^2 at half a density of 1.2 kg/m^3."""
+
+
+def longitudinal(vehicle: Vehicle, speed_rate: float, brakes: dict[str, float] | None = None) -> dict[str, float]:
+    """Longitudinal force of each axle group at the standard speed, N, with a rolling resistance of 0.6 % of its load.
+
+    The drive axle of the tractor drives; `brakes` are fractions of the braking force of the truck, by default the loads
+    over their sum.
+    """
+    loads = vehicle.axle_loads()
+    weight = sum(loads.values())
+    brakes = brakes or {path: load / weight for path, load in loads.items()}
+    wheels = weight / STANDARD_GRAVITY * speed_rate + AIR + 0.006 * weight
+    forces = {path: brakes.get(path, 0.0) * min(wheels, 0.0) - 0.006 * load for path, load in loads.items()}
+    forces["tractor.drive"] += max(wheels, 0.0)
+    return forces
 
 
 def rates(
@@ -97,6 +117,46 @@ def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
     assert errors[1] < errors[0] / 50
 
 
+@pytest.mark.parametrize("speed_rate", [0.5, 0.0, -0.05, -3.0])
+def test_small_motion_with_resistance_is_that_of_lagrange(speed_rate: float) -> None:
+    """A truck that drives, coasts nearly or brakes against its drag and rolling resistance; linear tyres.
+
+    The loads that drag and pull at the coupling move, from a balance of moments, change the cornering stiffness.
+    """
+    truck, rng = TRUCK, np.random.default_rng(5)
+    loads, forces = truck.axle_loads(), longitudinal(truck, speed_rate)
+    changes = LINEAR | {DRAG_AREA: 6.0, ROLLING_RESISTANCE: 0.006} | {f"{path}.braking_load": 0.0 for path in loads}
+    behind = loads["semitrailer"] / STANDARD_GRAVITY * speed_rate - forces["semitrailer"]  # beside the braking loads
+    braking = forces["semitrailer"] + 0.006 * loads["semitrailer"]
+    relieved = min(behind, 0.0) + max(behind + braking, 0.0)
+    p = truck.parameters()
+    wheelbase = p["tractor.front.position"] - np.mean([axle.position for axle in truck.units[0].axles[1:]])
+    moved = (1.5 * AIR + p["fifth_wheel.height"] * relieved) / wheelbase
+    assert abs(moved) > 0.004 * loads["tractor.front"]
+    stiffness = dict[str, float]()
+    for path, sign in (("tractor.front", -1.0), ("tractor.drive", 1.0)):
+        change = p[f"{path}.cornering_stiffness"] * sign * moved / loads[path]
+        group = next(g for g in truck.units[0].axle_groups if truck.units[0].group_path(g) == path)
+        of_axles = axle_compliance(group, truck.units[0].roll_axis_height)  # the relaxation length does not change
+        stiffness[f"{path}.cornering_stiffness"] = p[f"{path}.cornering_stiffness"] + change
+        stiffness[f"{path}.relaxation_length"] = p[f"{path}.relaxation_length"] - change * of_axles
+    net = forces | {"tractor.drive": forces["tractor.drive"] - AIR}  # along the tractor, as the drag is
+    mass = sum(unit.mass for unit in truck.units)
+    assert sum(net.values()) == pytest.approx(mass * speed_rate, rel=1e-9, abs=1e-6)
+    names = chain.state_names(truck, roll=True)
+    x, angle = rng.normal(size=len(names)) * 0.05, 0.02
+    reference = linear(truck.replace(stiffness), SPEED, speed_rate=speed_rate, brakes=net).ordered(names)
+    expected = reference.A @ x + reference.B.sum(axis=1) * angle
+    errors = [
+        np.abs(rates(truck, f * x, f * angle, roll=True, changes=changes, speed_rate=speed_rate) / f - expected).max()
+        for f in (1e-2, 1e-3)
+    ]
+    free = linear(truck, SPEED).ordered(names)
+    effect = np.abs(free.A @ x + free.B.sum(axis=1) * angle - expected).max()
+    assert errors[0] < 0.02 * effect
+    assert errors[1] < errors[0] / 50
+
+
 @pytest.mark.parametrize("roll", [False, True])
 def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
     """A model with the derivative of the speed as an input is that without it, where it is 0, except for rounding."""
@@ -117,7 +177,8 @@ def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed_rate", "brakes"), [(0.0, {}), (-3.0, {}), (0.5, {}), (-1.0, {"tractor.drive": 0.7, "tractor.front": 0.7})]
+    ("speed_rate", "brakes"),
+    [(0.0, {}), (-3.0, {}), (-0.05, {}), (0.5, {}), (-1.0, {"tractor.drive": 0.7, "tractor.front": 0.7})],
 )
 def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[str, float]) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
@@ -126,7 +187,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
     v, r1, r2, angle = x = np.array([0.8, 0.3, 0.25, -0.4]) * (1 + 0.1 * rng.normal(size=4))
     assert names == ("lateral_velocity.tractor", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
     loads, braked = truck.axle_loads(), braked_masses(truck, brakes)
-    parts = {path: 0.5 * bool(path in brakes) if brakes else load / sum(loads.values()) for path, load in loads.items()}
+    forward = longitudinal(truck, speed_rate, dict.fromkeys(brakes, 0.5))
     steer, law = 0.07, p | saturation_parameters(truck) | braked
     cos, sin = np.cos(angle), np.sin(angle)
     ahead = p["fifth_wheel.leading_position"] - p["tractor.cog"]
@@ -146,30 +207,32 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
             slips = [d - np.arctan((velocity[1] + arm * r) / velocity[0]) for d, arm in zip(deltas, arms, strict=True)]
             height = p[f"{unit.name}.roll_axis_height"]
             change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
-            level = ca.SX(np.mean(slips)), ca.SX(0), height, ca.SX(change), ca.SX(speed_rate)
-            secants = np.array(ca.evalf(saturating(law, path, Contact(*level)))).ravel()
-            brake = parts[path] * sum(loads.values()) / STANDARD_GRAVITY / len(arms) * min(speed_rate, 0.0)
+            change -= law[f"{path}.braking_load"] * speed_rate
+            contact = Contact(ca.SX(np.mean(slips)), ca.SX(0), height, ca.SX(change), ca.SX(forward[path]))
+            secants = np.array(ca.evalf(saturating(law, path, contact))).ravel()
+            along = forward[path] / len(arms)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
                 force, *moment = secants / len(arms) * slip
-                side = force * np.cos(d) + brake * np.sin(d)
-                total += [brake * np.cos(d) - force * np.sin(d), side, arm * side - sum(moment)]
+                side = force * np.cos(d) + along * np.sin(d)
+                total += [along * np.cos(d) - force * np.sin(d), side, arm * side - sum(moment)]
         return total
 
     front, less, more = (tyres(0, np.array([SPEED, v]), r1, {"front": steer}, shift) for shift in (0.0, -1.0, 1.0))
     rear = tyres(1, own, r2, {})
     m1, m2 = p["tractor.mass"], p["semitrailer.mass"]
     to_cog = rotation @ [-behind, 0]  # from the coupling to the trailer's CoG, axes of the tractor
-    # unknown: v', r1', r2', the trailer's acceleration (2), the coupling force on the trailer (2), the driving force,
-    # and the load that the coupling force moves from the front to the drive axle, beside that at this deceleration
+    # unknown: v', r1', r2', the trailer's acceleration (2), the coupling force on the trailer (2), the driving force
+    # beside the longitudinal forces of the tyres, and the load that the coupling force and the drag of the air move
+    # from the front to the drive axle, beside that at this deceleration
     rows, right = np.zeros((9, 9)), np.zeros(9)
     rows[:3, 8] = -(more - less) / 2
     wheelbase = p["tractor.front.position"] - np.mean(
         [p[f"tractor.{a.name}.position"] for a in truck.units[0].axles[1:]]
     )
     rows[8, [5, 8]] = p["fifth_wheel.height"], -wheelbase
-    right[8] = p["fifth_wheel.height"] * (m2 - loads["semitrailer"] / STANDARD_GRAVITY) * speed_rate
-    # m1 (u' - v r1) = front + drive - X
-    rows[0, [5, 7]], right[0] = [1, -1], front[0] - m1 * (speed_rate - v * r1)
+    right[8] = p["fifth_wheel.height"] * (m2 - loads["semitrailer"] / STANDARD_GRAVITY) * speed_rate - 1.5 * AIR
+    # m1 (u' - v r1) = front + drive - X - drag
+    rows[0, [5, 7]], right[0] = [1, -1], front[0] - AIR - m1 * (speed_rate - v * r1)
     rows[1, [0, 6]], right[1] = [m1, 1], front[1] - m1 * SPEED * r1
     rows[2, [1, 6]], right[2] = [p["tractor.yaw_inertia"], ahead], front[2]
     rows[3, [3, 5]], rows[4, [4, 6]] = [m2, -1], [m2, -1]
@@ -197,16 +260,57 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
 
 @pytest.mark.parametrize(("speed_rate", "relieved"), [(0.0, 0.0), (-0.1, 0.22), (-1.0, 1.0)])
 def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved: float) -> None:
-    """In a turn it moves load from the front to the drive axle, as far as it is larger than the braking force."""
+    """In a turn it moves load from the front to the drive axle, as far as it is larger than the braking force.
+
+    Without resistance, so that the braking force is in proportion to u'.
+    """
     names, symbol = chain.state_names(TRUCK, roll=False), ca.SX.sym("u'")
     state = ca.SX.sym("x", len(names))
     x = np.array([{"yaw_rate": 0.2, "articulation": -0.05}.get(name.split(".")[0], 0.0) for name in names])
-    values, angles = TRUCK.parameters() | saturation_parameters(TRUCK), dict.fromkeys(TRUCK.steer_signals(), ca.SX(0))
+    values = TRUCK.parameters() | saturation_parameters(TRUCK) | NO_RESISTANCE
+    angles = dict.fromkeys(TRUCK.steer_signals(), ca.SX(0))
     result = large_angles(values, TRUCK, state, ca.SX(SPEED), angles, roll=False, speed_rate=symbol)
     moved = ca.Function("moved", [state, symbol], [result.stages.expanded(result.shift)])
     drag = float(moved(x, 0.0))
     assert drag > 500.0
     assert 1 - float(moved(x, speed_rate)) / drag == pytest.approx(relieved, abs=0.02)
+
+
+def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float]) -> dict[str, float]:
+    """Load of each axle group less the static one, N, at a constant speed on a straight road."""
+    values = vehicle.parameters() | saturation_parameters(vehicle) | changes
+    state = ca.SX.sym("x", len(chain.state_names(vehicle, roll=False)))
+    angles = dict.fromkeys(vehicle.steer_signals(), ca.SX(0))
+    result = large_angles(values, vehicle, state, ca.SX(speed), angles, roll=False)
+    loads = ca.vertcat(*[result.load_change[path] for path in vehicle.axle_loads()])
+    function = ca.Function("loads", [state], [result.stages.expanded(loads)])
+    return dict(zip(vehicle.axle_loads(), np.array(function(np.zeros(state.shape[0]))).ravel(), strict=True))
+
+
+def test_drag_moves_load_from_the_front_to_the_drive_axle() -> None:
+    """By a balance of moments about the road: 1.5 m times the drag of the air, and the rolling resistance of the
+    trailer, which pulls at the coupling. None of both without resistance."""
+    p, loads = TRUCK.parameters(), TRUCK.axle_loads()
+    wheelbase = p["tractor.front.position"] - np.mean([axle.position for axle in TRUCK.units[0].axles[1:]])
+    for speed, area, rolling in ((25.0, 6.0, 0.0), (25.0, 6.0, 0.006), (12.0, 0.0, 0.006), (25.0, 0.0, 0.0)):
+        moments = 1.5 * 0.6 * area * speed**2 + p["fifth_wheel.height"] * rolling * loads["semitrailer"]
+        actual = load_changes(TRUCK, speed, {DRAG_AREA: area, ROLLING_RESISTANCE: rolling})
+        expected = {"tractor.front": -moments / wheelbase, "tractor.drive": moments / wheelbase, "semitrailer": 0.0}
+        assert actual == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [15.0, 25.0])
+def test_the_loads_at_constant_speed_are_those_of_the_nonlinear_truck(speed: float) -> None:
+    """Within 0.25 % of the static load; without resistance, the load of the front axle is 1.2 and 1.8 % too high."""
+    course = straight(duration=5.0, speed=speed)
+    truth, loads = Plant(TRUCK).drive(course).truth, TRUCK.axle_loads()
+    expected = load_changes(TRUCK, speed, {})
+    for unit in TRUCK.units:
+        for group in unit.axle_groups:
+            path = unit.group_path(group)
+            actual = sum(truth[f"vertical_force.{unit.name}.{axle.name}"][-100:].mean() for axle in group.axles)
+            assert actual - loads[path] == pytest.approx(expected[path], abs=0.0025 * loads[path]), path
+    assert -expected["tractor.front"] > 0.01 * loads["tractor.front"]
 
 
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4_unladen"])

@@ -95,11 +95,15 @@ def test_longest_step_with_any_relaxation_length(lengths: tuple[float, ...], rol
 
 
 def test_step_limit_beyond_the_table() -> None:
-    """Eigenvalues grow with 1/u below the table and with u above it; the step limit compensates this."""
-    for speed in (0.2, 300.0):
+    """Eigenvalues grow with 1/u below the table and with u above it; the step limit compensates this.
+
+    At the end of the table, the fastest eigenvalue over u is 2.1 % below its limit for high speeds, because the axles
+    that roll on their tyres make the lag of the side forces longer. Without this part it is 1.0 % below.
+    """
+    for speed, tolerance in ((0.2, 0.01), (300.0, 0.022)):
         longest = float(steps.step_limit(TRUCK, True)(np.array([speed]))[0])
         fastest = np.abs(np.linalg.eigvals(by_lagrange(TRUCK, model(TRUCK, (), roll=True).states, speed)[0])).max()
-        assert longest * fastest <= 1.01 * steps.MAX_STEP_EIGENVALUE[True, True] / 1.25
+        assert longest * fastest <= (1 + tolerance) * steps.MAX_STEP_EIGENVALUE[True, True] / 1.25
 
 
 def test_speed_within_a_step_is_the_mean() -> None:

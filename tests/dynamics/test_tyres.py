@@ -4,15 +4,24 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.dynamics.tyres import NOMINAL_LOAD, Contact, axle_forces, linear, saturating, saturation_parameters
+from fifthwheel.dynamics.tyres import (
+    NOMINAL_LOAD,
+    Contact,
+    axle_forces,
+    linear,
+    longitudinal_forces,
+    saturating,
+    saturation_parameters,
+)
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.plant.magic_formula import MagicFormula
-from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import get
 from fifthwheel.vehicle.parameters import (
     COMBINED_SLIP,
+    DRAG_AREA,
     FRICTION,
     FRICTION_SENSITIVITY,
+    ROLLING_RESISTANCE,
     SHAPE,
     STIFFNESS_SENSITIVITY,
     TYRE_PARAMETERS,
@@ -131,21 +140,19 @@ def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
 def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
     """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.4 % of the peak."""
     tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
-    still, rate = (ca.SX(0), ca.SX(0), ca.SX(0)), ca.SX(-used * STANDARD_GRAVITY)
-    errors = []
+    still, errors = (ca.SX(0), ca.SX(0), ca.SX(0)), []
     for n in (0.5, 0.8, 1.0, 1.3, 1.6):
         own = {
             "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(n * load / 6)),
             "semitrailer.static_load": n * load,
             "semitrailer.tyres": 6.0,
-            "semitrailer.braked_mass": n * load / STANDARD_GRAVITY,
-            "semitrailer.braking_load": 0.0,
             FRICTION: 0.74,
             SHAPE: 1.15,
         }
         p = TRUCK.parameters() | saturation_parameters(TRUCK) | own | {"body.half_track": 1e9}
         for slip in np.radians([0.25, 0.5, 1, 2, 3, 4, 6, 8, 10, 12]):
-            law = slip * float(ca.evalf(saturating(p, "semitrailer", Contact(ca.SX(slip), *still, rate))))
+            contact = Contact(ca.SX(slip), *still, ca.SX(-used * n * load))
+            law = slip * float(ca.evalf(saturating(p, "semitrailer", contact)))
             expected = side_force_while_braking(tyre, slip, n * load / 6, used)
             errors.append((law / (n * load) - expected) / 0.73)
     assert np.sqrt(np.mean(np.square(errors))) < limit
@@ -163,23 +170,82 @@ def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used:
 @pytest.mark.parametrize(("path", "locking"), [("tractor.front", -20.0), ("semitrailer", -9.0)])
 def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
     """Also at a change of the speed that no truck has."""
-    p, still = TRUCK.parameters() | saturation_parameters(TRUCK), (ca.SX(0.05), *[ca.SX(0)] * 3)
-    rolling, locked, beyond = (
-        float(ca.evalf(saturating(p, path, Contact(*still, ca.SX(rate))))) for rate in (0.0, locking, -200.0)
-    )
+    p = TRUCK.parameters() | saturation_parameters(TRUCK)
+
+    def secant(rate: float) -> float:
+        change, braking = -p[f"{path}.braking_load"] * rate, p[f"{path}.braked_mass"] * rate
+        contact = Contact(ca.SX(0.05), load_change=ca.SX(change), longitudinal=ca.SX(braking))
+        return float(ca.evalf(saturating(p, path, contact)))
+
+    rolling, locked, beyond = map(secant, (0.0, locking, -200.0))
     assert 0.05 * rolling < locked < 0.2 * rolling
     assert 0 <= beyond < 0.3 * rolling
 
 
 def test_the_effect_of_the_braking_force_is_smooth() -> None:
     """Its slope does not jump where wheels lock; a factor of 0 of `COMBINED_SLIP` removes it."""
-    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.braking_load": 0.0}
+    p = TRUCK.parameters() | saturation_parameters(TRUCK)
     rate, slip, none = ca.SX.sym("u'"), ca.SX(0.05), ca.SX(0)
-    law = saturating(p, "semitrailer", Contact(slip, none, ca.SX(1.0), none, rate))
+    contact = Contact(slip, none, ca.SX(1.0), none, p["semitrailer.braked_mass"] * rate)
+    law = saturating(p, "semitrailer", contact)
     slope = ca.Function("slope", [rate], [ca.jacobian(law, rate)])
     rates = np.linspace(-12, -0.01, 2000)
     slopes = np.array(slope(rates[None])).ravel()
     assert np.abs(np.diff(slopes)).max() < 0.02 * np.abs(slopes).max()
-    without = saturating(p | {COMBINED_SLIP: 0.0}, "semitrailer", Contact(slip, none, ca.SX(1.0), none, rate))
+    without = saturating(p | {COMBINED_SLIP: 0.0}, "semitrailer", contact)
     values = np.array(ca.Function("law", [rate], [without])(rates[None])).ravel()
     np.testing.assert_allclose(values, float(ca.Function("law", [rate], [law])(0.0)), rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "truck_full_trailer", "a_double"])
+@pytest.mark.parametrize(
+    ("speed_rate", "state"), [(0.6, "drives"), (0.0, "drives"), (-0.05, "drives"), (-0.5, "brakes"), (-4.0, "brakes")]
+)
+def test_the_longitudinal_forces_accelerate_the_truck_against_its_drag(
+    name: str, speed_rate: float, state: str
+) -> None:
+    """At 22 m/s: their sum is m u' and the drag; only the last group of the first unit drives, every group brakes."""
+    truck = get(name)
+    p, loads = truck.parameters() | saturation_parameters(truck), truck.axle_loads()
+    forces = longitudinal_forces(p, truck, ca.SX(22.0), ca.SX(speed_rate))
+    total, driving, braking, rolling = (
+        {path: float(ca.evalf(getattr(force, part))) for path, force in forces.items()}
+        for part in ("total", "driving", "braking", "rolling")
+    )
+    mass = sum(unit.mass for unit in truck.units)
+    assert sum(total.values()) == pytest.approx(mass * speed_rate + 1.2 / 2 * 6.0 * 22.0**2, rel=1e-9)
+    assert rolling == pytest.approx({path: -0.006 * load for path, load in loads.items()}, rel=1e-12)
+    first = truck.units[0]
+    driven = first.group_path(first.axle_groups[-1])
+    assert {path for path, force in driving.items() if force} == ({driven} if state == "drives" else set())
+    for path, force in total.items():
+        assert force == pytest.approx(driving[path] + braking[path] + rolling[path], rel=1e-12)
+        fraction = loads[path] / sum(loads.values())
+        assert braking[path] == pytest.approx(fraction * sum(braking.values()), rel=1e-9)
+    assert (sum(braking.values()) < 0) == (state == "brakes")
+
+
+def test_a_truck_that_coasts_neither_drives_nor_brakes() -> None:
+    """At the deceleration of its drag and rolling resistance; without both, at a constant speed."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK)
+    mass, weight = sum(unit.mass for unit in TRUCK.units), sum(TRUCK.axle_loads().values())
+    coasting = -(1.2 / 2 * 6.0 * 22.0**2 + 0.006 * weight) / mass
+    for changes, rate in (({}, coasting), ({DRAG_AREA: 0.0, ROLLING_RESISTANCE: 0.0}, 0.0)):
+        for force in longitudinal_forces(p | changes, TRUCK, ca.SX(22.0), ca.SX(rate)).values():
+            assert float(ca.evalf(force.driving)) == pytest.approx(0.0, abs=1e-9 * weight)
+            assert float(ca.evalf(force.braking)) == pytest.approx(0.0, abs=1e-9 * weight)
+            assert (float(ca.evalf(force.rolling)) < 0) == (not changes)
+
+
+def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:
+    """By sqrt(1 - (F_x / (mu N))^2), as braking does; within 1 % of that factor, and 0.1 % at small forces."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"body.half_track": 1e9, FRICTION_SENSITIVITY: 0.0}
+    load = p["tractor.drive.static_load"]
+
+    def secant(used: float) -> float:
+        force = used * p[SHAPE] * p[FRICTION] * load
+        return float(ca.evalf(saturating(p, "tractor.drive", Contact(ca.SX(0.02), longitudinal=ca.SX(force)))))
+
+    for used, tolerance in ((0.05, 0.001), (0.2, 0.001), (0.6, 0.01)):
+        assert secant(used) == pytest.approx(secant(0.0) * np.sqrt(1 - used**2), rel=tolerance)
+        assert secant(-used) == secant(used)

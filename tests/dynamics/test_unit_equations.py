@@ -2,13 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from fifthwheel.dynamics import all_parameters, frequency_response, matrices, model, modes, steady_state
+from fifthwheel.dynamics.unit_equations import relaxation_length
 from fifthwheel.vehicle import Axle, AxleGroup, SprungMass, Unit, Vehicle
 from tests.dynamics.lagrangian import GRAVITY
 from tests.dynamics.test_lagrangian import TRUCK, VEHICLES, b_double, with_relaxation
 
-SIGMA, SPEED = 0.6, 17.0
+OF_TYRES, SPEED = 0.6, 17.0
+SIGMA = OF_TYRES + 4e5 * (0.6 * 1.3) ** 2 / 3.9e6
+"""m: the roll centre of the suspension is 0.6 (1 + 9e5 / 3e6) m above the road, and an axle rolls by its height times
+the side force over 9e5 + 3e6 N m/rad."""
 FREQUENCY = np.array([0.3, 1.0, SPEED / SIGMA / (2 * np.pi), 12.0])  # Hz
 S = 2j * np.pi * FREQUENCY
 
@@ -43,7 +48,7 @@ class FrequencyResponse:
 
     def __init__(self, steered: int, *positions: float) -> None:
         axles = [Axle(name=f"at{i}", position=x, steerable=i == steered) for i, x in enumerate(positions)]
-        vehicle = truck(group("front", *axles, sigma=SIGMA), group("rear", Axle(name="rear", position=-9.0)))
+        vehicle = truck(group("front", *axles, sigma=OF_TYRES), group("rear", Axle(name="rear", position=-9.0)))
         m = matrices(vehicle, SPEED, roll=False)
         x = frequency_response(vehicle, SPEED, FREQUENCY, roll=False)[:, :, 0]
         v, r, self.lagged = x.T
@@ -92,11 +97,19 @@ def test_a_relaxation_length_has_no_effect_in_a_steady_turn(vehicle: Vehicle, ro
         assert len(lagged) == sum(len(unit.axle_groups) for unit in vehicle.units)
 
 
+def on_the_road(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with its roll axes at the level of the road."""
+    return vehicle.replace({f"{unit.name}.roll_axis_height": 0.0 for unit in vehicle.units})
+
+
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
 @pytest.mark.parametrize("name", ["truck, all changed", "b_double, all relaxation, all changed"])
 def test_a_short_relaxation_length_tends_to_none(name: str, roll: bool) -> None:
-    """Responses up to 2 Hz: the difference is proportional to the length, 0.1 % of the largest response at 1 mm."""
-    vehicle, frequency = VEHICLES[name], np.linspace(0.05, 2.0, 20)
+    """Responses up to 2 Hz: the difference is proportional to the length, 0.1 % of the largest response at 1 mm.
+
+    With the roll axes at the level of the road, so that the axles do not move sideways when they roll on their tyres.
+    """
+    vehicle, frequency = on_the_road(VEHICLES[name]), np.linspace(0.05, 2.0, 20)
     without = frequency_response(with_relaxation(vehicle, 0.0), 22.0, frequency, roll=roll)
     n = without.shape[1]
     difference = []
@@ -108,6 +121,49 @@ def test_a_short_relaxation_length_tends_to_none(name: str, roll: bool) -> None:
     without_modes, with_modes = (modes(with_relaxation(vehicle, length), 22.0, roll=roll) for length in (0.0, 1e-4))
     for expected, mode in zip(without_modes, with_modes, strict=False):  # the tyres' modes, at 35 kHz, come last
         assert mode.eigenvalue == pytest.approx(expected.eigenvalue, rel=1e-3)
+
+
+@pytest.mark.parametrize("tyres", [1.6e6, 3e6, 1e9])
+@pytest.mark.parametrize("length", [1e-6, 0.45])
+def test_an_axle_that_rolls_on_its_tyres_delays_its_side_force(length: float, tyres: float) -> None:
+    """Two springs in series under a body that does not move, after a step of the slip angle.
+
+    The carcass deflects by e, the axle rolls by theta about the road contact, which its roll centre at the height h
+    keeps under the body. Both move the contact sideways: the tread has the slip angle alpha - (e + h theta)' / u and
+    the side force C times that, which loads both springs. The body rolls about the point that does not move sideways.
+    """
+    C, K, axis = 4e5, 9e5, 0.6
+
+    def sideways(height: float) -> float:
+        """Displacement at the height `axis` of a body that rolls by 1 rad on its springs, without side force, m."""
+        theta = K / (K + tyres)
+        return height * theta - (height - axis)
+
+    low, high = sideways(0.0), sideways(1.0)
+    h = low / (low - high)  # the displacement is linear in the height of the roll centre
+    carcass, alpha = C / length, 0.01  # N/m, rad
+
+    def rate(_: float, contact: np.ndarray) -> list[float]:
+        """Speed of the contact across the body, m/s: balance of the carcass and of the moments on the axle."""
+        springs = [[carcass, 0.0, -1.0], [0.0, K + tyres, -h], [1.0, h, 0.0]]  # e, theta, F; their sum is the contact
+        force = np.linalg.solve(springs, [0.0, 0.0, contact[0]])[2]
+        return [SPEED * (alpha - force / C)]
+
+    vehicle = truck(
+        group("front", Axle(name="front", position=0.0, steerable=True), sigma=length).model_copy(
+            update={"tyre_roll_stiffness": tyres}
+        ),
+        group("rear", Axle(name="rear", position=-6.0)),
+    )
+    sigma = float(relaxation_length(vehicle.parameters(), vehicle.units[0], "truck.front"))
+    time = np.linspace(0, 5 * sigma / SPEED, 50)
+    solution = solve_ivp(rate, (0, time[-1]), [0.0], t_eval=time, rtol=1e-9, atol=1e-14, method="LSODA")
+    slip = np.array([alpha - rate(0.0, contact)[0] / SPEED for contact in solution.y.T])  # F / C
+    np.testing.assert_allclose(slip, alpha * (1 - np.exp(-SPEED * time / sigma)), atol=1e-6 * alpha)
+    m = matrices(vehicle, SPEED, roll=True)
+    i = m.states.index("slip_angle.truck.front")
+    assert m.A[i, i] == pytest.approx(-SPEED / sigma, rel=1e-12)
+    assert m.B[i, 0] == pytest.approx(SPEED / sigma, rel=1e-12)
 
 
 def test_vehicles_share_a_model_if_the_same_groups_have_a_relaxation_length() -> None:

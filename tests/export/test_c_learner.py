@@ -36,22 +36,23 @@ from tests.export.test_c_observer import FAULTS, with_fault
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
-FIVE = OneStage(priors={}, consider={}, nuisances=False)
+FIVE = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
 """Five parameters; all other numbers are known."""
 SHORT = RelinearisationSettings(lag=20, samples=150)
 SETTINGS = {
     "one pass": (FIVE, LearnerSettings(relinearisation=RelinearisationSettings(max_passes=0))),
     "passes": (FIVE, LearnerSettings(relinearisation=replace(SHORT, first_pass_limit=0.01, pass_limit=0.05))),
     "sensor errors": (
-        OneStage(priors={}, consider={}),
+        replace(FIVE, nuisances=True),
         LearnerSettings(relinearisation=SHORT, hold=0.05, max_gap=0.2, coast=0.1, settling_time=0.2),
     ),
-    "considered": (OneStage(), LearnerSettings()),
+    "considered": (OneStage(tyres="linear"), LearnerSettings()),
 }
 STATES, ESTIMATES = 1e-12, 1e-11
 """Largest difference in double precision, of states relative to their range, of estimates in sigmas."""
-AMPLIFIED = {"reversed_steer": 100.0}
-"""Factor of both for a fault with which the state restarts again and again, which amplifies rounding."""
+AMPLIFIED = dict.fromkeys(("reversed_steer", "slow", "gaps"), 100.0)
+"""Factor of both for faults after which the state restarts. This amplifies rounding, most at low speed, because the
+relaxation of tyres and axles is slow there."""
 
 
 @pytest.fixture(scope="module")
@@ -141,16 +142,16 @@ def test_three_units_with_two_steered_axles(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_contradicted_assumption_is_a_doubt(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
-    """A strong contradiction concerns all estimates, a weaker one those that it moves."""
-    learner = Learner(truck, lane.signals, OneStage())
+    """A strong contradiction, by four lane changes, concerns all estimates; a weaker one those that it moves."""
+    learner = Learner(truck, lane.signals, OneStage(tyres="linear"))
     program, cog, concerned = compiled(learner, tmp_path), truck.parameters()["semitrailer.cog"], set()
-    for error in (1.2, 0.5):
-        record = simulate(truck.replace({"semitrailer.cog": cog + error}), count=4, seed=5)
+    for count in (4, 1):
+        record = simulate(truck.replace({"semitrailer.cog": cog + 1.2}), count=count, seed=5)
         learned = copy.copy(learner)
         learned.learn(record)
         concerned |= {len(d.parameters) for d in learned.doubts if d.kind == DoubtKind.ASSUMPTION}
         assert_equal(learner, program, record)
-    assert concerned == {2, 5}
+    assert concerned == {3, 5}
 
 
 @pytest.mark.slow

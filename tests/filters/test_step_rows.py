@@ -123,10 +123,12 @@ def test_delay_and_play_of_an_input(record: Record) -> None:
     assert set(inputs) == set(extended.inputs)
     contact, rate = (inputs[name(STEER)] for name in (dynamics.contact_input, dynamics.rate_input))
     np.testing.assert_allclose(inputs[STEER] - play / gain * contact, actual[STEER], atol=1e-12)
-    inside = slice(1, -20)  # the input is constant beyond the end of the log
-    np.testing.assert_allclose(
-        rate[inside], np.gradient(actual[STEER], record.time)[inside], atol=0.1 * np.abs(rate).max()
-    )
+    expected = np.gradient(actual[STEER], record.time)
+    starts = np.flatnonzero(np.diff(np.abs(expected) > 1e-9))  # there the rate jumps, which a difference smooths
+    inside = np.abs(np.arange(len(rate))[:, None] - starts).min(axis=1) > 3
+    assert inside.mean() > 0.9
+    inside[0] = inside[-20:] = False  # the input is constant beyond the end of the log
+    np.testing.assert_allclose(rate[inside], expected[inside], atol=0.1 * np.abs(rate).max())
 
 
 def test_the_derivative_of_the_speed_is_an_input(record: Record) -> None:

@@ -8,8 +8,8 @@ import fifthwheel as fw
 TRUCK = fw.vehicle("cheng_cebon_2011")
 DRIVE = "tractor.drive.cornering_stiffness"
 FIXED = ("tractor.front.cornering_stiffness", "semitrailer.yaw_inertia", "semitrailer.payload.height")
-FAST = fw.OneStage(fixed=FIXED, consider={})
-"""Settings with few unknowns, for tests of the machinery."""
+FAST = fw.OneStage(fixed=FIXED, consider={}, tyres="linear")
+"""Settings with few unknowns, for tests of the machinery; the logs are of the linear model too."""
 
 
 def make_fleet(folder, *, trucks=2, trips=3, changed_from=None):

@@ -13,11 +13,13 @@ PARAMETERS = {
     "semitrailer.payload.height": 1.0,
 }
 SENSORS = {"steer.tractor.front.gain": 0.15, "yaw_rate.tractor.gain": 0.005}
-NAMES = (*PARAMETERS, *SENSORS)
-SCALES = np.array([*PARAMETERS.values(), *SENSORS.values()])
-LOGARITHMIC = np.array([not n.endswith((".gain", ".height")) for n in NAMES])
-CENTRES = np.array([4e5, 7e5, 1.2e6, 4e5, 1.0, 1.0, 1.0])
-CONSIDERED = ("tractor.mass", "semitrailer.mass")
+UNCERTAIN = {"tractor.mass": 1.0, "semitrailer.mass": 1.0}
+NAMES = (*PARAMETERS, *SENSORS, *UNCERTAIN)
+SCALES = np.array([*PARAMETERS.values(), *SENSORS.values(), *UNCERTAIN.values()])
+LOGARITHMIC = np.array([not n.endswith((".gain", ".height", ".mass")) for n in NAMES])
+CENTRES = np.array([4e5, 7e5, 1.2e6, 4e5, 1.0, 1.0, 1.0, 0.0, 0.0])
+INFORMED = len(PARAMETERS) + len(SENSORS)
+"""Unknowns that a trip informs; it does not separate the uncertain numbers from them."""
 
 
 def value(z, i):
@@ -28,11 +30,12 @@ def value(z, i):
 class Synthetic:
     """One truck: its true unknowns from the prior, and trips of them."""
 
-    def __init__(self, rng, *, considered=True):
+    def __init__(self, rng, *, uncertain=True):
         self.rng = rng
         self.z = rng.standard_normal(len(NAMES))
-        self.c = rng.standard_normal(len(CONSIDERED)) if considered else np.zeros(len(CONSIDERED))
-        self.G = 0.15 * rng.standard_normal((len(NAMES), len(CONSIDERED)))
+        effect = 0.15 * rng.standard_normal((INFORMED, len(UNCERTAIN)))
+        self.z[INFORMED:] *= uncertain
+        self.seen = np.hstack([np.eye(INFORMED), effect * uncertain])  # the combinations of z in the trips
 
     def step(self, days, walk):
         """The tyres drift for some days."""
@@ -40,12 +43,11 @@ class Synthetic:
 
     def trip(self, day, *, sigma=0.03, trailer="A", load="steel"):
         """The row of a trip whose parameters have about this relative sigma."""
-        k = len(NAMES)
+        k = INFORMED
         root = self.rng.standard_normal((3 * k, k)) / np.sqrt(3 * k)
-        strength = np.where(np.arange(k) < len(PARAMETERS), SCALES / sigma, 1.0)
-        H = (root * strength).T @ (root * strength)
-        coupling = H @ self.G
-        noise = np.linalg.cholesky(H) @ self.rng.standard_normal(k)
+        strength = np.where(np.arange(k) < len(PARAMETERS), SCALES[:k] / sigma, 1.0)
+        root = root * strength @ self.seen
+        H, noise = root.T @ root, root.T @ self.rng.standard_normal(3 * k)
         return {
             "log": f"{day}",
             "truck": "T",
@@ -54,14 +56,12 @@ class Synthetic:
             "tractor": "tractor",
             "date": START + datetime.timedelta(days=day),
             "digest": f"{day}",
-            "estimates": [],
+            "estimates": [{"name": n} for n in PARAMETERS],
             "unknowns": [
                 {"name": n, "centre": c, "scale": s, "logarithmic": g, "non_negative": False}
                 for n, c, s, g in zip(NAMES, CENTRES.tolist(), SCALES.tolist(), LOGARITHMIC.tolist(), strict=True)
             ],
-            "considered": list(CONSIDERED),
-            "vector": (H @ self.z + coupling @ self.c + noise).tolist(),
+            "vector": (H @ self.z + noise).tolist(),
             "information": H.ravel().tolist(),
             "score_covariance": H.ravel().tolist(),
-            "coupling": coupling.ravel().tolist(),
         }

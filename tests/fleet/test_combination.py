@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet.changes import WINDOWS
 from fifthwheel.fleet.combination import combine, owner
 from fifthwheel.options import FleetSettings
@@ -39,19 +40,48 @@ def estimates(result, k):
         ("tractor.front.cornering_stiffness", (None, None)),
         ("steer.tractor.front.gain", (None, None)),
         ("mass_scale", (None, None)),
+        ("time_base", (None, None)),
+        ("tractor.mass", (None, None)),
+        ("tractor.axle_positions", (None, None)),
+        ("tractor.drive.relative_friction", (None, None)),
         ("semitrailer.cornering_stiffness", ("A", None)),
-        ("semitrailer.payload.height", ("A", "steel")),
-        ("semitrailer.yaw_inertia", ("A", "steel")),
+        ("semitrailer.roll_stiffness", ("A", None)),
+        ("semitrailer.axle_positions", ("A", None)),
+        ("fifth_wheel.roll_stiffness", ("A", None)),
+        ("tyre.shape", ("A", None)),
+        ("body.drag_area", ("A", None)),
         ("yaw_rate.semitrailer.gain", ("A", None)),
+        ("semitrailer.payload.height", ("A", "steel")),
+        ("semitrailer.payload.mass", ("A", "steel")),
+        ("semitrailer.yaw_inertia", ("A", "steel")),
+        ("semitrailer.mass", ("A", "steel")),
+        ("semitrailer.cog", ("A", "steel")),
+        ("semitrailer.static_load", ("A", "steel")),
+        ("tractor.drive.static_load", ("A", "steel")),
     ],
 )
 def test_what_trips_share(name, expected) -> None:
+    """Axle loads of the tractor depend on the load too; the tyre law holds for the tyres of tractor and trailer."""
     unknown = owner(name, "tractor", "A", "steel")
     assert (unknown.trailer, unknown.load) == expected
 
 
+def test_only_estimated_parameters_are_reported() -> None:
+    """Not what is uncertain of the vehicle file: it has no row in the tables, and no change of it is tested."""
+    result = combined(history(np.random.default_rng(11), trips=2)[1])
+    assert {u.name for u in result.parameters(1)} == set(PARAMETERS)
+    assert "tractor.mass" in {u.name for u in result.layout.unknowns}
+
+
+def test_trips_of_a_version_without_estimated_masses_are_refused() -> None:
+    _, rows = history(np.random.default_rng(12), trips=3)
+    old = rows[1] | {"considered": ["tractor.mass"], "coupling": [0.0] * len(NAMES)}
+    with pytest.raises(FifthwheelError, match=r"1 of 3 trips, such as 3, .* list them in the manifest and run again"):
+        combined([rows[0], old, rows[2]])
+
+
 def test_intervals_cover() -> None:
-    """90 % intervals of every parameter at the first, a middle and the last trip, with drift and considered masses."""
+    """90 % intervals of every parameter at the first, a middle and the last trip, with drift and uncertain masses."""
     rng, inside = np.random.default_rng(3), []
     for _ in range(60):
         truck = Synthetic(rng)
@@ -70,22 +100,22 @@ def test_intervals_cover() -> None:
 
 def test_tractor_parameters_profit_from_all_trailers() -> None:
     rng = np.random.default_rng(4)
-    truck = Synthetic(rng, considered=False)
+    truck = Synthetic(rng, uncertain=False)
     rows = [truck.trip(k, trailer="AB"[k % 2]) for k in range(8)]
-    all_trips, alone = (combined(part, walk=0.0).states[-1].P[0, 0] ** 0.5 for part in (rows, rows[:1]))
+    all_trips, alone = (combined(part, walk=0.0).variance[-1][0] ** 0.5 for part in (rows, rows[:1]))
     assert all_trips < 0.45 * alone
     assert len([u for u in combined(rows).layout.unknowns if u.name == NAMES[2]]) == 2
 
 
 def test_prior_counts_once() -> None:
     """Trips without information leave the prior."""
-    truck = Synthetic(np.random.default_rng(5), considered=False)
+    truck = Synthetic(np.random.default_rng(5), uncertain=False)
     rows = [truck.trip(k, sigma=1e4) for k in range(5)]
     result = combined(rows, walk=0.0)
     for unknown in result.parameters(4):
         if unknown.name in PARAMETERS:
             i = result.layout.unknowns[unknown]
-            assert result.states[4].P[i, i] == pytest.approx(1.0, abs=1e-3)
+            assert result.variance[4][i] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_another_prior_of_a_later_vehicle_file_changes_nothing() -> None:
@@ -103,7 +133,6 @@ def test_another_prior_of_a_later_vehicle_file_changes_nothing() -> None:
                 continue
             a[i], b[i] = stretch, shift / u["scale"]  # z = a z' + b
             unknowns.append(u | {"centre": u["centre"] * np.exp(shift), "scale": u["scale"] * stretch})
-        G = np.array(row["coupling"]).reshape(k, -1)
         other.append(
             row
             | {
@@ -111,7 +140,6 @@ def test_another_prior_of_a_later_vehicle_file_changes_nothing() -> None:
                 "information": (H * np.outer(a, a)).ravel().tolist(),
                 "score_covariance": (H * np.outer(a, a)).ravel().tolist(),
                 "vector": (a * (v - H @ b)).tolist(),
-                "coupling": (a[:, None] * G).ravel().tolist(),
             }
         )
     expected, found = (estimates(combined(r), 2) for r in (rows, [rows[0], *other]))
@@ -143,7 +171,7 @@ def test_a_single_different_trip_is_an_outlier() -> None:
     rng = np.random.default_rng(8)
     _, rows = history(rng, trips=12)
     _, wrong = history(np.random.default_rng(9), trips=12)
-    rows[5] = rows[5] | {key: wrong[5][key] for key in ("vector", "information", "coupling", "score_covariance")}
+    rows[5] = rows[5] | {key: wrong[5][key] for key in ("vector", "information", "score_covariance")}
     (change,) = combined(rows).changes
     assert (change.kind.name, change.trip) == ("outlier", 5)
 

@@ -1,14 +1,20 @@
 """The information of single logs, against the identification of all logs together."""
 
 import datetime
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.fleet.combination import combine
 from fifthwheel.fleet.trips import trip_content
-from fifthwheel.identify.one_stage.shared_information import identify_with_information
+from fifthwheel.identify.one_stage.estimator import solve_one_stage
+from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.shared_information import identify_with_information, shared_information
+from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.options import FleetSettings
+from fifthwheel.vehicle.parameters import FRICTION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
@@ -20,21 +26,52 @@ def record(seed, *, count=1, without=""):
     return fw.Record(time=made.time, signals=signals, name=f"run {seed}")
 
 
+def linearised_alone(together, i):
+    """Log i, linearised at the solution of all logs."""
+    problem = together.problem
+    alone = Problem(problem.setup, [problem.logs[i]])
+    alone.logs = (problem.logs[i],)  # with the noise model
+    own = [name.replace("@0", f"@{i}") for name in alone.names]
+    z = together.minimum.z[[problem.names.index(name) for name in own]]
+    return Solution(dataset=together.dataset, minimum=replace(together.minimum, objective=alone, z=z), uninformed={})
+
+
+def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> None:
+    """All logs linearised at one point: with the prior N(0, I), the sums give estimate and covariance of all shared
+    unknowns, of the masses and lengths of the vehicle file too. Linear tyres have no friction, which is the log's own;
+    without gains there is no logarithm, and without play no bound."""
+    exact = {"steer_gain_prior": 0.0, "rate_gain_prior": 0.0, "steer_play_prior": 0.0}
+    settings = fw.OneStage(tyres="linear", guess_tail=1e6, **exact)
+    together = solve_one_stage([record(0), record(1)], GUESS, settings)
+    first, second = (shared_information(linearised_alone(together, i)) for i in range(2))
+    assert first.names == second.names
+    assert {"mass_scale", "semitrailer.payload.mass", "time_base"} <= set(first.names)
+    P = np.linalg.inv(np.eye(len(first.names)) + first.information + second.information)
+    linearisation, z = together.linearisation, together.minimum.z
+    expected = linearisation.posterior.model_covariance
+    places = [linearisation.posterior.names.index(name) for name in first.names]
+    np.testing.assert_allclose(P, expected[np.ix_(places, places)], atol=1e-8)
+    step = z - expected @ (linearisation.gradient + z)  # the search ends when this step is small
+    np.testing.assert_allclose(P @ (first.vector + second.vector), step[places], atol=1e-7)
+
+
 def test_single_logs_combine_to_the_identification_of_all() -> None:
     """Without drift, value and sigma of every parameter are those of the identification of both logs. Each log is
-    linearised at its own estimate, which explains the rest of the difference."""
-    records = [record(0, count=4), record(1, count=4)]
-    together = fw.identify(records, GUESS)
+    linearised at its own estimate, with a road of its own, which explains the rest of the difference: the sums are
+    exact (test above), and the two logs alone differ by half a sigma."""
+    records, settings = [record(0, count=4), record(1, count=4)], fw.OneStage()
+    together = fw.identify(records, GUESS, settings)
     rows = []
     for k, one in enumerate(records):
-        identification, information = identify_with_information(one, GUESS, fw.OneStage())
+        identification, information = identify_with_information(one, GUESS, settings)
         labels = {"log": one.name, "truck": "T", "trailer": "A", "load": "", "date": datetime.datetime(2026, 1, 1 + k)}
         rows.append(labels | trip_content(identification, information, one))
     combined = combine("T", rows, FleetSettings(tyre_walk=0.0), 1e-3)
     found = {unknown.name: combined.estimate(1, unknown) for unknown in combined.parameters(1)}
-    for expected in together.parameters:
-        value, sigma = found[expected.name]
-        assert abs(value - expected.value) < 0.1 * expected.sigma
+    assert set(found) == {expected.name for expected in together.parameters} - {FRICTION}
+    for name in found:
+        expected, (value, sigma) = together[name], found[name]
+        assert abs(value - expected.value) < 0.15 * expected.sigma
         assert sigma == pytest.approx(expected.sigma, rel=0.05)
 
 

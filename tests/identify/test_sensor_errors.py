@@ -17,7 +17,7 @@ STEER, RATE = "steer.tractor.front", "yaw_rate.tractor"
 
 @pytest.fixture(scope="module")
 def identified():
-    return identify([simulate(TRUCK, count=2, seed=1)], TRUCK, OneStage())
+    return identify([simulate(TRUCK, count=2, seed=1)], TRUCK, OneStage(tyres="linear"))
 
 
 def shifted(steer, rate):
@@ -28,7 +28,8 @@ def shifted(steer, rate):
 
 def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
     record = shifted(0.004, -0.003)
-    settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, identified.uncertainty(record.name))
+    known = identified.uncertainty(record.name)
+    settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, known, identified.friction)
     errors = {name: uncertainty.covariance[i, i] ** 0.5 for i, name in enumerate(uncertainty.names)}
     for name, truth in ((f"{STEER}.offset", 0.004), (f"{RATE}.offset", -0.003)):
         assert abs(settings["sensor_errors"][name] - truth) < 3 * errors[name]

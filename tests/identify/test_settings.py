@@ -49,7 +49,7 @@ def test_article() -> None:
 
 
 BOTH = "prior height_prior tolerance gate min_speed correlation_time"
-ONE_STAGE = f"{BOTH} roll_inertia_prior rate_gain_prior bank_prior outlier"
+ONE_STAGE = f"{BOTH} roll_inertia_prior bank_prior outlier"
 LEARNER = (
     "excitation_window high_pass_time max_lateral_acceleration discrepancy_time offset_time parameter_time "
     "max_innovation_ratio max_autocorrelation innovation_window max_steer max_steer_rate max_speed_change coast "
@@ -117,7 +117,7 @@ def test_the_settings_of_the_article() -> None:
     [
         (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
         (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating' or 'auto', got 'round'"),
-        (OneStage, {"friction": 3.0}, "friction: expected between 0.05 and 1.5, got 3.0; a dry road has 0.75"),
+        (OneStage, {"friction": 30.0}, "friction: expected between 0.05 and 6, got 30.0; a dry road has 0.75"),
         (OneStage, {"prior": "0.3"}, "prior: expected a number above 0, got '0.3'"),
         (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),
         (TwoStage, {"noise": {"yaw_rat.tractor": 1e-4}}, "noise, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),

@@ -1,7 +1,5 @@
 """The rules that decide a verdict."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -63,8 +61,6 @@ def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> Non
 
 
 def test_of_an_uncertain_parameter() -> None:
-    """Below the limit it is informed; a considered one is fixed, whatever its sigma is."""
-    uncertain = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.UNCERTAIN)
+    """Below the limit it is informed."""
     for sigma, verdict in ((0.599, Verdict.CONVERGED), (0.6, Verdict.NOT_EXCITED)):
-        assert uncertain_verdict(uncertain, sigma, 0.6) is verdict
-        assert uncertain_verdict(replace(uncertain, kind=UnknownKind.CONSIDERED), sigma, 0.6) is Verdict.FIXED
+        assert uncertain_verdict(sigma, 0.6) is verdict

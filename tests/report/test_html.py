@@ -91,7 +91,7 @@ def test_every_plot_has_its_place(parsed, plots):
 def test_every_history_channel_and_state_has_a_plot(result, plots):
     identification, groups = result.identification, [plot["group"] for plot in over_time(plots)]
     histories = sum(len(h.names) for h in identification.histories.values())
-    assert sum(group.startswith("history") for group in groups) == histories == 5
+    assert sum(group.startswith("history") for group in groups) == histories == 6
     per_log = {f"log {r.name}": 0 for r in result.records}
     for fit in identification.fits:
         per_log[f"log {fit.log}"] += 1

@@ -67,13 +67,13 @@ def test_lengths_by_hand() -> None:
         by_name = slopes(truck)
         assert by_name["tractor.cog"] == {"tractor.cog": 0.05}
         assert by_name["semitrailer.cog"] == {"semitrailer.cog": 0.15}
-        assert by_name["tractor.axle_positions"] == pytest.approx({"tractor.drive.position": -0.037}, rel=1e-12)
+        assert by_name["tractor.axle_positions"] == pytest.approx({"tractor.drive.position": -0.03}, rel=1e-12)
         assert by_name["tractor.coupling"] == pytest.approx({"fifth_wheel.leading_position": 0.037}, rel=1e-12)
         assert by_name["semitrailer.axle_positions"] == pytest.approx(
             {
-                "semitrailer.front.position": -0.067,
-                "semitrailer.middle.position": -0.08,
-                "semitrailer.rear.position": -0.093,
+                "semitrailer.front.position": -0.03 * 6.7 / 9.3,
+                "semitrailer.middle.position": -0.03 * 8.0 / 9.3,
+                "semitrailer.rear.position": -0.03,
             },
             rel=1e-12,
         )

@@ -73,7 +73,8 @@ def test_a_conclusion_with_remedies(run):
 
 
 def test_no_remedies_where_all_is_known():
-    exact = run_identification([simulate(TRUCK, count=6)], TRUCK, OneStage(consider={}, nuisances=False))
+    settings = OneStage(consider={}, nuisances=False, tyres="linear")
+    exact = run_identification([simulate(TRUCK, count=6)], TRUCK, settings)
     assert {e.verdict for e in exact.identification.parameters} == {"converged"}
     assert exact.assessment is None
 

@@ -1,43 +1,43 @@
-"""One-stage settings from the choices for single parameters."""
+"""Settings from the options of a user: each option, and the statements that replace the old ones."""
 
 import pytest
 
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.identify import OneStage
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED
+from fifthwheel.options import IdentifyOptions
 from fifthwheel.vehicle import get
-from fifthwheel.workflow import SENSOR_PRIORS, one_stage_settings
+from fifthwheel.workflow import SENSOR_PRIORS, chosen_one_stage
 
 TRUCK = get("cheng_cebon_2011")
 
 
+def chosen(**choices):
+    """Vehicle and settings of the options."""
+    return chosen_one_stage(TRUCK, IdentifyOptions(**choices))
+
+
 def test_without_choices_they_are_the_defaults():
-    assert one_stage_settings(TRUCK) == OneStage()
+    assert chosen() == (TRUCK, OneStage())
 
 
-def test_a_choice_replaces_the_default_for_the_same_name():
-    learned = one_stage_settings(TRUCK, prior={"roll_stiffness": 0.2})
-    assert learned.priors == {"roll_stiffness": 0.2}
-    assert learned.consider == {name: x for name, x in DEFAULT_CONSIDERED.items() if name != "roll_stiffness"}
-    considered = one_stage_settings(TRUCK, consider={"roll_stiffness": 0.05, "mass": 0.01}, base=learned)
-    assert considered.priors == {}
-    assert considered.consider == {**DEFAULT_CONSIDERED, "roll_stiffness": 0.05, "mass": 0.01}
-    exact = one_stage_settings(TRUCK, consider={"roll_stiffness": 0.0})
-    assert "roll_stiffness" not in exact.consider
+@pytest.mark.parametrize("option", ["prior", "consider"])
+def test_a_fraction_is_a_stated_sigma(option):
+    vehicle, settings = chosen(**{option: ("semitrailer.roll_stiffness=20%",)})
+    assert vehicle.stated == {"semitrailer.roll_stiffness": pytest.approx(0.2 * 2.7e6)}
+    assert settings == OneStage()
+    vehicle, settings = chosen(**{option: ("semitrailer.roll_stiffness=0",)})
+    assert vehicle.stated == {"semitrailer.roll_stiffness": 0.0}
+    assert settings.fixed == ("semitrailer.roll_stiffness",)
 
 
-@pytest.mark.parametrize("name", ["road.friction", "drive.cornering_stiffness"])
-def test_an_estimated_parameter_is_fixed_and_not_considered_with_0(name):
-    with pytest.raises(VehicleError, match=rf"{name}: is estimated; .* \(--fix {name}\)"):
-        one_stage_settings(TRUCK, consider={name: 0.0}, base=OneStage(tyres="saturating"))
-    fixed = one_stage_settings(TRUCK, fix=[name], consider={name: 0.0}, base=OneStage(tyres="saturating"))
-    assert fixed.fixed == (name,)
+@pytest.mark.parametrize("name", ["road.friction", "tractor.drive.cornering_stiffness"])
+def test_an_estimated_parameter_may_be_fixed_twice(name):
+    _, settings = chosen(fix=(name,), consider=(f"{name}=0",), tyres="saturating")
+    assert settings.fixed == (name,)
 
 
 def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
-    settings = one_stage_settings(
-        TRUCK, free=["tractor.yaw_inertia"], fix=["semitrailer.payload.height"], base=OneStage(check=False)
-    )
+    _, settings = chosen(free=("tractor.yaw_inertia",), fix=("semitrailer.payload.height",), check=False)
     assert settings.free == (
         "tractor.front.cornering_stiffness",
         "tractor.drive.cornering_stiffness",
@@ -50,23 +50,22 @@ def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
 
 
 def test_any_load_estimates_the_laden_body():
-    settings = one_stage_settings(TRUCK, free=["tractor.yaw_inertia"], any_load=True)
+    _, settings = chosen(free=("tractor.yaw_inertia",), any_load=True)
     assert not settings.uniform_payload
-    assert settings.free is not None
     assert {"semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia"} < set(settings.free)
     assert "semitrailer.payload.height" not in settings.free
 
 
 def test_every_sensor_prior_is_a_setting():
     priors = {name: 0.001 * (k + 1) for k, name in enumerate(SENSOR_PRIORS)}
-    settings = one_stage_settings(TRUCK, sensors=priors)
-    assert {name: getattr(settings, f"{name}_prior") for name in SENSOR_PRIORS} == priors
+    _, settings = chosen(sensor=tuple(f"{name}={sigma!r}" for name, sigma in priors.items()))
+    assert {name: getattr(settings, f"{name}_prior") for name in SENSOR_PRIORS} == pytest.approx(priors)
 
 
 def test_wrong_choices_are_refused():
-    with pytest.raises(SignalError, match="steer_lag: not a sensor error"):
-        one_stage_settings(TRUCK, sensors={"steer_lag": 0.1})
-    with pytest.raises(SignalError, match="steer_delay: expected a prior sigma above 0, got 0 s"):
-        one_stage_settings(TRUCK, sensors={"steer_delay": 0.0})
+    with pytest.raises(FifthwheelError, match=r"--sensor steer_lag=0\.1: expected NAME=SIGMA"):
+        chosen(sensor=("steer_lag=0.1",))
+    with pytest.raises(FifthwheelError, match="bank: expected a standard deviation above 0"):
+        chosen(sensor=("bank=0",))
     with pytest.raises(VehicleError, match=r"tractor\.colour"):
-        one_stage_settings(TRUCK, fix=["tractor.colour"])
+        chosen(fix=("tractor.colour",))

@@ -26,6 +26,7 @@ from fifthwheel.workflow import (
     chosen_one_stage,
     compare_runs,
     identification_settings,
+    require_signals,
     run_identification,
     write_results,
 )
@@ -94,6 +95,7 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
     progress("predicting", 0, 0)
     truck, settings = chosen_one_stage(truck, options(workspace, choices))
+    require_signals(settings, *records)
     return assess_information(records, truck, settings)
 
 

@@ -55,7 +55,8 @@ def of_identification(identification: Identification) -> Uncertainty:
     vehicle = identification.vehicle
     if identification.covariance is not None:
         return identification.covariance.among(vehicle.parameters().keys())
-    sigmas = {e.name: e.sigma for e in identification.parameters if e.sigma is not None}
+    own = vehicle.parameters()
+    sigmas = {e.name: e.sigma for e in identification.parameters if e.sigma is not None and e.name in own}
     return of_vehicle(vehicle.with_stated(sigmas))
 
 

@@ -1,7 +1,7 @@
 """fifthwheel fleet"""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     "fifthwheel fleet run manifest.csv --out fleet",
     "fifthwheel fleet run manifest.csv --out fleet --jobs 1",
     "fifthwheel fleet run s3://depot/manifest.parquet --out s3://depot/fleet --scheduler tcp://10.0.0.5:8786",
-    "fifthwheel fleet run manifest.csv -o fleet --fix payload.height --sensor steer_delay=5ms --height-limit 2.4m",
+    "fifthwheel fleet run manifest.csv --set payload.height=exact --set steer_delay='+- 5 ms' --height-limit 2.4m",
     of=fleet_app,
 )
 def run(
@@ -43,7 +43,7 @@ def run(
     ] = None,
     *,
     chosen: FleetSettings,
-    identification: Annotated[IdentifyOptions, Only(("fix", "consider", "sensor", "check"))],
+    identification: Annotated[IdentifyOptions, Only(("statements", "tyres", "fix", "consider", "sensor", "check"))],
     as_json: options.JsonOption = False,
 ) -> None:
     """Identify every trip of a fleet that the data set does not have yet, and combine all trips of each truck.
@@ -55,19 +55,20 @@ def run(
     """
     from fifthwheel.fleet import run as run_fleet
     from fifthwheel.identify import OneStage
-    from fifthwheel.workflow.settings import considered_sigmas, sensor_sigmas
+    from fifthwheel.workflow.settings import chosen_statements
 
-    considered = {**OneStage().consider, **considered_sigmas(identification.consider)}
-    sensors: dict[str, Any] = {f"{name}_prior": sigma for name, sigma in sensor_sigmas(identification.sensor).items()}
-    settings = OneStage(
-        fixed=identification.fix,
-        check=identification.check,
-        consider={name: sigma for name, sigma in considered.items() if sigma},
-        **sensors,
-    )
+    terminal.warn_of_replaced_options(identification)
+    statements = chosen_statements(identification)
     with terminal.progress_bar(quiet=as_json) as progress:
         result = run_fleet(
-            manifest, out, settings=settings, fleet=chosen, scheduler=scheduler, jobs=jobs, progress=progress
+            manifest,
+            out,
+            settings=OneStage(check=identification.check, tyres=identification.tyres),
+            statements=statements,
+            fleet=chosen,
+            scheduler=scheduler,
+            jobs=jobs,
+            progress=progress,
         )
     if as_json:
         terminal.print_json(result.as_dict())

@@ -18,9 +18,9 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify bend.csv ramp.csv -v truck.toml -s signals.toml -o result",
     "fifthwheel identify run.csv -v truck.toml --validate other.csv",
     "fifthwheel identify run.csv -v truck.toml --exclude 12.5..14",
-    "fifthwheel identify run.csv -v truck.toml --fix tractor.front.cornering_stiffness",
-    "fifthwheel identify run.csv -v truck.toml --free tractor.yaw_inertia --consider roll_stiffness=5%",
-    "fifthwheel identify snow.csv -v truck.toml --tyres saturating --friction 0.3",
+    "fifthwheel identify run.csv -v truck.toml --set semitrailer.mass='33.4 t +- 0.5 %' --set steer_delay='+- 5 ms'",
+    "fifthwheel identify run.csv -v truck.toml --set tractor.yaw_inertia=free --set roll_stiffness='+- 5 %'",
+    "fifthwheel identify snow.csv -v truck.toml --tyres saturating --set road.friction=snow",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
@@ -49,8 +49,8 @@ def identify(
     """Estimate cornering stiffness, yaw inertia, payload height and states from logs.
 
     Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
-    states.parquet, report.html and run.json (digests of these files). --free, --prior, --consider, --any-load,
-    --sensor, --suspension-from, --form, --tyres and --friction belong to the one-stage method.
+    states.parquet, report.html and run.json (digests of these files). --any-load, --suspension-from, --form and --tyres
+    belong to the one-stage method; two stages take values and "exact" of parameters by --set.
     """
     from fifthwheel.logs import start_reader
 
@@ -71,6 +71,7 @@ def identify(
         checked_format(figures)
     truck = read_vehicle(vehicle)
     truck, settings = identification_settings(truck, chosen)
+    terminal.warn_of_replaced_options(chosen)
     inputs = [*logs, *(validate or [])]
     read = [*inputs, Path(vehicle), *(path for path in (signals, chosen.suspension_from) if path)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:

@@ -8,10 +8,16 @@ import typer
 from fifthwheel._atomic import reserved
 from fifthwheel.cli import options
 from fifthwheel.cli.app import Only, command, quantity_option
-from fifthwheel.cli.terminal import load_records, print_files, progress_bar, warn_of_axle_loads
+from fifthwheel.cli.terminal import (
+    load_records,
+    print_files,
+    progress_bar,
+    warn_of_axle_loads,
+    warn_of_replaced_options,
+)
 from fifthwheel.options import IdentifyOptions
 
-_OF_A_DESIGN = Only(("fix", "free", "prior", "consider", "any_load", "suspension_from"))
+_OF_A_DESIGN = Only(("statements", "fix", "free", "prior", "consider", "any_load", "suspension_from"))
 _OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
 """Options of an identification for predictions before it."""
 
@@ -20,8 +26,8 @@ _OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
     "fifthwheel check run.csv --vehicle truck.toml",
     "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
     "fifthwheel check run.csv -v truck.toml --exclude 12.5..14",
-    "fifthwheel check run.csv -v truck.toml --fix semitrailer.roll_stiffness",
-    "fifthwheel check run.csv -v truck.toml --free tractor.yaw_inertia --json",
+    "fifthwheel check run.csv -v truck.toml --set semitrailer.roll_stiffness=exact",
+    "fifthwheel check run.csv -v truck.toml --set tractor.yaw_inertia=free --json",
     "fifthwheel check run.csv -v truck.toml --plot time.html",
 )
 def check(
@@ -46,13 +52,15 @@ def check(
     ones.
     """
     from fifthwheel.identify.design.assess import assess_information
-    from fifthwheel.workflow import chosen_one_stage, read_vehicle
+    from fifthwheel.workflow import chosen_one_stage, read_vehicle, require_signals
 
     truck = read_vehicle(vehicle)
     truck, settings = chosen_one_stage(truck, chosen)
+    warn_of_replaced_options(chosen)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_axle_loads(truck, records)
+        require_signals(settings, *records)
         if plot is not None:
             from fifthwheel.report.time_offsets import write_time_offsets
 
@@ -72,7 +80,7 @@ def check(
 @command(
     "fifthwheel design --vehicle truck.toml",
     "fifthwheel design -v truck.toml --target semitrailer.yaw_inertia=10% --speed 80km/h",
-    "fifthwheel design -v truck.toml --target semitrailer.payload.height=15% --fix semitrailer.roll_axis_height",
+    "fifthwheel design -v truck.toml --target semitrailer.payload.height=15% --set semitrailer.roll_axis_height=exact",
     "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
 )
 def design(
@@ -127,6 +135,7 @@ def design(
         record_writer(out)  # refuses an unknown format before the search
     truck = read_vehicle(vehicle)
     truck, settings = chosen_one_stage(truck, chosen)
+    warn_of_replaced_options(chosen)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(

@@ -1,6 +1,7 @@
 """Reading inputs and writing messages on a terminal, with progress bars."""
 
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
+    from fifthwheel.options import IdentifyOptions
     from fifthwheel.pages import Document
     from fifthwheel.record import Record
     from fifthwheel.vehicle import Vehicle
@@ -37,6 +39,17 @@ def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:
 
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
+
+
+def warn_of_replaced_options(chosen: "IdentifyOptions") -> None:
+    """Print the statements that say the same as the options that --set replaces."""
+    from fifthwheel.settings import options_of
+    from fifthwheel.workflow import replaced_statements
+
+    old = [o.flags_of(n)[0] for n, o in options_of(type(chosen)).items() if o.replaced_by and getattr(chosen, n)]
+    statements = " ".join(f"--set {shlex.quote(str(statement))}" for statement in replaced_statements(chosen))
+    if old:
+        typer.echo(f"warning: {', '.join(old)}: replaced by --set, give {statements}", err=True)
 
 
 def print_json(contents: Any) -> None:

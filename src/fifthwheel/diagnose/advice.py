@@ -11,7 +11,7 @@ from fifthwheel.diagnose.information_summary import describe_remedy, dominant_te
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.formatting import enumerated, percent, relative
-from fifthwheel.identify import Identification, Verdict
+from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.suspension import independent_of_load
 from fifthwheel.names import ParameterPath
@@ -32,7 +32,7 @@ VERDICTS = {
     "axle positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
     Verdict.DOUBTFUL: "Check the numbers that the cautions name, correct what is wrong, and identify again.",
     Verdict.NOT_CONVERGED: "Parameters that did not converge may compensate each other. Add another log of this truck, "
-    "allow more passes, or fix a parameter whose value is known from another source (--fix). If the model does not "
+    "allow more passes, or fix a parameter whose value is known from another source (--set). If the model does not "
     "explain the log either, check signs, units and positions of the signals first.",
 }
 """Verdict -> what to do."""
@@ -63,9 +63,8 @@ def next_steps(
         reason = f"{'it is' if len(poor) == 1 else 'they are'} predicted poorly"
         steps = [Advice(f"Use {enumerated(poor)} for the identification too, because {reason}.", logs=poor)]
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
-    steps += [*_friction(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
-    steps += [*_separation(identification), *_dominant_uncertainties(identification)]
+    steps += [*_separation(identification), *_dominant_uncertainties(identification), *_friction(identification)]
     for verdict, message in VERDICTS.items():
         names = tuple(e.name for e in identification.parameters if e.verdict == verdict)
         steps += [Advice(message, names)] if names else []
@@ -118,8 +117,8 @@ def _friction(identification: Identification) -> Iterator[Advice]:
     for e in identification.parameters:
         if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
             yield Advice(
-                "To estimate road.friction, add a run that uses more of it: a lateral acceleration of 2 m/s² or more "
-                "on a dry road, 1 m/s² on snow.",
+                "The logs use little of the friction of the road, so that road.friction keeps its prior. To estimate "
+                "it, add a run with a lateral acceleration of 2 m/s² or more on a dry road, 1 m/s² on snow.",
                 (FRICTION,),
             )
 
@@ -146,11 +145,11 @@ def _predicted_improvements(identification: Identification, outlook: Information
 
 def _separation(identification: Identification) -> Iterator[Advice]:
     for e in identification.parameters:
-        if e.verdict is Verdict.NOT_IDENTIFIABLE and e.correlated_with:
+        if e.verdict is Verdict.NOT_IDENTIFIABLE and e.correlated_with and e.name != FRICTION:
             other = e.correlated_with[0]
             cure = f"determine {other} by calibration, or add a run with another manoeuvre."
             if other in identification.initial_vehicle.parameters():
-                cure = f"fix {other} at a value from another source (--fix)."
+                cure = f"state {other} with its uncertainty from another source (--set)."
             yield Advice(f"To identify {e.name}, {cure}", (e.name,))
 
 
@@ -160,13 +159,20 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         source, known = uncertain.get(term.source), ""
         cure = "Measure it, and state its uncertainty in the vehicle file."
         if source:
-            known = f" (assumed uncertainty {percent((source.sigma or 0.0) / abs(source.value))})"
-            cure = f"Measure it, or give its real uncertainty: --consider {term.source}=5%."
+            known = f" ({_known_to(source)})"
+            cure = f"Measure it, or give its real uncertainty: --set {term.source}='+- 5 %'."
             if ParameterPath.of(term.parameter).is_payload_height and independent_of_load(term.source):
                 cure += f" {CALIBRATION}"
         elif term.source.endswith(".softening"):
-            cure = "Tyres soften with the slip angle: drive with a smaller lateral acceleration, or use --tyres auto."
+            cure = "Tyres soften with the slip angle: drive with less lateral acceleration, or use --tyres saturating."
         yield Advice(
-            f"{percent(term.fraction)} of the variance of {term.parameter} comes from {term.source}{known}. {cure}",
+            f"The variance of {term.parameter} would be {percent(term.fraction)} smaller if {term.source} were exact"
+            f"{known}. {cure}",
             (term.parameter,),
         )
+
+
+def _known_to(number: Estimate) -> str:
+    """How well an uncertain number is known without and with the logs: "known to ±10 %, with the logs to ±7.5 %"."""
+    prior, posterior = relative(number.initial, number.prior), relative(number.value, number.sigma)
+    return f"known to ±{prior}, with the logs to ±{posterior}"

@@ -117,10 +117,11 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
     for doubt in identification.doubts:
         if doubt.kind is not DoubtKind.ASSUMPTION:
             continue
-        texts = [describe_cause(cause, identification.initial_vehicle) for cause in doubt.causes]
+        logs = [log.name for log in identification.logs]
+        texts = [describe_cause(cause, identification.initial_vehicle, logs) for cause in doubt.causes]
         one = len(texts) == 1
         message = (
-            "The residuals contradict the vehicle file or an assumption on a sensor. They would be smaller if "
+            "The logs contradict the vehicle file or an assumption on a sensor. They imply that "
             f"{texts[0] if one else 'one of these holds: ' + '; '.join(texts)}."
         )
         cure = "Check this, correct it in the vehicle file or the signal map, and identify again."
@@ -134,11 +135,13 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
         )
 
 
-def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
-    """What would be different: "yaw_rate.tractor is 52 ms late (5 times the assumed latency)"."""
+def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> str:
+    """What is different: "yaw_rate.tractor is 52 ms late (5 times the assumed uncertainty)"; `logs` are names."""
     values = vehicle.parameters()
+    _, log = split_log(cause.name)
     times = f"{abs(cause.prior_sigmas):.1f} times the assumed uncertainty"
-    (path, change), *others = cause.changes.items()
+    own = {path: change for path, change in cause.changes.items() if path in values}  # loads of tyres follow from them
+    (path, change), *others = (own or cause.changes).items()
     error = SensorErrorName.of(path)
     if path == TIME_SCALE:
         return f"the time base runs {percent(abs(change))} too {'slow' if change > 0 else 'fast'} (timestamps)"
@@ -147,9 +150,10 @@ def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
     if error and error.kind == "delay":
         return f"{error.signal} is {with_sigma(abs(change), None, 's')} {'late' if change > 0 else 'early'} ({times})"
     if path.endswith(".softening"):
-        return f"the tyres of {path.removesuffix('.softening')} soften with the slip angle: try --tyres auto ({times})"
+        group = path.removesuffix(".softening")
+        return f"the tyres of {group} soften more with the slip angle: use --tyres saturating ({times})"
     if cause.name.endswith(".axle_positions"):
-        largest = max(map(abs, cause.changes.values()))
+        largest = max(map(abs, own.values()))
         side = "closer to" if change > 0 else "further from"
         return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
     if path not in values:
@@ -161,18 +165,20 @@ def describe_cause(cause: Cause, vehicle: Vehicle) -> str:
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:
         size = f"{percent(abs(change / values[path]))} {direction}"
+    if log is not None:  # its variation from log to log
+        return f"{path} is {size} in {logs[int(log)]} than in all logs together ({times})"
     also = f" with {len(others)} other numbers that belong to it" if others else ""
     return f"{path} is {size}{also} ({times})"
 
 
 def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
-    prior = identification.settings.prior
     for e in identification.parameters:
         if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ParameterPath.of(e.name).is_payload_height:
             continue
         if e.name == FRICTION:  # roads differ
             continue
+        prior = e.prior / abs(e.initial) if e.prior and e.initial else identification.settings.prior
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
             message = (
@@ -188,7 +194,8 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
         filtered = is_of(signal, LATERAL_ACCELERATION)  # always late
-        delayed = kind == "delay" and not filtered and abs(error.value) > significant
+        expected = sensor_error_prior(identification, error.name)[0]
+        delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
         doubts = [d for d in identification.doubts if any(split_log(c.name)[0] == error.name for c in d.causes)]
         doubts = [d for d in doubts if d.kind is DoubtKind.SENSOR]
         if not delayed and not doubts and not is_unusual(identification, error):
@@ -198,14 +205,13 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         if kind == "delay" and filtered:
             text, cure = f"the estimated delay is {value}.", "Check its timestamps, or set its delay in the signal map."
         elif kind in PLACE_KINDS:
-            mean = sensor_error_prior(identification, error.name)[0]
-            text = f"the estimated {kind} is {value}; {with_sigma(mean, None, error.unit)} is expected."
+            text = f"the estimated {kind} is {value}; {with_sigma(expected, None, error.unit)} is expected."
             cure = f"Check the {kind} of the accelerometer in the vehicle file, and which point the signal belongs to."
         elif kind == "delay":
             text = f"the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too."
             cure = (
                 "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
-                "(--sensor steer_delay=5ms) and identify again."
+                "(--set steer_delay='+- 5 ms') and identify again."
             )
         elif steer_gain:
             text = (

@@ -4,9 +4,12 @@ The difference of two estimates a and b of a parameter has the standard deviatio
 
     sigma^2 = n_a^2 + n_b^2 + sum_i (s_ai - s_bi)^2,    n_a^2 = sigma_a^2 - sum_i s_ai^2,
 
-with s_ai = sqrt(fraction_i) sigma_a, the part of sigma_a that comes from the considered unknown i. The sum is over the
-unknowns that both identifications consider, with the same value in both vehicle files: their errors are those of the
-same truck and road, and shift both estimates to the same side. All else counts as independent.
+with s_ai = |P_ai| dp_a/dz_a, the shift of estimate a if the prior mean of the uncertain number i is off by one standard
+deviation (covariance P of the unknowns in units of their priors). The squared correlation fraction_i of the variance
+budget and the standard deviation r_i of number i after the logs, in units of its prior, give s_ai = sqrt(fraction_i)
+sigma_a r_i. The sum is over the numbers that are uncertain in both identifications, with the same value in both vehicle
+files: the errors of their priors are the same, and shift both estimates to the same side. All else counts as
+independent.
 """
 
 import csv
@@ -154,13 +157,13 @@ def _sigma_of_difference(
 
 
 def _parts(run: Identification, name: str, e: Estimate) -> dict[str, float]:
-    """The part of sigma that comes from each considered unknown, SI."""
-    budget = run.variance_budget.get(name, {})
-    return {source: math.sqrt(fraction) * (e.sigma or 0.0) for source, fraction in budget.items()}
+    """The part of sigma that comes from the prior of each uncertain number, SI."""
+    budget, remaining = run.variance_budget.get(name, {}), run.remaining_uncertainty
+    return {s: math.sqrt(fraction) * (e.sigma or 0.0) * remaining.get(s, 1.0) for s, fraction in budget.items()}
 
 
 def _common_sources(a: Identification, b: Identification) -> set[str]:
-    """Considered unknowns whose error is the same in both: model errors, and equal numbers of the vehicle files."""
+    """Uncertain numbers whose prior has the same error in both: of the model, and equal ones of the vehicle files."""
     values = [run.initial_vehicle.parameters() for run in (a, b)]
     sources = [{source for terms in run.variance_budget.values() for source in terms} for run in (a, b)]
     return {source for source in sources[0] & sources[1] if values[0].get(source) == values[1].get(source)}
@@ -182,9 +185,7 @@ def _notes(runs: Mapping[str, Identification]) -> list[str]:
                 "sigmas is at least the one shown. It shows the effect of the settings and is not a test."
             )
         if not _common_sources(runs[first], runs[other]):
-            notes.append(
-                f"{first} and {other} consider no common uncertain parameter: their sigmas count as independent."
-            )
+            notes.append(f"{first} and {other} have no uncertain number in common: their sigmas count as independent.")
     for name, run in runs.items():
         informed = {
             e.name: fraction

@@ -11,17 +11,18 @@ from fifthwheel.formatting import approximate, digits, enumerated, percent, rela
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
+from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
 @dataclass(frozen=True, kw_only=True)
 class VarianceTerm:
-    """A contribution to the variance of a parameter."""
+    """By how much an uncertain number limits a parameter."""
 
     parameter: str
-    source: str  # the considered or not identified parameter whose uncertainty it comes from
-    fraction: float  # of the parameter's variance
+    source: str  # the uncertain number
+    fraction: float  # by which the parameter's variance would fall if the source were exact
 
 
 def variance_budget(identification: Identification, name: str) -> list[VarianceTerm]:
@@ -31,14 +32,19 @@ def variance_budget(identification: Identification, name: str) -> list[VarianceT
 
 
 def dominant_terms(identification: Identification) -> list[VarianceTerm]:
-    """Of each converged parameter with a notable sigma, the uncertain parameter that causes most of its variance."""
+    """Of each converged parameter with a notable sigma, the one or two uncertain numbers that limit it, if any do."""
     terms = []
     for estimate in identification.parameters:
         if estimate.verdict is not Verdict.CONVERGED or not estimate.sigma:
             continue
         if estimate.sigma >= thresholds.NOTABLE_SIGMA * abs(estimate.value):
-            terms += variance_budget(identification, estimate.name)[:1]
-    return [term for term in terms if term.fraction > thresholds.DOMINANT_FRACTION]
+            largest = variance_budget(identification, estimate.name)
+            largest = [term for term in largest if term.fraction > thresholds.LARGE_FRACTION]
+            for count in (1, 2):
+                if sum(term.fraction for term in largest[:count]) > thresholds.DOMINANT_FRACTION:
+                    terms += largest[:count]
+                    break
+    return terms
 
 
 class Improvement(NamedTuple):
@@ -92,8 +98,8 @@ class ParameterInformation:
             messages.append(f"Correlated with {self.correlation[0]} ({self.correlation[1]:.2f}).")
         if self.budget:
             largest, *others = [(percent(term.fraction), term.source) for term in self.budget[:2]]
-            text = f"{largest[0]} of its variance comes from the uncertainty of {largest[1]}"
-            text += "".join(f", {fraction} from that of {source}" for fraction, source in others)
+            text = f"Its variance would be {largest[0]} smaller if {largest[1]} were exact"
+            text += "".join(f", {fraction} if {source} were" for fraction, source in others)
             messages.append(f"{text}.")
         if self.noise_sigma and e.sigma:
             messages.append(
@@ -166,7 +172,7 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
 
 
 def describe_remedy(remedy: Remedy, lane_change: str = "one more lane change") -> str:
-    """A change as the end of a sentence: "if x is measured and fixed (--fix)", "if roll_rate.x is logged"."""
+    """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged"."""
     if remedy.known:
         manners: dict[str, list[str]] = {}
         for name in remedy.known:
@@ -202,4 +208,6 @@ def _how_to_know(name: str) -> tuple[str, str]:
     }
     if name == MASS_SCALE or path.quantity in together:
         return together.get(path.quantity, "all masses"), "known exactly (state it in the vehicle file)"
-    return name, "measured and fixed (--fix)"
+    if name == TIME_BASE:
+        return "the rate of the time base", "checked (--set time_base=exact)"
+    return name, "measured and fixed (--set)"

@@ -17,7 +17,7 @@ from fifthwheel.vehicle import Vehicle
 
 @dataclass(frozen=True, kw_only=True)
 class LogPrediction:
-    """The free-running model on one log.
+    """The free-running model with linear tyres on one log.
 
     What does not depend on the numbers of the vehicle is prepared once: segments, model, compiled step. 120 s at 100 Hz
     then take about 0.1 s, of which the simulation takes 3 ms; the rest is the fit of initial states and offsets.

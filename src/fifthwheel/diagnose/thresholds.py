@@ -7,7 +7,9 @@ WIDE_SIGMA = 0.15
 NOTABLE_SIGMA = 0.05
 """From this relative sigma on, the largest term of a parameter's variance is worth a measurement."""
 DOMINANT_FRACTION = 0.5
-"""A single term with a larger fraction of a variance dominates it."""
+"""A term with a larger fraction of a variance dominates it; so do the two largest terms together."""
+LARGE_FRACTION = 0.2
+"""Each of them has a larger fraction."""
 LISTED_FRACTION = 0.1
 """A term with a larger fraction of a variance is listed in the variance budget."""
 NOTABLE_CORRELATION = 0.5

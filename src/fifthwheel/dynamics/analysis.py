@@ -97,7 +97,12 @@ def modes(vehicle: Vehicle, speed: float, *, roll: bool = True) -> tuple[Mode, .
 
 def is_stable(vehicle: Vehicle, speed: float, *, roll: bool = True) -> bool:
     """Whether all modes decay at a speed, m/s, with fixed straight wheels; `roll` as in `matrices`."""
-    return bool(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max() < 0)
+    return slowest_decay(vehicle, speed, roll=roll) > 0
+
+
+def slowest_decay(vehicle: Vehicle, speed: float, *, roll: bool = True) -> float:
+    """Rate at which the slowest mode decays at a speed, m/s, with fixed straight wheels, 1/s; negative if it grows."""
+    return -float(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max())
 
 
 def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0) -> float | None:

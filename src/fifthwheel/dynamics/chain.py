@@ -8,9 +8,10 @@ all coupling forces, and the mass matrix of the chain, sum J_i' M_i J_i, is symm
 The state is x = (lateral velocity, yaw rates, articulation angles, roll angles, roll rates, lagged slip angles, bank).
 The article's sideslip angles are outputs, v_i / u; as states they would need the derivative of the speed.
 
-An axle group with a relaxation length sigma has its lagged slip angle s as a state: its side force follows the mean
-slip angle alpha of its axles with a first-order lag, sigma s' = u (alpha - s) (H. B. Pacejka, Tyre and Vehicle
-Dynamics, 2006, 7.1). Differences of the slip angles within a group act without lag.
+An axle group with a relaxation length has its lagged slip angle s as a state: its side force follows the mean slip
+angle alpha of its axles with a first-order lag, l s' = u (alpha - s) (H. B. Pacejka, Tyre and Vehicle Dynamics, 2006,
+7.1), with the length l of `unit_equations.relaxation_length`. Differences of the slip angles within a group act without
+lag.
 
 A bank of the road, positive with the left edge higher, acts on every mass like a lateral acceleration of g times the
 bank angle. As a state, the bank is constant except for process noise.
@@ -228,7 +229,7 @@ def equations(
     Two units have the article's 5 degrees of freedom with roll, and 3 without. `stiffness_factors` are factors of
     cornering stiffnesses, by the names of these, that may depend on the state.
     """
-    symbols = {name: ca.SX.sym(name) for name in stiffness_factors}
+    symbols, without_factors = {name: ca.SX.sym(name) for name in stiffness_factors}, p
     p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
     names = state_names(vehicle, roll=roll, bank=bank)
     x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
@@ -256,8 +257,10 @@ def equations(
         force += coupling_moments(p, vehicle, motions)
     velocities = velocity_indices(vehicle, roll=roll)
     right = angle_rates(vehicle, motions) | {names[index]: force[row] for row, index in enumerate(velocities)}
+    units = {unit.group_path(group): unit for unit in vehicle.units for group in unit.axle_groups}
     for path, lagged in motions.lagged_slip.items():
-        right[f"slip_angle.{path}"] = (speed_times_slip[path] - u * lagged) / p[f"{path}.relaxation_length"]
+        length = unit_equations.relaxation_length(without_factors, units[path], path)
+        right[f"slip_angle.{path}"] = (speed_times_slip[path] - u * lagged) / length
     right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)
     by_steer = ca.jacobian(right_side, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)

@@ -20,13 +20,16 @@ with the headings psi_i from that of the first unit. At the height of the coupli
 rear axle group of the first unit, whose side forces change in proportion. Roll angles are small. For small angles,
 linear tyres and u' = 0 the equations are those of `chain`.
 
-While u' < 0 every axle group brakes (`tyres.braking_force`). The first unit supplies what these forces lack for
-u', such as the drag of side forces. On a rolled body the inertia force -m_s u' acts beside the roll axis: its yaw
-moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the longitudinal forces
-of the couplings. The braking loads contain the X of groups that brake in proportion to their static loads. Of the rest
-only that part moves load which is larger than the braking forces of the units behind: the drag relieves their brakes.
+The axle groups have the longitudinal forces of `tyres.longitudinal_forces`. The first unit supplies what these forces
+lack for u', such as the drag of side forces. The drag of the air acts on the first unit, `AIR_HEIGHT` above the road,
+and moves load from its front to its rear axle group. On a rolled body the inertia force -m_s u' acts beside the roll
+axis: its yaw moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the
+longitudinal forces of the couplings. The braking loads contain the X of groups that brake in proportion to their static
+loads. Of the rest only that part moves load which is larger than the braking forces of the units behind: the drag
+relieves their brakes.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -35,10 +38,22 @@ import casadi as ca
 from fifthwheel.dynamics import chain, unit_equations
 from fifthwheel.dynamics.chain import Motion
 from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
-from fifthwheel.dynamics.tyres import NO_CHANGE, Contact, Law, axle_forces, braking_force, saturating
+from fifthwheel.dynamics.tyres import (
+    NO_CHANGE,
+    Contact,
+    Law,
+    Longitudinal,
+    axle_forces,
+    drag,
+    longitudinal_forces,
+    saturating,
+)
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
+
+AIR_HEIGHT = 1.5
+"""m; half the height of a cab with its deflector, and less because part of the drag is under the floor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +97,7 @@ def large_angles(
     convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
     tyres: dict[str, _Tyres] = {}
     pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
-    brakes_behind = ca.SX(0)
+    brakes_behind, longitudinal = ca.SX(0), longitudinal_forces(p, vehicle, speed, speed_rate)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
@@ -92,18 +107,21 @@ def large_angles(
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, speed_rate, law)
+        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, longitudinal, speed_rate, law)
         tyres |= of_unit
         for path, group in of_unit.items():
             if path in motion.lagged_slip:
                 lag = group.mean_slip - group.slip
-                rate[index[f"slip_angle.{path}"]] = motion.u[i] * lag / p[f"{path}.relaxation_length"]
+                length = unit_equations.relaxation_length(p, unit, path)
+                rate[index[f"slip_angle.{path}"]] = motion.u[i] * lag / length
         if roll:
             body = unit_equations.roll_body(p, unit)
             applied[2] -= body.moment * motion.roll[i] * along[0]
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
-        brakes = sum((braking_force(p, path, speed_rate) for path in of_unit), ca.SX(0))
-        force += ca.jacobian(beside[i], x)[:, velocities].T @ (ca.vertcat(brakes, 0) - p[f"{unit.name}.mass"] * along)
+        forward_force = sum((longitudinal[path].total for path in of_unit), ca.SX(0))
+        force += ca.jacobian(beside[i], x)[:, velocities].T @ (
+            ca.vertcat(forward_force, 0) - p[f"{unit.name}.mass"] * along
+        )
         known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
         known[1] += GRAVITY * motion.bank
         M += ca.mtimes([J.T, inertia, J])
@@ -114,7 +132,7 @@ def large_angles(
             pull_rate += forward @ (inertia @ J)[:2, :]
             on_coupling = p[f"{unit.name}.mass"] - sum(p[f"{path}.static_load"] for path in of_unit) / GRAVITY
             pull -= on_coupling * speed_rate  # the braking loads contain it
-            brakes_behind += brakes
+            brakes_behind += sum((longitudinal[path].braking for path in of_unit), ca.SX(0))
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
     per_shift = _loads_per_shift(vehicle)
@@ -123,9 +141,12 @@ def large_angles(
         ca.SX(len(velocities), 1),
     )
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
-    arm = _pull_arm(p, vehicle)
-    load = arm * (pull + pull_rate @ free) / (1 - arm * pull_rate @ slope)
-    shift = stages.held(ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0))
+    wheelbase = _wheelbase(p, vehicle)
+    arm = p[f"{vehicle.couplings[0].name}.height"] / wheelbase if vehicle.couplings else ca.SX(0)
+    of_air = AIR_HEIGHT / wheelbase * drag(p, speed)
+    load = arm * (pull + pull_rate @ (free + slope * of_air)) / (1 - arm * pull_rate @ slope)
+    of_pull = ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0)
+    shift = stages.held(of_pull + of_air)
     solved = stages.solved(M, force + by_shift * shift, free + slope * shift)
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
@@ -144,17 +165,14 @@ def large_angles(
     )
 
 
-def _pull_arm(p: Expressions, vehicle: Vehicle) -> ca.SX:
-    """Load that moves from the front to the rear axle group of the first unit per pull at its coupling, N/N."""
-    if not vehicle.couplings:
-        return ca.SX(0)
+def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
+    """Distance between the means of the first and of the last axle group of the first unit, m."""
     unit = vehicle.units[0]
     front, rear = (
         sum((p[f"{unit.name}.{axle.name}.position"] for axle in group.axles), ca.SX(0)) / len(group.axles)
         for group in (unit.axle_groups[0], unit.axle_groups[-1])
     )
-    height: ca.SX = p[f"{vehicle.couplings[0].name}.height"]
-    return height / (front - rear)
+    return front - rear
 
 
 def _loads_per_shift(vehicle: Vehicle) -> dict[str, float]:
@@ -162,7 +180,7 @@ def _loads_per_shift(vehicle: Vehicle) -> dict[str, float]:
     one of its first unit."""
     unit = vehicle.units[0]
     front, rear = unit.axle_groups[0], unit.axle_groups[-1]
-    return {unit.group_path(front): -1.0, unit.group_path(rear): 1.0} if vehicle.couplings else {}
+    return {unit.group_path(front): -1.0, unit.group_path(rear): 1.0}
 
 
 def _motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
@@ -212,6 +230,7 @@ def _tyre_forces(
     motion: Motion,
     i: int,
     steer: Expressions,
+    longitudinal: Mapping[str, Longitudinal],
     speed_rate: ca.SX,
     law: Law,
 ) -> tuple[ca.SX, dict[str, _Tyres]]:
@@ -230,13 +249,14 @@ def _tyre_forces(
         mean = sum(each, ca.SX(0)) / count
         slip = motion.lagged_slip.get(path, mean)
         suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
-        load = ca.SX.sym("load")
-        forces = law(p, path, Contact(slip, suspension, p[f"{unit.name}.roll_axis_height"], load, speed_rate))
+        load, forward = ca.SX.sym("load"), longitudinal[path].total
+        change = load - p[f"{path}.braking_load"] * speed_rate
+        forces = law(p, path, Contact(slip, suspension, p[f"{unit.name}.roll_axis_height"], change, forward))
         secants, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (forces, ca.jacobian(forces, load)))
         tyres[path] = _Tyres(slip, mean, secants, by_load)
-        braking = braking_force(p, path, speed_rate) / count
+        forward /= count
         for arm, angle, own in zip(arms, angles, each, strict=True):
             side, aligning = axle_forces(secants / count, slip + (own - mean))
-            lateral = side * ca.cos(angle) + braking * ca.sin(angle)
-            total += ca.vertcat(braking * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral + aligning)
+            lateral = side * ca.cos(angle) + forward * ca.sin(angle)
+            total += ca.vertcat(forward * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral + aligning)
     return total, tyres

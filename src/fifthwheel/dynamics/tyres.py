@@ -24,16 +24,23 @@ sliding. The cosine of the arctangent of the slip is that of Pacejka's trail; it
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
 
-Braking. At a change u' < 0 of the speed, every group brakes with F_x = m_x u', equally on both sides; by default with
-the mass m_x = N / g, in proportion to the static load. The load of a group changes by -m_b u', with the braking load
-m_b of that default, which a truck has on a slope: n = 1 - m_b u' / N + lambda and 1 - m_b u' / N - lambda. With the
-slips s_x and s_y over those at which a linear tyre has the force mu N, and a force along the slip (s_x, s_y) of the
-magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x is that without braking times
+Longitudinal forces. At the speed u and its derivative u', the wheels of a truck of the mass m need the force
+
+    X = m u' + (rho / 2) A u^2 + c_r sum N
+
+for the drag of the air on the drag area A (drag coefficient times frontal area) and for the rolling resistance c_r N of
+each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3). Where X > 0, the last group of the first unit
+drives with it. Where X < 0, every group brakes with m_x X / m, by default with the mass m_x = N / g, in proportion to
+the static load. The longitudinal force F_x of a group is that of drive and brakes less c_r N, equally on both sides.
+The load of a group changes by -m_b u', with the braking load m_b of that default, which a truck has on a slope: n = 1 -
+m_b u' / N + lambda and 1 - m_b u' / N - lambda. With the slips s_x and s_y over those at which a linear tyre has the
+force mu N, and a force along the slip (s_x, s_y) of the magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x
+is that without it times
 
     e = sqrt(1 - b (F_x / (mu N))^2),        b = 1,
 
 of each side, which reduces stiffness and friction. The trail falls by e^2: it is t_0 (1 - f^2), with the fraction f of
-the friction that both forces use. When the speed rises, only the first unit drives.
+the friction that both forces use.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -47,10 +54,12 @@ from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import (
     COMBINED_SLIP,
+    DRAG_AREA,
     FRICTION,
     FRICTION_SENSITIVITY,
     GROUP_TYRE_UNITS,
     HALF_TRACK,
+    ROLLING_RESISTANCE,
     SHAPE,
     STIFFNESS_SENSITIVITY,
     TYRE_PARAMETERS,
@@ -58,6 +67,8 @@ from fifthwheel.vehicle.parameters import (
 
 NO_CHANGE = ca.SX(0)
 """Of a load, N, or of the speed, m/s^2."""
+AIR_DENSITY = 1.2
+"""kg/m^3."""
 NOMINAL_LOAD = 35e3
 """Of a tyre, N: of 315/80 R 22.5."""
 LOCKED = 0.1
@@ -113,8 +124,8 @@ class Contact(NamedTuple):
     slip: ca.SX  # slip angle, rad
     suspension: ca.SX = NO_CHANGE  # moment K* phi + C* phi', N m; see `unit_equations.suspension_moment`
     roll_axis_height: ca.SX = NO_CHANGE  # of the unit, m
-    load_change: ca.SX = NO_CHANGE  # load of the group less that at this speed rate on a straight road, N
-    speed_rate: ca.SX = NO_CHANGE  # u', m/s^2
+    load_change: ca.SX = NO_CHANGE  # load of the group less the static one, N
+    longitudinal: ca.SX = NO_CHANGE  # longitudinal force of the group, N
 
 
 Law = Callable[[Expressions, str, Contact], ca.SX]
@@ -139,29 +150,62 @@ def softening_factor(rate: ca.SX, slip: ca.SX) -> ca.SX:
     return 1 / (1 + rate * (ca.sqrt(slip * slip + SMOOTHING**2) - SMOOTHING))
 
 
-def braking_force(p: Expressions, path: str, speed_rate: ca.SX) -> ca.SX:
-    """Longitudinal force F_x of an axle group, N, at a change u' of the speed, m/s^2: 0 if the speed rises."""
-    return p[f"{path}.braked_mass"] * ca.fmin(speed_rate, 0)
+class Longitudinal(NamedTuple):
+    """The longitudinal forces of an axle group, N."""
+
+    driving: ca.SX  # 0 or more
+    braking: ca.SX  # 0 or less
+    rolling: ca.SX  # 0 or less: rolling resistance
+
+    @property
+    def total(self) -> ca.SX:
+        """Their sum."""
+        return self.driving + self.braking + self.rolling
+
+
+def drag(p: Expressions, speed: ca.SX) -> ca.SX:
+    """Drag of the air, N, 0 or more, at a speed, m/s."""
+    return AIR_DENSITY / 2 * p[DRAG_AREA] * speed * speed
+
+
+def longitudinal_forces(
+    p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX
+) -> Mapping[str, Longitudinal]:
+    """The longitudinal forces of each axle group by its path, at a speed, m/s, and its derivative, m/s^2."""
+    paths = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+    first = vehicle.units[0]
+    driven = first.group_path(first.axle_groups[-1])
+    rolling = {path: -p[ROLLING_RESISTANCE] * p[f"{path}.static_load"] for path in paths}
+    mass = sum((p[f"{unit.name}.mass"] for unit in vehicle.units), ca.SX(0))
+    needed = mass * speed_rate + drag(p, speed) - sum(rolling.values(), ca.SX(0))
+    brakes = ca.fmin(needed, 0) / mass
+    return {
+        path: Longitudinal(
+            driving=ca.fmax(needed, 0) if path == driven else NO_CHANGE,
+            braking=p[f"{path}.braked_mass"] * brakes,
+            rolling=rolling[path],
+        )
+        for path in paths
+    }
 
 
 def saturating(p: Expressions, path: str, contact: Contact) -> ca.SX:
     """The saturating law; see `Law`."""
-    slip, suspension, roll_axis_height, load_change, speed_rate = contact
+    slip, suspension, roll_axis_height, load_change, longitudinal = contact
     C, N = p[f"{path}.cornering_stiffness"], p[f"{path}.static_load"]
     mu = p[SHAPE] * p[f"{path}.relative_friction"] * p[FRICTION]
     q = N / p[f"{path}.tyres"] / NOMINAL_LOAD
     stiffness_sensitivity, friction_sensitivity = p[STIFFNESS_SENSITIVITY] * q**2, p[FRICTION_SENSITIVITY]
     even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
     moment = suspension + roll_axis_height * even * C * slip
-    forward = ca.fmax(ca.fmin((load_change - p[f"{path}.braking_load"] * speed_rate) / N, 1), -1)
+    forward = ca.fmax(ca.fmin(load_change / N, 1), -1)
     transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1 + forward), -1 - forward)
-    braking = braking_force(p, path, speed_rate)
     trail, secants = p.get(f"{path}.pneumatic_trail"), ca.SX(0)
     for side in (1, -1):
         change = side * transfer + forward
         k = 1 - stiffness_sensitivity * change
         limit = N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1))  # mu N, for the static load
-        used = braking / (limit * ca.fmax(1 + change, SMALL_LOAD))
+        used = longitudinal / (limit * ca.fmax(1 + change, SMALL_LOAD))
         e = _braked_factor(p[COMBINED_SLIP] * used**2)
         sliding = 1 + (C * k / limit * slip) ** 2
         secant = C / 2 * (1 + change) * k / ca.sqrt(sliding) * e

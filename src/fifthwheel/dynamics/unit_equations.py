@@ -40,6 +40,19 @@ def group_roll(p: Expressions, path: str) -> tuple[ca.SX, ca.SX]:
     return suspension * tyres / (suspension + tyres), p[f"{path}.roll_damping"] * fraction * fraction
 
 
+def relaxation_length(p: Expressions, unit: Unit, path: str) -> ca.SX:
+    """Distance over which the side force of an axle group builds up, m: l + C h^2 / (K + K_t), h = h_r (1 + K / K_t).
+
+    l is the relaxation length of the tyres, their cornering stiffness over their lateral stiffness. A side force also
+    moves the road contact sideways under the body, because the axles roll on their tyres about the road and the body
+    about the roll centre of the suspension, at the height h. This compliance is in series with that of the tyres.
+    """
+    suspension, tyres = p[f"{path}.roll_stiffness"], p[f"{path}.tyre_roll_stiffness"]
+    height = p[f"{unit.name}.roll_axis_height"] * (1 + suspension / tyres)
+    compliance = height * height / (suspension + tyres)
+    return p[f"{path}.relaxation_length"] + p[f"{path}.cornering_stiffness"] * compliance
+
+
 def suspension_moment(p: Expressions, path: str, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:
     """K* phi + C* phi', the moment of suspension and tyres of an axle group, N m, at a roll of the unit, rad, rad/s."""
     stiffness, damping = group_roll(p, path)

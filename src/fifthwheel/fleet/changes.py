@@ -1,23 +1,23 @@
 """Changes of a truck between two trips: found by the innovations of its filter, dated by the smallest posterior cost.
 
 Test. The last m trips move the estimate of the tested unknowns by delta. Without a change delta is normal with the
-covariance S = D (P - P+) D + (B+ - B)(B+ - B)', by the states before and after these trips (`states`), so that the
-normalised innovation squared delta' S^-1 delta is chi-square distributed (Bar-Shalom, Li and Kirubarajan 2001, 5.4). It
-is tested after every trip for the last 1, 2, 4 and 8 trips. Each of the tests has the same fraction of the false-alarm
-probability of the fleet (Bonferroni), which is therefore an upper bound.
+covariance S = D (P - P+) D, by the states before and after these trips (`states`), so that the normalised innovation
+squared delta' S^-1 delta is chi-square distributed (Bar-Shalom, Li and Kirubarajan 2001, 5.4). It is tested after every
+trip for the last 1, 2, 4 and 8 trips. Each of the tests has the same fraction of the false-alarm probability of the
+fleet (Bonferroni), which is therefore an upper bound.
 
 Date. Each kind of change at each date near the alarm is a hypothesis: from this trip on, the unknowns of this kind have
 their priors again. The hypothesis with the smallest cost, minus the logarithm of the likelihood of all trips about the
 alarm, is reported, with its posterior probability. All hypotheses have the same prior probability.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.fleet.states import Indices, Observation, State, Walk
+from fifthwheel.fleet.states import Indices, Observation, State, Walk, together
 
 WINDOWS = (1, 2, 4, 8)
 """Numbers of trips that are tested together."""
@@ -25,6 +25,8 @@ LOOK_BACK, LOOK_AHEAD = 4, 8
 """Trips before the tested ones at which a change may be dated, and trips after the alarm that date it."""
 INFORMED = 1e-3
 """An unknown is tested if the trips reduce its variance by this fraction."""
+SINGULAR = 1e-9
+"""Eigenvalue of the correlations of the tested unknowns below which trips do not move a combination of them."""
 OUTLIER = "outlier"
 """Kind of a trip that differs from those before and after it."""
 
@@ -57,7 +59,7 @@ class TruckTrips:
     start: State
     trips: Sequence[Observation]
     walk: Walk
-    tested: Indices  # unknowns in the state whose change matters: the parameters of the vehicle
+    tested: Indices  # unknowns in the state whose change matters: the estimated parameters
     kinds: Sequence[Kind]
     widening: Array  # factors (n,) of model error
 
@@ -70,12 +72,11 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange
     from scipy.special import chdtrc, chdtri
 
     changes, walk, skipped = list[TripChange](), truck.walk, set[int]()
-    states, p_values, last, n = list[State](), list[float](), 0, 0
+    states, p_values, last, n = {-1: truck.start}, list[float](), 0, 0  # states after each trip
     while n < len(truck.trips):
-        before = walk.predict(states[n - 1] if n else truck.start, truck.trips, n)
-        after = before if n in skipped else before.updated(truck.trips[n])
-        del states[n:], p_values[n:]
-        states.append(after)
+        before = walk.predict(states[n - 1], truck.trips, n)
+        states[n] = before if n in skipped else before.updated(truck.trips[n])
+        del p_values[n:]
         p_values.append(1.0)
         alarm = None
         for size in WINDOWS:
@@ -112,33 +113,39 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange
 
 
 def _statistic(
-    truck: TruckTrips, states: Sequence[State], walk: Walk, window: range, skipped: set[int]
+    truck: TruckTrips, states: Mapping[int, State], walk: Walk, window: range, skipped: set[int]
 ) -> tuple[float, int]:
     """Normalised innovation squared of consecutive trips and its degrees of freedom.
 
     The walk within the window counts as before it, which enlarges S a little.
     """
     first, last = window[0], window[-1]
-    start = states[first - 1] if first else truck.start
-    days = truck.trips[last].time - truck.trips[first].time
-    before = walk.predict(start, truck.trips, first).later(walk.rate * days)
-    after = before
-    for k in window:
-        if k not in skipped:
-            after = after.updated(truck.trips[k])
-    reduction = np.diag(before.P - after.P)[truck.tested] / np.diag(before.P)[truck.tested]
-    tested = truck.tested[reduction > INFORMED]
-    if not len(tested):
+    used = [truck.trips[k] for k in window if k not in skipped]
+    if not used:
         return 0.0, 0
-    part, d = np.ix_(tested, tested), truck.widening[tested]
-    effect = (after.B - before.B)[tested]
-    S = (before.P - after.P)[part] * np.outer(d, d) + effect @ effect.T
-    delta = (after.z - before.z)[tested]
-    return float(delta @ np.linalg.solve(S, delta)), len(tested)
+    trip = together(used)
+    days = truck.trips[last].time - truck.trips[first].time
+    before = walk.predict(states[first - 1], truck.trips, first).later(walk.rate * days)
+    i, H, P = trip.places, trip.information, before.P
+    gain = np.linalg.solve(np.eye(len(i)) + H @ P[np.ix_(i, i)], H)  # P - P+ = P gain P
+    tested = np.intersect1d(truck.tested, i)  # all others move with these
+    of_tested = P[np.ix_(tested, i)]
+    reduction = np.sum(of_tested @ gain * of_tested, axis=1) / np.diag(P)[tested]
+    informed = reduction > INFORMED
+    if not informed.any():
+        return 0.0, 0
+    rows, d = of_tested[informed], truck.widening[tested[informed]]
+    S = rows @ gain @ rows.T * np.outer(d, d)
+    innovation = trip.vector - H @ before.z[i]
+    delta = rows @ (innovation - gain @ (P[np.ix_(i, i)] @ innovation))
+    sigma = np.sqrt(np.diag(S))
+    eigenvalues, axes = np.linalg.eigh(S / np.outer(sigma, sigma))
+    kept = eigenvalues > SINGULAR
+    return float(np.sum((axes.T @ (delta / sigma))[kept] ** 2 / eigenvalues[kept])), int(kept.sum())
 
 
 def _dated(
-    truck: TruckTrips, states: Sequence[State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
+    truck: TruckTrips, states: Mapping[int, State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
 ) -> tuple[Kind, int, float] | None:
     """The most probable kind and trip of a change with its probability; None if no change is more probable than none.
 
@@ -146,23 +153,28 @@ def _dated(
     """
     last, first, n = alarm
     begin, end = max(last, first - LOOK_BACK, 0), min(n + LOOK_AHEAD, len(truck.trips) - 1)
-    start = states[begin - 1] if begin else truck.start
     trips = [k for k in range(begin, end + 1) if k not in skipped]
+    places = together([truck.trips[k] for k in trips]).places  # all others are of no effect
+    start, rate = states[begin - 1].among(places), walk.rate[places]
+    local = {k: replace(truck.trips[k], places=np.searchsorted(places, truck.trips[k].places)) for k in trips}
+
+    def among(members: Indices) -> Indices:
+        return np.flatnonzero(np.isin(places, members))
 
     def cost(kind: Kind | None, trip: int) -> float:
         state, total, previous = start, 0.0, begin - 1
         for k in trips:
             days = truck.trips[k].time - truck.trips[previous].time if k else 0.0
-            state, previous = state.later(walk.rate * days), k
+            state, previous = state.later(rate * days), k
             if k in walk.resets:
-                state = state.reset(walk.resets[k])
+                state = state.reset(among(walk.resets[k]))
             if kind and k == trip:
-                fresh = state.reset(kind.members)
-                total += fresh.cost(truck.trips[k])
-                state = state if kind.name == OUTLIER else fresh.updated(truck.trips[k])
+                fresh = state.reset(among(kind.members))
+                total += fresh.cost(local[k])
+                state = state if kind.name == OUTLIER else fresh.updated(local[k])
                 continue
-            total += state.cost(truck.trips[k])
-            state = state.updated(truck.trips[k])
+            total += state.cost(local[k])
+            state = state.updated(local[k])
         return total
 
     none = cost(None, 0)

@@ -19,6 +19,7 @@ from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.settings import Progress
 from fifthwheel.options import FleetSettings
+from fifthwheel.workflow.statements import Statement
 
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""
@@ -74,6 +75,7 @@ def run(
     out: str | Path,
     *,
     settings: OneStage | None = None,
+    statements: Sequence[Statement] = (),
     fleet: FleetSettings | None = None,
     scheduler: str | None = None,
     jobs: int | None = None,
@@ -89,6 +91,7 @@ def run(
         manifest: path of a CSV or Parquet file (`read_manifest`), or its trips.
         out: data set: a folder, or a prefix of an object store such as s3://bucket/fleet.
         settings: of the identification of each trip; by default `OneStage()`.
+        statements: on the vehicle and the sensors of every trip, as by `workflow.apply_statements`.
         fleet: of the combination.
         scheduler: address of a Dask scheduler, as of `fifthwheel.cluster.connected`; None starts a local cluster.
         jobs: processes of the local cluster, by default one per core; 1 computes in this process, without Dask.
@@ -110,8 +113,9 @@ def run(
         else:
             execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
         dataset.join()
-        dataset.write_settings({"version": __version__, "fleet": fleet.as_dict(), "identification": settings.as_dict()})
-        job = TripJob(folder=dataset.folder, settings=settings, done=dataset.digests())
+        described = {"version": __version__, "fleet": fleet.as_dict(), "identification": settings.as_dict()}
+        dataset.write_settings(described | {"statements": list(map(str, statements))})
+        job = TripJob(folder=dataset.folder, settings=settings, statements=tuple(statements), done=dataset.digests())
         for k, (trip, outcome) in enumerate(execute(process_trip, job, trips), start=1):
             result.count(trip, outcome)
             progress("trips", k, len(trips))

@@ -1,18 +1,20 @@
 """Estimates over days from the information of trips: a Kalman filter in time, and its smoother.
 
 The state z (n,) holds the unknowns of a truck in units of their priors, z ~ N(0, I) at first. Tyre stiffnesses follow a
-random walk over days, all others are constant until a change. A trip gives its information vector v, information H and
-coupling G to m considered unknowns c, which keep their prior N(0, I) (Schmidt 1966):
+random walk over days, all others are constant until a change. A trip gives its information vector v and information H:
 
-    update       P+ = P - P H (I + P H)^-1 P,      d = v - H z,      z+ = z + P+ d,      B+ = B - P+ (H B + G),
+    update       P+ = P - P H (I + P H)^-1 P,      z+ = z + P+ (v - H z)
     smoother     z_k|N = z_k + C (z_k+1|N - z_k+1|k),      C = P_k F' P_k+1|k^-1      (Rauch, Tung and Striebel 1965),
 
-with the effect B (n, m) of c on the error of z, and F = I but for the unknowns that a change resets to their priors.
-The covariance of z is D P D + B B'; D is the diagonal of factors by which model error widens P (`identify.one_stage`).
+with F = I but for the unknowns that a change resets to their priors. The covariance of z is D P D; D is the diagonal of
+factors by which model error widens P (`identify.one_stage`).
+
+Few unknowns of many walk. Between two trips without a change P_k+1|k = P_k + Q, so that C = I - Q P_k+1|k^-1 differs
+from I only in the rows of those that walk.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +26,12 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """The information of one trip, and where its k unknowns and j considered unknowns are in the state."""
+    """The information of one trip, and where its k unknowns are in the state."""
 
     time: float  # days
     places: Indices  # (k,) in the state
-    considered: Indices  # (j,) among the considered unknowns
     vector: Array  # (k,)
     information: Array  # (k, k)
-    coupling: Array  # (k, j)
     score_covariance: Array  # (k, k); see `SharedInformation`
 
 
@@ -40,27 +40,26 @@ class State:
     """An estimate of n unknowns."""
 
     z: Array  # (n,)
-    P: Array  # covariance (n, n), without model error and considered unknowns
-    B: Array  # effect (n, m) of the considered unknowns on the error of z
+    P: Array  # covariance (n, n), without model error
 
     @classmethod
-    def prior(cls, n: int, m: int) -> "State":
-        """The prior of n unknowns with m considered ones."""
-        return cls(np.zeros(n), np.eye(n), np.zeros((n, m)))
+    def prior(cls, n: int) -> "State":
+        """The prior of n unknowns."""
+        return cls(np.zeros(n), np.eye(n))
 
     def reset(self, members: Indices) -> "State":
         """The state with the prior of some unknowns."""
-        z, P, B = self.z.copy(), self.P.copy(), self.B.copy()
-        z[members], B[members] = 0.0, 0.0
+        z, P = self.z.copy(), self.P.copy()
+        z[members] = 0.0
         P[members], P[:, members] = 0.0, 0.0
         P[members, members] = 1.0
-        return State(z, P, B)
+        return State(z, P)
 
     def later(self, variance: Array) -> "State":
         """The prediction for a later time, by which the random walk gains a variance (n,)."""
         P = self.P.copy()
         P[np.diag_indices_from(P)] += variance
-        return State(self.z, P, self.B)
+        return State(self.z, P)
 
     def updated(self, trip: Observation) -> "State":
         """The state with the information of a trip."""
@@ -68,9 +67,11 @@ class State:
         P_i = self.P[:, i]
         P = self.P - P_i @ np.linalg.solve(np.eye(len(i)) + H @ P_i[i], H) @ P_i.T
         P = (P + P.T) / 2
-        effect = H @ self.B[i]
-        effect[:, trip.considered] += trip.coupling
-        return State(self.z + P[:, i] @ (trip.vector - H @ self.z[i]), P, self.B - P[:, i] @ effect)
+        return State(self.z + P[:, i] @ (trip.vector - H @ self.z[i]), P)
+
+    def among(self, places: Indices) -> "State":
+        """The state of some unknowns."""
+        return State(self.z[places], self.P[np.ix_(places, places)])
 
     def cost(self, trip: Observation) -> float:
         """Minus the logarithm of the likelihood of a trip at this prediction, less a constant of the trip."""
@@ -106,15 +107,47 @@ def filtered(start: State, trips: Sequence[Observation], walk: Walk) -> list[Sta
     return states
 
 
-def smoothed(states: Sequence[State], trips: Sequence[Observation], walk: Walk) -> list[State]:
-    """The state at each trip from all trips, by the states after each trip."""
-    result = list(states)
+def smoothed(states: Sequence[State], trips: Sequence[Observation], walk: Walk) -> Iterator[State]:
+    """The state at each trip from all trips, the last trip first, by the states after each trip."""
+    after = states[-1]
+    yield after
     for k in range(len(states) - 2, -1, -1):
-        now, after = states[k], result[k + 1]
-        predicted = walk.predict(now, trips, k + 1)
-        transition = np.ones(len(now.z))
-        transition[walk.resets.get(k + 1, [])] = 0.0
-        C = np.linalg.solve(predicted.P, (now.P * transition).T).T
-        P = now.P + C @ (after.P - predicted.P) @ C.T
-        result[k] = State(now.z + C @ (after.z - predicted.z), (P + P.T) / 2, now.B + C @ (after.B - predicted.B))
-    return result
+        now, predicted = states[k], walk.predict(states[k], trips, k + 1)
+        if k + 1 in walk.resets:
+            transition = np.ones(len(now.z))
+            transition[walk.resets[k + 1]] = 0.0
+            C = np.linalg.solve(predicted.P, (now.P * transition).T).T
+            z, P = now.z + C @ (after.z - predicted.z), now.P + C @ (after.P - predicted.P) @ C.T
+        else:
+            z, P = _smoothed_walk(now, predicted, after)
+        after = State(z, (P + P.T) / 2)
+        yield after
+
+
+def _smoothed_walk(now: State, predicted: State, after: State) -> tuple[Array, Array]:
+    """z and P of the smoother between two trips without a change."""
+    variance = np.diag(predicted.P) - np.diag(now.P)
+    walking = np.flatnonzero(variance)
+    difference, d = after.P - predicted.P, after.z - now.z
+    if not len(walking):
+        return now.z + d, now.P + difference
+    gain = variance[walking, None] * np.linalg.solve(predicted.P, np.eye(len(now.z))[:, walking]).T  # rows of I - C
+    z = now.z + d
+    z[walking] -= gain @ d
+    P = difference
+    P[walking] -= gain @ P
+    P[:, walking] -= P @ gain.T
+    return z, now.P + P
+
+
+def together(trips: Sequence[Observation]) -> Observation:
+    """Several trips between which nothing walks as one."""
+    places = np.unique(np.concatenate([trip.places for trip in trips]))
+    k = len(places)
+    vector, information, scores = np.zeros(k), np.zeros((k, k)), np.zeros((k, k))
+    for trip in trips:
+        own = np.searchsorted(places, trip.places)
+        vector[own] += trip.vector
+        information[np.ix_(own, own)] += trip.information
+        scores[np.ix_(own, own)] += trip.score_covariance
+    return replace(trips[-1], places=places, vector=vector, information=information, score_covariance=scores)

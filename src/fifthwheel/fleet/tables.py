@@ -6,6 +6,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
 from fifthwheel.fleet.dataset import TripDataset
@@ -77,7 +78,8 @@ def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> R
         try:
             combined = combine(truck, rows, job.settings, job.false_alarm)
         except Exception as error:  # one truck must not stop the others
-            result.failed[truck] = f"{type(error).__name__}: {error}"
+            kind = "" if isinstance(error, FifthwheelError) else f"{type(error).__name__}: "
+            result.failed[truck] = f"{kind}{error}"
             continue
         for name, table in _tables(combined).items():
             result.tables[name] += table

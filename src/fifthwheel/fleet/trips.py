@@ -29,6 +29,7 @@ from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue
+from fifthwheel.workflow.statements import Statement, apply, missing_sensors
 
 EARLIEST_DATE = 315_532_800.0
 """Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
@@ -53,7 +54,7 @@ _ESTIMATE = pa.struct([*texts("name"), *numbers("value", "sigma"), *texts("unit"
 _UNKNOWN = pa.struct(
     [*texts("name"), *numbers("centre", "scale"), ("logarithmic", pa.bool_()), ("non_negative", pa.bool_())]
 )
-_INFORMATION = ("vector", "information", "score_covariance", "coupling")
+_INFORMATION = ("vector", "information", "score_covariance")
 SCHEMA = pa.schema(
     [
         *texts("log", "truck", "trailer", "load"),
@@ -70,7 +71,6 @@ SCHEMA = pa.schema(
         ("sensors", pa.list_(_ESTIMATE)),
         ("doubts", pa.list_(pa.string())),
         ("unknowns", pa.list_(_UNKNOWN)),
-        ("considered", pa.list_(pa.string())),
         *((name, pa.list_(pa.float64())) for name in _INFORMATION),
     ]
 )
@@ -95,6 +95,7 @@ class TripJob:
     folder: str  # of the rows
     settings: OneStage
     done: Any  # sorted digests of the trips that are done, an array of bytes
+    statements: tuple[Statement, ...] = ()  # on every trip
 
 
 def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
@@ -107,13 +108,15 @@ def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
             log_digest = storage.digest(path)
             vehicle_text = catalogue.text(trip.vehicle) if trip.vehicle in catalogue.names() else _text(trip.vehicle)
             map_text = _text(trip.signals) if trip.signals else ""
-            digest = _digest(trip, job.settings, log_digest, vehicle_text, map_text)
+            digest = _digest(trip, job, log_digest, vehicle_text, map_text)
             if _contains(job.done, digest):
                 return TripOutcome("unchanged", seconds=time.process_time() - start)
             record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
         content = {"notes": list(record.notes)}
+        vehicle, settings = apply(Vehicle.loads(vehicle_text), job.settings, job.statements)
+        content["notes"] += missing_sensors(settings, record)
         with threadpool_limits(limits=1, user_api="blas"):
-            identification, information = identify_with_information(record, Vehicle.loads(vehicle_text), job.settings)
+            identification, information = identify_with_information(record, vehicle, settings)
         date = date or _date(record, trip.log)
         content |= trip_content(identification, information, record)
     except Exception as problem:  # whatever a log causes, it must not stop the others
@@ -160,13 +163,14 @@ def _contains(digests: Any, digest: str) -> bool:
     return place < len(digests) and bool(digests[place] == digest.encode())
 
 
-def _digest(trip: Trip, settings: OneStage, log_digest: str, vehicle_text: str, map_text: str) -> str:
+def _digest(trip: Trip, job: TripJob, log_digest: str, vehicle_text: str, map_text: str) -> str:
     """Digest of everything that determines the row of a trip."""
     labels = [trip.truck, trip.trailer, trip.load, trip.date and trip.date.isoformat()]
     databases = []
     if trip.signals and not storage.is_remote(trip.signals):
         databases = [storage.digest(path) for path in map(Path, SignalMap.load(trip.signals).databases)]
-    parts = [log_digest, vehicle_text, map_text, databases, settings.as_dict(), __version__, labels]
+    parts = [log_digest, vehicle_text, map_text, databases, job.settings.as_dict(), __version__, labels]
+    parts += [list(map(str, job.statements))] if job.statements else []
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -214,7 +218,6 @@ def trip_content(identification: Identification, information: SharedInformation,
             for doubt in identification.doubts
         ],
         "unknowns": [dict(zip(_UNKNOWN.names, u, strict=True)) for u in unknowns],
-        "considered": list(information.considered),
         **{name: getattr(information, name).ravel().tolist() for name in _INFORMATION},
     }
 

@@ -1,23 +1,16 @@
 """Doubts: evidence in the logs against an assumption, and the estimates that depend on it.
 
-The score test (Rao 1948; "modification index" in econometrics) asks of every considered unknown c, which keeps its
-prior mean 0: would the residuals become smaller if it changed? With the gradient g of the cost and the Fisher
-information H of the logs at the estimate, and with the covariance P = (I + H_ff)^-1 of the estimated unknowns f,
+Every prior is an assumption: a mass of the vehicle file within its standard deviation, a latency near 0. With the
+priors z ~ N(0, I) and the posterior covariance P, the estimate z_c of an unknown scatters about 0 with the standard
+deviation s_c, about sqrt(1 - P_cc) (`one_stage.posterior`). |z_c| / s_c is therefore the statistic of the test of
+"the prior of c is right", when all other priors are. It is the square root of twice the rise of ln p of the logs when
+the prior of c is dropped (Rao 1948; "modification index" in econometrics). Without that prior c changes to
+z_c / s_c^2, and the other estimates change with it by P_c z_c / s_c^2.
 
-    I_c = H_cc - H_cf P H_fc,      s_c = g_c - H_cf P g_f,      t = -s_c / sqrt(I_c),      z_c = -s_c / (1 + I_c),
-
-t is N(0, 1) if the assumption holds, z_c is the change that the logs imply, in standard deviations of the prior, and
--P H_fc z_c is the change of the estimates that goes with it. g_f is 0 at the minimum of the cost; it is not if part of
-gradient and information is left to other unknowns.
-
-The other considered unknowns are not 0 either. If all have their priors N(0, 1), and I is the information matrix of
-all of them after f, the scores have the covariance I + I I, and z_c has the variance v_c = (I + I I)_cc / (1 + I_c)^2.
-For a weak cause that acts like a strong one v_c is large: a usual error of the strong cause implies a large z_c.
-Estimated beside all others, -((1 + I)^-1 s)_c, the change of a cause has a variance below 1. A change is unusual if one
-of both is. A suspect, which is an error that logs usually do not have, is 0 in the tests of the others.
+A learner keeps some unknowns at their prior mean 0 (considered, Schmidt). It has the score test of Rao for these.
 """
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -27,13 +20,12 @@ from fifthwheel._types import Array
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 STRONG_SCORE = 9.0
-"""|t| from which the model does not describe the logs: then every estimate is doubtful."""
-UNUSUAL_CHANGE = 3.0
-"""An implied change, alone in units of sqrt(v_c) or beside the others, that the priors do not explain. Alone, |t| is
-then above 6, because |t| = |z_c| (1 + I_c) / sqrt(I_c): whitened residuals of a real vehicle are not exactly white."""
-UNUSUAL_SOFTENING = 1.5
-"""The same for a softening in complete logs: tyres that soften more than on a dry road are not linear enough, and sigma
-holds only the typical softening."""
+"""Statistic from which the model does not describe the logs: then every estimate is doubtful."""
+UNUSUAL_CHANGE = 3.5
+"""Statistic from which a prior is contradicted: one of 50 exceeds it in 2 % of all logs if all priors are right."""
+INFORMED = 0.003
+"""Least 1 - P_cc: an unknown on which the logs contain less information cannot contradict its prior. It is small,
+because a gross error of a number with a narrow prior, such as the rate of a time base, shows nevertheless."""
 UNUSUAL_SENSOR_ERROR = 3.5
 """An estimated sensor error so many prior standard deviations from its mean is not explained by its prior."""
 UNUSUAL_ESTIMATE = 2.5
@@ -49,7 +41,7 @@ HARMFUL_SHIFT = 0.5
 class DoubtKind(StrEnum):
     """What the evidence is against."""
 
-    ASSUMPTION = "assumption"  # a considered unknown: the vehicle file, the latency of a gyro, the time base
+    ASSUMPTION = "assumption"  # an uncertain number: the vehicle file, the latency of a gyro, the time base
     SENSOR = "sensor"  # an estimated sensor error far outside its prior
     ESTIMATE = "estimate"  # an estimate far outside its prior
     RANGE = "range"  # the range of the linear model
@@ -77,69 +69,47 @@ class Doubt:
     parameters: tuple[str, ...]
     """Estimates that are doubtful therefore."""
     statistic: float
-    """Of the most likely cause: t of the score test, or prior standard deviations, or m/s^2."""
+    """Of the most likely cause: that of the test of its prior, or prior standard deviations, or m/s^2."""
     log: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScoreTest:
-    """The score test of one considered unknown."""
+class PriorTest:
+    """The test of the prior of one unknown."""
 
     name: str
     statistic: float
-    """t."""
+    """N(0, 1) if the prior is right."""
     implied: float
-    """z_c."""
+    """Change that the logs imply, in standard deviations of the prior."""
     size: float
-    """The larger of |z_c| / sqrt(v_c) and the change that is estimated beside the others; compare `UNUSUAL_CHANGE`."""
+    """Magnitude that counts as unusual from `UNUSUAL_CHANGE` on."""
     shifts: Array
     """Change (k,) of all unknowns that goes with it, in prior standard deviations."""
 
 
-def score_tests(
-    names: Sequence[str],
-    gradient: Array,
-    information: Array,
-    considered: Sequence[str],
-    suspects: Sequence[str] = (),
-) -> list[ScoreTest]:
-    """The score test of every considered unknown, the largest |t| first.
+def prior_tests(names: Sequence[str], z: Array, P: Array, scatter: Array, tested: Iterable[str]) -> list[PriorTest]:
+    """The test of the prior of each tested unknown that the logs inform, the largest statistic first.
 
-    The gradient (k,) of the cost contains the prior; the information H (k, k) does not. Suspects are considered in
-    score tests only.
+    z are the estimates (k,), P is their covariance (k, k) if the model is right, and the scatter (k,) is the standard
+    deviation of the estimates if all priors are right.
     """
-    fixed = np.array([name in considered for name in names])
-    free = ~fixed
-    P = np.linalg.inv(np.eye(int(free.sum())) + information[np.ix_(free, free)])
-    towards = P @ information[np.ix_(free, fixed)]
-    remaining = information[np.ix_(fixed, fixed)] - information[np.ix_(fixed, free)] @ towards
-    scores = gradient[fixed] - towards.T @ gradient[free]
-    usual = np.array([name not in suspects for name in names])[fixed]
-    variance = np.diag(remaining) + np.square(remaining[:, usual]).sum(axis=1)  # of the scores
     tests = []
-    for i, c in enumerate(np.flatnonzero(fixed).tolist()):
-        own = float(remaining[i, i])
-        if own <= 1e-9 * max(float(information[c, c]), 1.0):
-            continue
-        implied = -float(scores[i]) / (1 + own)
-        alone = abs(implied) / max(1.0, float(np.sqrt(variance[i])) / (1 + own))
-        together = np.flatnonzero(usual | (np.arange(len(usual)) == i))
-        joint = np.linalg.solve(np.eye(len(together)) + remaining[np.ix_(together, together)], scores[together])
-        beside = abs(float(joint[together == i][0]))
-        shifts = np.zeros(len(names))
-        shifts[free], shifts[c] = -towards[:, i] * implied, implied
-        statistic = -float(scores[i]) / float(np.sqrt(own))
-        size = max(alone, beside)
-        tests.append(ScoreTest(name=names[c], statistic=statistic, implied=implied, size=size, shifts=shifts))
+    for name in tested:
+        i = names.index(name)
+        informed = float(1 - P[i, i])
+        if informed > INFORMED:
+            statistic, implied = float(z[i] / scatter[i]), float(z[i]) / informed
+            shifts = np.asarray(P[:, i] * implied)
+            shifts[i] = implied
+            test = PriorTest(name=name, statistic=statistic, implied=implied, size=abs(statistic), shifts=shifts)
+            tests.append(test)
     return sorted(tests, key=lambda test: -abs(test.statistic))
 
 
-def most_likely(tests: Sequence[ScoreTest], *, softening: float = UNUSUAL_CHANGE) -> list[ScoreTest]:
-    """The tests with an unusual change that are about as likely as the first of them, which has the largest |t|.
-
-    A softening is unusual from the size `softening` on.
-    """
-    unusual = [t for t in tests if t.size > (softening if t.name.endswith(".softening") else UNUSUAL_CHANGE)]
+def most_likely(tests: Sequence[PriorTest]) -> list[PriorTest]:
+    """The tests with an unusual size that are about as likely as the first of them, which has the largest statistic."""
+    unusual = [test for test in tests if test.size > UNUSUAL_CHANGE]
     return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]
 
 
@@ -158,8 +128,8 @@ class Evidence:
     parameters: tuple[str, ...]
     """Names of the estimated parameters, which may be doubtful."""
 
-    def contradicted_assumptions(self, likely: Sequence[ScoreTest]) -> Iterator[Doubt]:
-        """The assumption that the score tests contradict most; `likely` are its causes, see `most_likely`."""
+    def contradicted_assumptions(self, likely: Sequence[PriorTest]) -> Iterator[Doubt]:
+        """The assumption that the logs contradict most; `likely` are its causes, see `most_likely`."""
         if not likely:
             return
         strong = abs(likely[0].statistic) > STRONG_SCORE
@@ -182,7 +152,7 @@ class Evidence:
             if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
                 kind = DoubtKind.SENSOR
                 parameters = self._moved(self.covariance[:, i] / self.covariance[i, i] * deviation)
-            elif u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE and name not in exempt:
+            elif _is_guess(u) and abs(deviation) > UNUSUAL_ESTIMATE and name not in exempt:
                 kind, parameters = DoubtKind.ESTIMATE, (name,)
             else:
                 continue
@@ -199,3 +169,8 @@ class Evidence:
         u = self.unknowns[name]
         changes = {path: rate * u.scale * deviation for path, rate in u.slopes.items()}
         return Cause(name=name, changes=changes, prior_sigmas=deviation)
+
+
+def _is_guess(unknown: Unknown) -> bool:
+    """Whether it is an estimated stiffness or inertia; the prior of a height is wide."""
+    return unknown.kind is UnknownKind.PARAMETER and unknown.logarithmic

@@ -43,7 +43,7 @@ def identify(
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
         >>> guess = truck.replace({"tractor.front.cornering_stiffness": 4.0e5})
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
         >>> result = fw.identify([record], guess, settings)
         >>> front = result["tractor.front.cornering_stiffness"]
         >>> abs(front.value - 475e3) < 3 * front.sigma

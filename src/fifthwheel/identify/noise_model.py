@@ -11,7 +11,7 @@ r, q and tau maximise the likelihood of Whittle (1953) of the residuals' periodo
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,10 @@ class NoiseModel:
     def variance(self) -> float:
         """Variance of a residual, r + q."""
         return self.white + self.discrepancy
+
+    def with_discrepancy(self, least: float) -> "NoiseModel":
+        """The same noise with a discrepancy of at least this variance, SI squared."""
+        return replace(self, discrepancy=max(self.discrepancy, least))
 
     def whitened(self, values: Array, dt: float) -> Array:
         """Values (..., N) through the filter that makes noise of this model white with variance 1, once it has settled.

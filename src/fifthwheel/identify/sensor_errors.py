@@ -52,7 +52,7 @@ def estimate_sensor_errors(
     Raises:
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
-    settings = OneStage(free=(), priors={}, consider={}, check=False)
+    settings = OneStage(free=(), priors={}, consider={}, tyres="linear", check=False)
     if friction is not None:
         exact = (FRICTION,) if exact_friction else ()
         settings = replace(settings, tyres="saturating", friction=friction, friction_prior=OTHER_ROAD, fixed=exact)

@@ -10,7 +10,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
 from fifthwheel.options import Friction, TyreChoice, TyreLaw
-from fifthwheel.settings import Count, Cure, FinitePositive, Positive, Settings
+from fifthwheel.settings import Count, Cure, Finite, FiniteNonNegative, FinitePositive, NonNegative, Positive, Settings
 from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
 from fifthwheel.vehicle.uncertainty import Change
 
@@ -18,6 +18,11 @@ Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
 
 RelativeSigmas = Annotated[Mapping[str, FinitePositive], Cure("give a standard deviation as a fraction of the value")]
+
+
+StatedPriors = Annotated[
+    Mapping[str, tuple[Finite, FiniteNonNegative]], Cure("give a prior mean and a standard deviation in SI")
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,10 +100,16 @@ MODEL_ERRORS: Mapping[str, float] = {
     "vehicle_file": 1.0,
     "softening": 1.0,
     "gyro_delay": 0.01,
+    "stiffness_variation": 0.025,
+    "time_base": 0.002,
+    "discrepancy": 0.015,
 }
-"""Considered groups of unknowns: the standard deviations of masses and lengths in the vehicle file, as a multiple of
-those that the file states or implies (`vehicle.uncertainty`); the softening of tyres with the slip angle, as a multiple
-of the typical one (`parameters.softening`); the latency of each gyro, s."""
+"""What a model lacks, in groups: the standard deviations of masses and lengths in the vehicle file, as a multiple of
+those that the file states or implies (`vehicle.uncertainty`); the softening of linear tyres with the slip angle, as a
+multiple of the typical one (`parameters.softening`); the latency of each gyro, s; the variation of a cornering
+stiffness from log to log, with temperature and pressure of the tyres, as a fraction; the rate of the time base, because
+timestamps are sometimes made from a nominal sampling rate; the least discrepancy of a free-running model
+(`noise_model`), as a fraction of each signal."""
 
 DEFAULT_CONSIDERED: Mapping[str, float] = {
     **MODEL_ERRORS,
@@ -117,8 +128,10 @@ DEFAULT_CONSIDERED: Mapping[str, float] = {
     "tyre.friction_load_sensitivity": 0.5,
     "tyre.combined_slip": 0.5,
     "body.half_track": 0.05,
-    "static_load": 0.03,
+    "static_load": 0.02,
     "relative_friction": 0.05,
+    "body.drag_area": 0.25,
+    "tyre.rolling_resistance": 0.25,
 }
 """Parameters that are uncertain in most vehicle files and hardly separable from the estimated parameters in a log, with
 their prior standard deviation as a fraction of the value; see `OneStage.consider`."""
@@ -137,6 +150,16 @@ class OneStage(CommonSettings):
 
     method = "one-stage"
 
+    initial_payload_height: float | None = 1.4
+    """Prior mean of a payload height, m; None takes the value of the vehicle file. With `height_prior` it has mean and
+    standard deviation of a height that is equally probable up to 2.7 m, the inside of a usual body."""
+    height_prior: Positive = 0.75
+    """Prior standard deviation of a payload height, m."""
+    steer_delay_prior: float = 0.05
+    """Prior standard deviation of a steering delay, s; all logs share it. Correct a longer one in the signal map."""
+    guess_tail: Positive = 3.0
+    """Beyond about this number of standard deviations the prior of an estimated stiffness or inertia falls only
+    exponentially, because a guess may be far off. A parameter in `priors` has a normal prior."""
     free: tuple[str, ...] | None = None
     """Paths of the estimated parameters; None for the cornering stiffness of every axle group, the yaw inertia of every
     unit behind the first, and every payload height."""
@@ -144,11 +167,15 @@ class OneStage(CommonSettings):
     """Uncertain parameters that are estimated too: prior standard deviation as a fraction of the value, by path or end
     of a path (the longest that matches counts)."""
     consider: RelativeSigmas = field(default_factory=lambda: dict(DEFAULT_CONSIDERED))
-    """Considered parameters (Schmidt): they keep the value of the vehicle file, and every sigma includes their
-    uncertainty. Same form as `priors`. Estimated, they would absorb model error, because a log hardly separates them
-    from the estimated parameters. Empty if the rest of the vehicle file is exact."""
+    """Numbers that are uncertain in most vehicle files, and what the model lacks (`MODEL_ERRORS`), estimated from their
+    priors. Same form as `priors`; what the vehicle file states replaces a default. Empty if the rest of the vehicle
+    file is exact. A `Learner` keeps them at their prior mean and includes their uncertainty in every sigma."""
+    stated_priors: StatedPriors = field(default_factory=dict)
+    """Prior mean and standard deviation, SI, of single sensor errors, such as steer.tractor.front.gain, by name. A
+    standard deviation of 0: the error is exactly its mean. Also of estimated parameters whose prior is not a fraction
+    of the value, by path: payload heights and positions."""
     changes: tuple[Change, ...] = ()
-    """Considered parameters whose errors are correlated, as independent changes of the vehicle. They replace the
+    """Uncertain numbers whose errors are correlated, as independent changes of the vehicle. They replace the
     uncertainty of the parameters that they alter, by `consider` and by the vehicle file (`identify.suspension`)."""
     uniform_payload: bool = True
     """The payload fills its width and height uniformly, so that its height gives CoG height (8) and roll inertia (9).
@@ -156,10 +183,10 @@ class OneStage(CommonSettings):
     roll_inertia_prior: Positive = 0.6
     """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
     the same height may be a point, or stand along the sides."""
-    tyres: TyreChoice = "linear"
-    """Law of the side forces: linear in the slip angle; saturating at the friction of the road, which all logs share
-    and which is estimated too (`dynamics.tyres`); or auto, which chooses by the logs (`one_stage.tyre_choice`),
-    in a `Learner` saturating."""
+    tyres: TyreChoice = "auto"
+    """Law of the side forces: linear in the slip angle, with an unknown softening; saturating at the friction of the
+    road, which all logs share and which is estimated too (`dynamics.tyres`); or auto: saturating if the static axle
+    loads are determined."""
     friction: Friction = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: Positive = 0.4
@@ -167,7 +194,7 @@ class OneStage(CommonSettings):
     form: Literal["output_error", "prediction_error"] = "output_error"
     """Output error: residuals of the model without correction by measurements; more robust to model error. Prediction
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
-    rate_gain_prior: Positive = 0.005
+    rate_gain_prior: NonNegative = 0.005
     """Prior standard deviation of the gain of a gyro; all logs share it."""
     steer_play_prior: float = math.radians(0.2)
     """Prior standard deviation of the play between steer sensor and road wheels, rad at the wheels; all logs share it.
@@ -175,8 +202,9 @@ class OneStage(CommonSettings):
     time_base_delay_prior: float = 0.1
     """Prior standard deviation of the delay of a further time base against that of the steer angle, s; all logs share
     it. The model is linear in this delay: correct a delay of more than 0.1 s in the signal map."""
-    misalignment_prior: float = math.radians(3)
-    """Prior standard deviation of the misalignment of a gyro, rad; all logs share it."""
+    misalignment_prior: float = math.radians(1)
+    """Prior standard deviation of the misalignment of a gyro, rad; all logs share it. A bracket is square to 0.5 to
+    1 degree."""
     acceleration_offset_prior: float = 0.3
     """Prior standard deviation of the offset of a lateral accelerometer, m/s^2; each log has its own. It contains
     gravity by the tilt of the mounting: 1 degree gives 0.17 m/s^2."""

@@ -11,6 +11,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.analysis import slowest_decay
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
@@ -21,7 +22,6 @@ from fifthwheel.identify.unknowns.parameters import (
     group_paths,
     lacks_roll_rate,
     one_stage_unknowns,
-    suspects,
     time_base_delays,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
@@ -77,22 +77,22 @@ class Setup:
         )
 
     def with_time_bases(self, time_bases: Mapping[str, str]) -> "Setup":
-        """The setup with the delay of each further time base, and with the suspects of score tests.
+        """The setup with the delay of each further time base.
 
         Signals that `time_bases` does not list are on the main one.
         """
         main = time_bases.get(self.vehicle.steer_signals()[0], "")
         more = time_base_delays(time_bases, main, self.outputs, self.settings)
-        more += suspects() if self.settings.consider else []
         return replace(self, unknowns=(*self.unknowns, *more))
 
     def considering(self, names: Container[str]) -> "Setup":
-        """The setup in which some parameters are considered, at the values of the vehicle file."""
-        unknowns = [
-            replace(u, centre=self.given[u.name], kind=UnknownKind.CONSIDERED) if u.name in names else u
-            for u in self.unknowns
-        ]
-        return replace(self, unknowns=tuple(unknowns))
+        """The setup in which some unknowns are considered: parameters at the values of the vehicle, changes at 0."""
+
+        def considered(u: Unknown) -> Unknown:
+            centre = u.centre if u.moves else self.given.get(u.name, u.centre)
+            return replace(u, centre=centre, kind=UnknownKind.CONSIDERED)
+
+        return replace(self, unknowns=tuple(considered(u) if u.name in names else u for u in self.unknowns))
 
     @cached_property
     def fixed(self) -> tuple[str, ...]:
@@ -158,11 +158,15 @@ class Setup:
                 parameters[name] += factor * values[u.name]
         return parameters
 
-    def is_stable(self, z: Array, speeds: Sequence[float]) -> bool:
-        """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""
+    def slowest_decay(self, z: Array, speeds: Sequence[float]) -> float:
+        """Rate at which the slowest mode decays at any of the speeds, m/s, in 1/s; z in the order of the unknowns."""
         own = self.vehicle.parameters()
         vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z).items() if n in own})
-        return all(dynamics.is_stable(vehicle, speed) for speed in speeds)
+        return min(slowest_decay(vehicle, speed) for speed in speeds)
+
+    def is_stable(self, z: Array, speeds: Sequence[float]) -> bool:
+        """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""
+        return self.slowest_decay(z, speeds) > 0
 
     def stiffened(self, z: Array, speeds: Sequence[float]) -> Array:
         """z with stiffer tyres behind the first group, as far as the vehicle is unstable at z at one of the speeds."""

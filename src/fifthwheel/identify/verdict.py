@@ -80,9 +80,6 @@ def estimate_verdict(
     return Verdict.DOUBTFUL if doubtful else Verdict.CONVERGED
 
 
-def uncertain_verdict(unknown: Unknown, sigma_z: float, excited: float) -> Verdict:
-    """FIXED for a considered parameter; CONVERGED or NOT_EXCITED for an uncertain one, by `excited`, the limit of
-    sigma_z, in units of the prior."""
-    if not unknown.is_estimated:
-        return Verdict.FIXED
+def uncertain_verdict(sigma_z: float, excited: float) -> Verdict:
+    """CONVERGED or NOT_EXCITED for an uncertain number, by `excited`, the limit of sigma_z, in units of the prior."""
     return Verdict.CONVERGED if sigma_z < excited else Verdict.NOT_EXCITED

@@ -11,6 +11,7 @@ import numpy as np
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
+from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import Course
 from fifthwheel.plant import tyre_forces
@@ -274,7 +275,7 @@ class SpeedController:
         self.drive_fractions = driven / max(driven.sum(), 1.0)  # of the driving force on each wheel
         self.brake_fractions = braking / braking.sum()  # of the braking force on each wheel
         rolling = properties.rolling_resistance * self.mass * GRAVITY
-        self.integral = rolling + tyre_forces.AIR_DENSITY / 2 * properties.drag_area * speed**2  # N, driving resistance
+        self.integral = rolling + AIR_DENSITY / 2 * properties.drag_area * speed**2  # N, driving resistance
 
     def __call__(self, error: float) -> Array:
         """Torque of each wheel, N m, (wheels,), for a speed error, m/s; called once per command."""

@@ -11,14 +11,13 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.native import Scan
 from fifthwheel.plant.bodies import BeamAxle, SprungBody
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.mujoco_model import SIDES
 from fifthwheel.plant.properties import Properties
 
-AIR_DENSITY = 1.2
-"""kg/m^3."""
 WHEEL_OUTPUTS = ("slip", "longitudinal_force", "lateral_force", "vertical_force")
 """Outputs of each wheel: tangent of the slip angle, N, N, N."""
 BODY_SENSORS = 18

@@ -67,7 +67,7 @@ def conclude_identification(
         outlook: information at the identified truck, for the effect of a change.
         states: of the identified truck, for whether they fit the measurements.
     """
-    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
+    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED and not _is_unused_friction(e)]
     converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
     derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
@@ -84,6 +84,11 @@ def conclude_identification(
         next_steps=tuple(step.message for step in next_steps(identification, runs, outlook)),
         notes=identification.notes,
     )
+
+
+def _is_unused_friction(estimate: Estimate) -> bool:
+    """Whether it is the friction of a road of which the logs use little; it keeps its prior, which is no fault."""
+    return estimate.name == FRICTION and estimate.verdict in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
 
 
 def _headline(identification: Identification, converged: Sequence[Estimate], estimated: Sequence[Estimate]) -> str:
@@ -182,6 +187,9 @@ def _reason(identification: Identification, e: Estimate) -> str:
 
 
 def _origin(identification: Identification, e: Estimate) -> str:
+    """Where the value of a parameter comes from that is not identified."""
+    if identification.method == "one-stage" and e.prior is not None:
+        return f"the value shown comes mostly from the prior, {with_sigma(e.initial, e.prior, e.unit)}"
     given = identification.initial_vehicle.parameters().get(e.name)
     if given is not None and not np.isclose(given, e.value, rtol=1e-6):
         initial, file = (with_sigma(value, None, e.unit) for value in (e.value, given))

@@ -27,13 +27,14 @@ from fifthwheel.report import assessment, consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_identification
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.states import StateConditions, states_section
-from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_role
+from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_verdict
 from fifthwheel.vehicle import Vehicle, unit_of
 
 ESTIMATES = (
     *("Parameter|name", "Verdict|full", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Prior>|full"),
     "Settled after>",
 )
+UNCERTAIN = ("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Prior>|full", "Remains>")
 
 
 def write_report(
@@ -124,8 +125,8 @@ def _parameters(identification: Identification) -> Iterator[pages.Block]:
     last = "" if identification.method == "one-stage" else " in the last pass"
     yield pages.Hint(
         "Sigma is one standard deviation of the result, from the logs and the prior; the prior is what was assumed "
-        "before the logs were used. A grey row is not an estimate: it shows the value of the vehicle file, or the "
-        f"initial value. {WIDE_MARK} marks a sigma above {percent(WIDE_SIGMA)} of the value. “Settled after”: the "
+        "before the logs were used. A grey row is not determined by the logs: its value comes mostly from the prior or "
+        f"the vehicle file. {WIDE_MARK} marks a sigma above {percent(WIDE_SIGMA)} of the value. “Settled after”: the "
         f"driving time{last} after which the estimate stays within {percent(identification.settings.tolerance)} of its "
         "later average. “–”: it did not settle."
     )
@@ -148,13 +149,7 @@ def _parameters(identification: Identification) -> Iterator[pages.Block]:
     if banks:
         yield pages.Hint(f"Bank angle of the road, positive with the left edge higher: {'; '.join(banks)}.")
     if identification.uncertain:
-        explanation = pages.Hint(
-            "The values of the vehicle file are not exact. A considered parameter (Schmidt) keeps its value; its "
-            "uncertainty is included in every sigma above. The others are estimated together with the parameters, "
-            "from their priors."
-        )
-        summary = f"Uncertain parameters of the vehicle file ({len(identification.uncertain)})"
-        yield pages.Folded(summary, (explanation, _estimates(identification.uncertain)))
+        yield _uncertain_numbers(identification)
     if identification.initial_vehicle.assumed:
         yield assumed_numbers(identification.initial_vehicle)
 
@@ -169,7 +164,9 @@ def _estimates(estimates: Sequence[Estimate], *, history: bool = False) -> pages
         rows.append(
             (
                 pages.Code(e.name),
-                pages.Mark(spoken_role(e), e.verdict, mark(e), "" if e.verdict is Verdict.CONVERGED else "off"),
+                pages.Mark(
+                    spoken_verdict(e.verdict), e.verdict, mark(e), "" if e.verdict is Verdict.CONVERGED else "off"
+                ),
                 value,
                 sigma or "–",
                 unit.name,
@@ -179,6 +176,34 @@ def _estimates(estimates: Sequence[Estimate], *, history: bool = False) -> pages
             )
         )
     return pages.Table(ESTIMATES if history else ESTIMATES[:-1], rows)
+
+
+def _uncertain_numbers(identification: Identification) -> pages.Folded:
+    """What the logs added to each uncertain number of the vehicle file, of the tyres and of the model."""
+    explanation = pages.Hint(
+        "These numbers are not exact. They are estimated together with the parameters, from their priors, and every "
+        "sigma above includes their uncertainty. The last column is the fraction of the prior sigma that remains: at "
+        "100 % the logs contain no information on the number. A row without a value is a group of numbers that change "
+        "together, such as all masses with the scale that weighed them."
+    )
+    remaining, rows = dict(identification.remaining_uncertainty), list[tuple[pages.Cell, ...]]()
+    for e in identification.uncertain:
+        unit = shown(e.unit)
+        value, sigma = value_and_sigma(e.value * unit.factor, None if e.sigma is None else e.sigma * unit.factor)
+        prior, spread = value_and_sigma(e.initial * unit.factor, None if e.prior is None else e.prior * unit.factor)
+        left = remaining.pop(e.name, None)
+        rows.append(
+            (
+                pages.Code(e.name),
+                value,
+                sigma or "–",
+                unit.name,
+                prior if spread is None else f"{prior} ± {spread}",
+                "–" if left is None else percent(left),
+            )
+        )
+    rows += [(pages.Code(name), "–", "–", "", "–", percent(left)) for name, left in remaining.items()]
+    return pages.Folded(f"Uncertain numbers ({len(rows)})", (explanation, pages.Table(UNCERTAIN, rows)))
 
 
 def _sensor_errors(identification: Identification) -> pages.Table:

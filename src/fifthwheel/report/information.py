@@ -71,8 +71,8 @@ def _bar(p: ParameterAssessment) -> pages.Markup:
 def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
     """What "known" means, if a remedy uses it."""
     texts = " ".join(map(describe_remedy, remedies))
-    if "--fix" in texts:
-        yield "Measured and fixed (--fix): measure it, write it into the vehicle file, and give --fix NAME."
+    if "--set" in texts:
+        yield "Measured and fixed (--set): measure it, and give --set NAME='VALUE exact'."
     if "known exactly" in texts:
         yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
 

@@ -35,12 +35,6 @@ def spoken_verdict(verdict: Verdict, *, predicted: bool = False) -> str:
     return "identifiable" if predicted and verdict is Verdict.CONVERGED else verdict.replace("_", " ")
 
 
-def spoken_role(estimate: Estimate) -> str:
-    """The verdict in words; "considered" for a parameter that keeps its value but has a sigma."""
-    considered = estimate.verdict is Verdict.FIXED and estimate.sigma is not None
-    return "considered" if considered else spoken_verdict(estimate.verdict)
-
-
 def spoken(path: str) -> str:
     """A path as words: "semitrailer.cog_height" -> "semitrailer CoG height"."""
     return path.replace(".", " ").replace("_", " ").replace("cog", "CoG")

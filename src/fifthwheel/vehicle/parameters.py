@@ -14,6 +14,8 @@ HALF_TRACK = "body.half_track"
 STIFFNESS_SENSITIVITY = "tyre.stiffness_load_sensitivity"
 FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
 COMBINED_SLIP = "tyre.combined_slip"
+DRAG_AREA = "body.drag_area"
+ROLLING_RESISTANCE = "tyre.rolling_resistance"
 
 
 class TyreParameter(NamedTuple):
@@ -30,7 +32,29 @@ TYRE_PARAMETERS: Mapping[str, TyreParameter] = {
     STIFFNESS_SENSITIVITY: TyreParameter("1", 0.2),  # of four truck and bus tyres: 0.1 to 0.3
     FRICTION_SENSITIVITY: TyreParameter("1", 0.09),  # of the same tyres: 0.08 to 0.11
     COMBINED_SLIP: TyreParameter("1", 1.0),
+    DRAG_AREA: TyreParameter("m^2", 6.0),  # drag coefficient times frontal area: 0.5 to 0.8 times 8 to 10 m^2
+    ROLLING_RESISTANCE: TyreParameter("1", 0.006),  # force over load: 0.004 to 0.008 for truck tyres (ISO 28580)
 }
+
+
+class RoadFriction(NamedTuple):
+    """Peak friction of a kind of road, and its standard deviation as a fraction."""
+
+    value: float
+    sigma: float
+
+
+ROADS: Mapping[str, RoadFriction] = {
+    # dry: four truck and bus tyres in PAC2002 have 0.74 to 0.76 at their nominal load. The others: J. Y. Wong, Theory
+    # of Ground Vehicles, coefficients of road adhesion: wet asphalt 0.5 to 0.7, hard-packed snow 0.2, ice 0.1; of wet
+    # asphalt the lower end, because truck tyres have less than those of cars. sigma: the spread within such a kind.
+    "dry": RoadFriction(0.75, 0.15),
+    "wet": RoadFriction(0.5, 0.2),
+    "snow": RoadFriction(0.2, 0.3),
+    "ice": RoadFriction(0.1, 0.4),
+    "unknown": RoadFriction(0.75, 0.4),
+}
+"""By the word that a user gives for the road."""
 GROUP_TYRE_UNITS: Mapping[str, str] = {
     "static_load": "N",
     "relative_friction": "1",  # to the friction of the road

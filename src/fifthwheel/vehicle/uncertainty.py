@@ -47,9 +47,7 @@ DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
     "cog.unladen": DefaultSigma(
         0.05, "m", "axle loads of 2 % give 0.02 m with a wheelbase of 3.7 m; tank and driver give the rest"
     ),
-    "axle_positions": DefaultSigma(
-        0.01, "distance from the front reference", "tape measure along the frame, or a brochure"
-    ),
+    "axle_positions": DefaultSigma(0.03, "m", "tape measure along the frame, to the middle of a wheel; or a brochure"),
     "coupling": DefaultSigma(
         0.01, "wheelbase", "a fifth wheel can be slid along the frame, in steps of 0.05 m or more"
     ),
@@ -141,8 +139,9 @@ def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
     """Changes of the positions on unit i from its front reference: the first axle, or the coupling in front of it."""
     unit, stated = vehicle.units[i], vehicle.stated
     reference = vehicle.couplings[i - 1].trailing_position if i else unit.axles[0].position
-    fraction = DEFAULT_SIGMAS["axle_positions"].sigma
-    axles = {f"{unit.name}.{axle.name}.position": fraction * (axle.position - reference) for axle in unit.axles}
+    distances = {f"{unit.name}.{axle.name}.position": axle.position - reference for axle in unit.axles}
+    scale = DEFAULT_SIGMAS["axle_positions"].sigma / max(max(map(abs, distances.values())), 1.0)
+    axles = {path: scale * distance for path, distance in distances.items()}
     slopes = {f"{unit.name}.axle_positions": {path: s for path, s in axles.items() if path not in stated}}
     if i < len(vehicle.couplings):
         path = f"{vehicle.couplings[i].name}.leading_position"

@@ -44,7 +44,10 @@ class AxleGroup(Component):
     tyre_roll_stiffness: Positive = number("N m/rad", "Tyres, total of the group.")
     roll_damping: NonNegative = number("N m s/rad", "Suspension, total of the group.")
     relaxation_length: NonNegative = number(
-        "m", "Distance over which the side force builds up; 0: it acts at once, as in the article.", default=0.0, le=5.0
+        "m",
+        "Distance over which the side force of the tyres builds up; 0: it acts at once, as in the article.",
+        default=0.0,
+        le=5.0,
     )
     pneumatic_trail: NonNegative | None = number(
         "m",

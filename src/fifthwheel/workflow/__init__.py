@@ -27,7 +27,10 @@ from fifthwheel.workflow.results import (
     write_comparison,
     write_results,
 )
-from fifthwheel.workflow.settings import SENSOR_PRIORS, chosen_one_stage, identification_settings, one_stage_settings
+from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
+from fifthwheel.workflow.statements import SENSOR_PRIORS, Statement, require_signals
+from fifthwheel.workflow.statements import apply as apply_statements
+from fifthwheel.workflow.statements import parse as parse_statement
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
@@ -41,8 +44,10 @@ __all__ = [
     "IdentifyOptions",
     "LogContents",
     "SignalEvidence",
+    "Statement",
     "StatesRun",
     "WeighedVehicle",
+    "apply_statements",
     "axle_load_differences",
     "check_record",
     "chosen_one_stage",
@@ -52,11 +57,13 @@ __all__ = [
     "exported_observer",
     "identification_file",
     "identification_settings",
-    "one_stage_settings",
+    "parse_statement",
     "propose_signals",
     "read_records",
     "read_truck",
     "read_vehicle",
+    "replaced_statements",
+    "require_signals",
     "roll_tested_vehicle",
     "run_identification",
     "run_states",

@@ -14,6 +14,7 @@ from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
+from fifthwheel.workflow.statements import require_signals
 
 if TYPE_CHECKING:
     from fifthwheel.identify.design import ExperimentDesign
@@ -62,6 +63,7 @@ def run_identification(
         SignalError: a log that cannot be used.
         VehicleError: a parameter of the settings that does not exist or cannot be estimated.
     """
+    require_signals(settings, *records)
     identification = identify(records, vehicle, settings, validate=validate, progress=progress)
     everything = (*records, *validate)
     progress("states", 0, len(everything))

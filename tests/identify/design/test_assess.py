@@ -26,7 +26,8 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 from tests.identify.conftest import without
 
-EXACT = OneStage(priors={}, consider={}, nuisances=False)
+EXACT = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+"""The numbers of the simulated truck are exact, and its tyres are linear."""
 HEIGHT = "semitrailer.payload.height"
 FRONT = "tractor.front.cornering_stiffness"
 AXIS = "semitrailer.roll_axis_height"
@@ -92,7 +93,7 @@ def test_information_is_that_of_the_problem(truck, record):
     names, information = combine_information([predictor.run_information(log)])
     settings = replace(predictor.settings, outlier=np.inf)
     problem = Problem(replace(predictor.setup, settings=settings), [log])
-    expected = problem.expand(np.zeros(len(problem.names)), directions="all").hessian - np.eye(len(problem.names))
+    expected = problem.expand(np.zeros(len(problem.names))).hessian - np.eye(len(problem.names))
     order = [problem.names.index(name) for name in names]
     assert information == pytest.approx(expected[np.ix_(order, order)], rel=1e-9, abs=1e-9 * np.abs(expected).max())
     not_logged = names.index("articulation.semitrailer.offset@0")
@@ -128,28 +129,31 @@ def test_a_roll_test_helps_as_predicted(truck, record, assessment):
     stated = {name: 0.1 * TESTED_STIFFNESS / prior * p[name] for name in springs} | {AXIS: TESTED_AXIS}
     after = assess_information([record], truck.with_stated(stated))[HEIGHT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
-    assert remedy.sigma < 0.7 * assessment[HEIGHT].sigma
+    assert remedy.sigma < (1 - AssessmentSettings().min_reduction) * assessment[HEIGHT].sigma
 
 
 def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
-    more = assess_information([record], truck, assessment=AssessmentSettings(max_remedies=3))
-    _, one, two = more[HEIGHT].remedies
+    one, two = (r for r in assess_information([record], truck, None, KEEN)[HEIGHT].remedies if r.kind == "know")
     assert (one.known, two.known[0]) == ((AXIS,), AXIS)
     for remedy in (one, two):
         after = assess_information([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
         assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
-        assert remedy.sigma < 0.8 * assessment[HEIGHT].sigma
+        assert remedy.sigma < 0.9 * assessment[HEIGHT].sigma
+    assert two.sigma < 0.9 * one.sigma
     uncertain = OneStage(priors={"relaxation_length": 0.5}, consider={})
     remedy = first_known(assess_information([record], truck, uncertain, KEEN)[FRONT])
     after = assess_information([record], truck, replace(uncertain, fixed=remedy.known))[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
-def test_stating_exact_axle_positions_helps_as_predicted(truck, record, assessment):
-    (remedy,) = assessment[INERTIA].remedies
-    assert remedy.known == ("semitrailer.axle_positions",)
+def test_stating_exact_axle_positions_helps_as_predicted(truck, record):
+    """Where nothing else of the vehicle file is uncertain."""
     positions = [name for name in truck.parameters() if name.startswith("semitrailer.") and name.endswith(".position")]
-    after = assess_information([record], truck.with_stated(dict.fromkeys(positions, 0.0)))[INERTIA]
+    others = {name: 0.0 for name in truck.parameters() if name not in positions}
+    settings, measured = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
+    remedy = first_known(assess_information([record], measured, settings, KEEN)[INERTIA])
+    assert remedy.known == ("semitrailer.axle_positions",)
+    after = assess_information([record], measured.with_stated(dict.fromkeys(positions, 0.0)), settings)[INERTIA]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -158,9 +162,9 @@ def test_stating_exact_masses_helps_as_predicted(truck, record):
     masses = {f"{unit.name}.mass": 0.0 for unit in truck.units}
     others = {name: 0.0 for name in truck.parameters() if not name.endswith("mass")}
     settings, weighed = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
-    remedy = first_known(assess_information([record], weighed, settings, KEEN)["semitrailer.cornering_stiffness"])
+    remedy = first_known(assess_information([record], weighed, settings, KEEN)[FRONT])
     assert remedy.known == (MASS_SCALE,)
-    after = assess_information([record], weighed.with_stated(masses), settings)["semitrailer.cornering_stiffness"]
+    after = assess_information([record], weighed.with_stated(masses), settings)[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -199,7 +203,7 @@ def test_one_more_channel_helps_as_predicted(truck, record):
     without_roll = assess_information([without(record, "roll_rate")], truck)
     height = without_roll[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
-    assert height.sigma == height.prior == 1.0
+    assert height.sigma < height.prior == OneStage().height_prior  # yaw rates inform it if the model is right
     (remedy,) = height.remedies
     assert remedy.channel == "roll_rate.semitrailer"
     name = "roll_rate.semitrailer"
@@ -297,8 +301,8 @@ def test_estimated_and_fixed_parameters(truck, record):
 def test_json(assessment):
     content = json.loads(assessment.to_json())
     assert [p["name"] for p in content["parameters"]] == [p.name for p in assessment.parameters]
-    first, second = content["parameters"][-1]["remedies"]
-    assert (first["roll_test"], second["known"]) == ("semitrailer", [AXIS])
+    (remedy,) = content["parameters"][-1]["remedies"]
+    assert (remedy["roll_test"], remedy["known"]) == ("semitrailer", [])
     assert content["logs"] == ["lanes"]
     with pytest.raises(KeyError):
         assessment["tractor.mass"]

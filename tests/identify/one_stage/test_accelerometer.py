@@ -16,7 +16,7 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.unit import Accelerometer
 
 NAME = "lateral_acceleration.tractor"
-EXACT = OneStage(priors={}, consider={}, steer_gain_prior=0.05)
+EXACT = OneStage(tyres="linear", priors={}, consider={}, steer_gain_prior=0.05)
 """The vehicle file is exact; all sensor errors are estimated."""
 TRUE_ERRORS = {"offset": 0.25, "gain": 1.03, "delay": 0.02, "position": -1.53, "height": 0.75}
 
@@ -77,7 +77,7 @@ def test_it_adds_information(result: Identification, without: Identification) ->
 
 
 def test_check_counts_its_information(log: Record, gyros_only: Record, truck: Vehicle) -> None:
-    fitted = identify([log], truck, OneStage(initial_payload_height=None))
+    fitted = identify([log], truck, OneStage(tyres="linear", initial_payload_height=None))
     for predicted in assess_information([log], truck).parameters:
         assert predicted.sigma == pytest.approx(fitted[predicted.name].sigma, rel=0.1)
     counted, without = (assess_information([record], truck, EXACT) for record in (log, gyros_only))

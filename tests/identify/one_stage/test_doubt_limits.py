@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.identify.doubts import Doubt, DoubtKind, ScoreTest
+from fifthwheel.identify.doubts import Doubt, DoubtKind, PriorTest
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.solution import Solution
@@ -17,22 +17,22 @@ BOUNDS = {"lower": -9.0, "upper": 9.0}
 STIFFNESS = Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, kind=UnknownKind.PARAMETER, **BOUNDS)
 HEIGHT = Unknown(name="height", centre=1.0, scale=0.6, kind=UnknownKind.PARAMETER, **BOUNDS)
 OFFSET = Unknown(name="offset", centre=0.0, scale=0.004, kind=UnknownKind.SENSOR, per_log=True, **BOUNDS)
-MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.CONSIDERED, **BOUNDS)
-DELAY = Unknown(name="delay", centre=0.0, scale=0.01, kind=UnknownKind.CONSIDERED, **BOUNDS)
-COG = Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.CONSIDERED, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
+MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.UNCERTAIN, **BOUNDS)
+DELAY = Unknown(name="delay", centre=0.0, scale=0.01, kind=UnknownKind.UNCERTAIN, **BOUNDS)
+COG = Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.UNCERTAIN, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
 UNKNOWNS = (STIFFNESS, HEIGHT, OFFSET, MASS, DELAY, COG)
 NAMES = ("stiffness", "height", "offset@0", "mass", "delay", "cog", "offset@1")
 SIGMA = np.array([0.2, 0.5, 0.4, 1.0, 1.0, 1.0, 0.8])
 
 
 def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, min_speed=5.0) -> list[Doubt]:
-    """The doubts of two logs with two parameters, an offset of each log, and three considered unknowns."""
+    """The doubts of two logs with two parameters, an offset of each log, and three uncertain numbers."""
     covariance = np.diag(SIGMA**2) if correlation is None else correlation * np.outer(SIGMA, SIGMA)
     posterior = Posterior(names=NAMES, information=np.zeros((7, 7)), covariance=covariance)
     problem = SimpleNamespace(
         names=NAMES,
         unknowns=UNKNOWNS,
-        layout=SimpleNamespace(unknowns=[np.arange(6), np.array([0, 1, 6, 3, 4, 5])]),
+        unknowns_by_name=dict(zip(NAMES, (*UNKNOWNS, OFFSET), strict=True)),
         values=lambda _, log: {"yaw_rate.tractor.offset": yaw_rate_offset} if log == 0 else {},
     )
     vehicle = SimpleNamespace(units=[SimpleNamespace(name="tractor")])
@@ -48,8 +48,8 @@ def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, mi
     return find_doubts(solution)
 
 
-def score(name: str, statistic: float, implied: float, **shifts: float) -> ScoreTest:
-    return ScoreTest(
+def score(name: str, statistic: float, implied: float, **shifts: float) -> PriorTest:
+    return PriorTest(
         name=name,
         statistic=statistic,
         implied=implied,
@@ -60,13 +60,13 @@ def score(name: str, statistic: float, implied: float, **shifts: float) -> Score
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_contradicted_assumption(sign: int) -> None:
-    """An implied change above 3 prior sigmas; `cog` alters x and y."""
-    assert doubts(tests=(score("cog", sign * 8, sign * 3.0),)) == []
-    (doubt,) = doubts(tests=(score("cog", sign * 8, sign * 3.0 * ABOVE),))
+    """A size above 3.5; `cog` alters x and y."""
+    assert doubts(tests=(score("cog", sign * 8, sign * 3.5),)) == []
+    (doubt,) = doubts(tests=(score("cog", sign * 8, sign * 3.5 * ABOVE),))
     assert (doubt.kind, doubt.parameters, doubt.log, doubt.statistic) == (DoubtKind.ASSUMPTION, (), None, 8)
     (cause,) = doubt.causes
-    assert (cause.name, cause.prior_sigmas) == ("cog", sign * 3.0 * ABOVE)
-    assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 3, "y": -sign * 0.2 * 3})
+    assert (cause.name, cause.prior_sigmas) == ("cog", sign * 3.5 * ABOVE)
+    assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 3.5, "y": -sign * 0.2 * 3.5})
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -81,13 +81,13 @@ def test_estimates_that_a_contradicted_assumption_moves(sign: int) -> None:
 
 def test_causes_that_are_about_as_likely() -> None:
     """At least 85 % of the largest |t|; together they move the estimates that each of them moves, named once."""
-    first = score("mass", -8.0, -3.5, height=1.0)
-    both = score("delay", 0.85 * 8.0, 3.2, height=1.0, stiffness=-1.0)
+    first = score("mass", -8.0, -3.6, height=1.0)
+    both = score("delay", 0.85 * 8.0, 3.6, height=1.0, stiffness=-1.0)
     (doubt,) = doubts(tests=(first, both))
     assert [cause.name for cause in doubt.causes] == ["mass", "delay"]
     assert doubt.parameters == ("height", "stiffness")
     assert doubt.statistic == 8.0
-    (doubt,) = doubts(tests=(first, score("delay", 0.85 * 8.0 * BELOW, 3.2, stiffness=-1.0)))
+    (doubt,) = doubts(tests=(first, score("delay", 0.85 * 8.0 * BELOW, 3.6, stiffness=-1.0)))
     assert [cause.name for cause in doubt.causes] == ["mass"]
     assert doubt.parameters == ("height",)
 
@@ -95,7 +95,7 @@ def test_causes_that_are_about_as_likely() -> None:
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("name", ["offset@0", "offset@1"])
 def test_a_sensor_error_far_from_its_prior(name: str, sign: int) -> None:
-    """More than 3.5 prior sigmas, in the log to which it belongs; a considered delay is not estimated."""
+    """More than 3.5 prior sigmas, in its log; of the delay, which is uncertain, the test of the prior counts."""
     assert doubts({name: sign * 3.5, "delay": sign * 99.0}) == []
     (doubt,) = doubts({name: sign * 3.5 * ABOVE, "delay": sign * 99.0})
     assert (doubt.kind, doubt.parameters) == (DoubtKind.SENSOR, ())
@@ -120,7 +120,7 @@ def test_estimates_that_a_sensor_error_moves(sign: int) -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_an_estimate_far_from_its_prior(sign: int) -> None:
-    """More than 2.5 prior sigmas, of a stiffness or an inertia; the prior of a height is wide, a mass is considered."""
+    """More than 2.5 prior sigmas, of a stiffness or an inertia; the prior of a height is wide, a mass is uncertain."""
     far = {"height": sign * 9.0, "mass": sign * 9.0}
     assert doubts({"stiffness": sign * 2.5, **far}) == []
     (doubt,) = doubts({"stiffness": sign * 2.5 * ABOVE, **far})

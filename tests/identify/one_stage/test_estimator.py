@@ -20,7 +20,7 @@ from fifthwheel.vehicle import Vehicle
 from tests.identify.conftest import without
 
 EVERY_PARAMETER = ("cornering_stiffness", "yaw_inertia", "payload.height")
-KNOWN = OneStage(priors={}, consider={}, nuisances=False)
+KNOWN = OneStage(tyres="linear", priors={}, consider={}, nuisances=False)
 HEIGHT = "semitrailer.payload.height"
 STEER = "steer.tractor.front"
 BOUND = {
@@ -103,7 +103,7 @@ def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle, f
         "yaw_rate.tractor": 1.003 * signals["yaw_rate.tractor"] + 0.002,
         "roll_rate.semitrailer": signals["roll_rate.semitrailer"] - 0.003,
     }
-    result = identify([replace(record, signals=signals)], guess, OneStage(form=form))
+    result = identify([replace(record, signals=signals)], guess, OneStage(form=form, tyres="linear"))
     assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
     assert max(np.abs(list(normalised_errors(result, truck).values()))) < 3.5
     errors = {e.name: e for e in result.sensors}
@@ -116,8 +116,8 @@ def test_sensor_errors_and_parameters_together(truck: Vehicle, guess: Vehicle, f
         "roll_rate.semitrailer.offset": -0.003,
     }.items():
         assert abs(errors[name].value - value) < 3.5 * errors[name].sigma, name
-    assert errors[f"{STEER}.delay"].sigma < 0.015  # the latency of each gyro is considered with 0.01 s
-    assert {e.verdict for e in result.uncertain} == {Verdict.FIXED}
+    assert errors[f"{STEER}.delay"].sigma < 0.015  # the latency of each gyro has a prior of 0.01 s
+    assert {e.verdict for e in result.uncertain} <= {Verdict.CONVERGED, Verdict.NOT_EXCITED}
     assert (result.logs[0].bank is None) == (form == "prediction_error")  # there the bank varies
 
 
@@ -152,32 +152,34 @@ def test_robust_to_spikes_and_gaps(truck: Vehicle, guess: Vehicle) -> None:
 
 
 def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, manoeuvre="straight", seed=1)], guess)
-    given = guess.parameters()
-    for e in result.parameters:
+    result = identify([simulate(truck, manoeuvre="straight", seed=1)], guess, OneStage(tyres="linear"))
+    given = guess.parameters() | {HEIGHT: OneStage().initial_payload_height}
+    for e in result.parameters:  # noise leaves the estimate within the prior
         assert e.verdict is Verdict.NOT_EXCITED, e.name
-        assert e.value == given[e.name]
-        assert e.sigma == pytest.approx(e.prior)
+        assert abs(e.value - given[e.name]) < e.prior
+        assert e.sigma > 0.7 * e.prior * (1.0 if e.name == HEIGHT else e.value / given[e.name])
     assert all(e.verdict is Verdict.NOT_EXCITED for e in result.derived)
 
 
 def test_without_roll_rates_the_payload_is_not_identifiable(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess)
+    result = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess, OneStage(tyres="linear"))
     height = result[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
-    assert height.value == truck.parameters()[HEIGHT]
+    assert abs(height.value - truck.parameters()[HEIGHT]) < 2 * height.sigma
     assert result["semitrailer.cog_height"].verdict is Verdict.NOT_IDENTIFIABLE
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert [v for n, v in verdicts.items() if n != HEIGHT] == [Verdict.CONVERGED] * 4
     # the uncertainty of the height is part of the other sigmas
-    certain = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess, OneStage(fixed=(HEIGHT,)))
+    certain = identify(
+        [without(simulate(truck, count=3, seed=4), "roll_rate")], guess, OneStage(tyres="linear", fixed=(HEIGHT,))
+    )
     assert result["semitrailer.cornering_stiffness"].sigma > certain["semitrailer.cornering_stiffness"].sigma
 
 
 def test_correlated_unknowns_are_named(truck: Vehicle, guess: Vehicle) -> None:
     """Front stiffness and an unknown steering gain in one lane change."""
     record = simulate(truck, count=1, seed=6)
-    loose = OneStage(steer_gain_prior=2.0, prior=0.05, priors={}, consider={})
+    loose = OneStage(tyres="linear", steer_gain_prior=2.0, prior=0.05, priors={}, consider={})
     result = identify([record], guess, loose)
     front = result["tractor.front.cornering_stiffness"]
     assert f"{STEER}.gain" in front.correlated_with
@@ -195,18 +197,19 @@ def test_payload_of_any_shape(truck: Vehicle, guess: Vehicle) -> None:
     assert result.vehicle.unit("semitrailer").payload is None
 
 
-def test_a_considered_parameter_widens_sigma_and_keeps_its_value(truck: Vehicle, guess: Vehicle) -> None:
+def test_an_uncertain_number_that_the_log_does_not_inform_widens_sigma(truck: Vehicle, guess: Vehicle) -> None:
     record, soft = simulate(truck, count=2, seed=8), "semitrailer.roll_stiffness"
     certain = identify([record], guess, KNOWN)
     result = identify([record], guess, replace(KNOWN, consider={soft: 0.1}))
-    assert result[HEIGHT].value == pytest.approx(certain[HEIGHT].value, rel=1e-3)
     # an error of 10 % in the suspension stiffness moves the payload height by about 12 %
     assert 0.05 < result[HEIGHT].sigma / result[HEIGHT].value < 0.15
     (uncertain,) = result.uncertain
-    assert (uncertain.name, uncertain.value, uncertain.verdict) == (soft, truck.parameters()[soft], Verdict.FIXED)
+    assert (uncertain.name, uncertain.verdict) == (soft, Verdict.NOT_EXCITED)
+    assert uncertain.sigma == pytest.approx(uncertain.prior, rel=0.3)
+    assert abs(result[HEIGHT].value - certain[HEIGHT].value) < result[HEIGHT].sigma
     wrong = guess.replace({soft: 1.1 * truck.parameters()[soft]})
     moved = identify([record], wrong, replace(KNOWN, consider={soft: 0.1}))[HEIGHT]
-    assert abs(moved.value - certain[HEIGHT].value) == pytest.approx(moved.sigma, rel=0.35)
+    assert abs(moved.value - result[HEIGHT].value) == pytest.approx(moved.sigma, rel=0.35)
 
 
 def test_an_uncertain_parameter_is_estimated(truck: Vehicle) -> None:
@@ -229,7 +232,7 @@ def test_fixed_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
     for wrong in ({"consider": {"roll_axis_hight": 0.1}}, {"priors": {"nonsense": 0.1}}):
         with pytest.raises(VehicleError, match="no such parameter"):
             identify([record], guess, replace(KNOWN, **wrong))
-    with pytest.raises(VehicleError, match="is estimated, so it cannot be considered"):
+    with pytest.raises(VehicleError, match="is estimated; give its prior in priors"):
         identify([record], guess, replace(KNOWN, consider={"payload.height": 0.1}))
     with pytest.raises(VehicleError, match=r"tractor\.yaw_inertai: no such parameter"):
         identify([record], guess, replace(KNOWN, free=("tractor.yaw_inertai",)))
@@ -241,7 +244,7 @@ def test_fixed_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
 
 def test_result_as_json_and_in_an_observer(truck: Vehicle, guess: Vehicle) -> None:
     record = simulate(truck, count=2, seed=11, name="a run")
-    result = identify([record], guess)
+    result = identify([record], guess, OneStage(tyres="linear"))
     data = json.loads(result.to_json())
     assert data["method"] == "one-stage"
     assert data["settings"]["consider"]["roll_stiffness"] == 0.1
@@ -258,13 +261,14 @@ def test_result_as_json_and_in_an_observer(truck: Vehicle, guess: Vehicle) -> No
     plain, wider = observer.batch(record), observer.batch(record, own)
     name = "sideslip.semitrailer"
     assert wider.values[name] == pytest.approx(plain.values[name], nan_ok=True)
-    assert (wider.sigma[name] > plain.sigma[name]).all()
+    # without the joint covariance the bank counts as independent of all parameters, with it as it is correlated
+    assert (wider.sigma[name] > 0.8 * plain.sigma[name]).all()
     error = wider.values[name] - record.reference[name]
     assert np.mean(np.abs(error) < 1.645 * wider.sigma[name]) > 0.8
 
 
 def test_few_steps_are_needed(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, count=2, seed=12)], guess)
+    result = identify([simulate(truck, count=2, seed=12)], guess, OneStage(tyres="linear"))
     assert result.rounds <= 10
 
 
@@ -300,7 +304,9 @@ def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, 
     """A truck in equilibrium on a banked road does not roll at the start, and an unknown steering offset explains its
     yaw rate: the bank keeps its prior, also with a vehicle file that is close to instability."""
     record = banked(simulate(truck, count=1, seed=13), truck, 0.06)
+    known = {name: sigma for name, sigma in OneStage().consider.items() if name != "softening"}
+    settings = OneStage(tyres="linear", consider=known)  # softening tyres would inform the bank
     for vehicle in (guess, guess.replace({"tractor.drive.cornering_stiffness": 6e5})):
-        bank, sigma = identify([record], vehicle).logs[0].bank
+        bank, sigma = identify([record], vehicle, settings).logs[0].bank
         assert sigma > 0.9 * OneStage().bank_prior
         assert abs(bank - 0.06) < 2.5 * sigma

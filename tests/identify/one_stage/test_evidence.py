@@ -7,13 +7,13 @@ import pytest
 
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.doubts import STRONG_SCORE, Doubt, DoubtKind
-from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
 YAW, TRAILER = "yaw_rate.tractor", "yaw_rate.semitrailer"
+LINEAR = OneStage(tyres="linear")
 FRONT = "tractor.front.cornering_stiffness"
 
 
@@ -31,34 +31,32 @@ def doubts(result: Identification, kind: DoubtKind) -> list[Doubt]:
 
 
 def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
-    result = identify([clean], truck)
+    result = identify([clean], truck, LINEAR)
     assert result.doubts == ()
     assert {e.verdict for e in result.parameters} == {Verdict.CONVERGED}
 
 
 @pytest.mark.parametrize("gyro", [YAW, TRAILER])
 def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
-    """70 ms are seven standard deviations of the latency that is considered; the cause and its size are found.
-
-    Of 50 ms, usual errors of other assumptions explain so much that a doubt would have no ground.
-    """
-    result = identify([late(clean, 0.07, gyro)], truck)
+    """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found."""
+    result = identify([late(clean, 0.07, gyro)], truck, LINEAR)
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     cause = doubt.causes[0]
     assert cause.name == f"{gyro}.delay"
-    information = (doubt.statistic / 7) ** 2  # the prior reduces the implied change
-    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.07 * information / (1 + information), rel=0.1)}
+    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.07, abs=0.03)}
     assert cause.prior_sigmas == pytest.approx(cause.changes[f"{gyro}.delay"] / 0.01)
-    assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}
-    assert set(doubt.parameters) == {e.name for e in result.parameters}  # the statistic is that of a strong doubt
+    doubtful = {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL}
+    assert doubtful == set(doubt.parameters)
+    truth = truck.parameters()
+    assert all(abs(e.value - truth[e.name]) < 3.5 * e.sigma for e in result.parameters)
 
 
 def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=3)
-    result = identify([late(record, 0.08, TRAILER)], truck)
+    result = identify([late(record, 0.08, TRAILER)], truck, LINEAR)
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     assert doubt.statistic < STRONG_SCORE
-    right = identify([record], truck)
+    right = identify([record], truck, LINEAR)
     moved = {e.name: abs(right[e.name].value - e.value) / e.sigma for e in result.parameters}
     assert 1 <= len(doubt.parameters) < len(moved)
     fraction = doubt.causes[0].changes[f"{TRAILER}.delay"] / 0.08  # of the delay is implied; the rest is its prior
@@ -69,20 +67,10 @@ def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle
             assert name in doubt.parameters
 
 
-def test_a_suspect_is_part_of_no_sigma(truck: Vehicle, clean: Record, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = OneStage(consider={"semitrailer.roll_stiffness": 0.1})
-    result = identify([clean], truck, settings)
-    monkeypatch.setattr(parameters, "suspects", list)
-    without = identify([clean], truck, settings)
-    for e in result.parameters:
-        assert e.sigma == pytest.approx(without[e.name].sigma, rel=1e-9)
-        assert result.variance_budget[e.name].keys() == {"semitrailer.roll_stiffness"}
-
-
 def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Record) -> None:
     names = (TRAILER, "roll_rate.semitrailer")
     record = replace(late(clean, 0.05, *names), time_bases=dict.fromkeys(names, "trailer logger"))
-    result = identify([record], truck)
+    result = identify([record], truck, LINEAR)
     assert result.doubts == ()
     (delay,) = [e for e in result.sensors if e.name == "time_base.trailer logger.delay"]
     assert abs(delay.value - 0.05) < 3.5 * delay.sigma
@@ -92,16 +80,16 @@ def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Reco
 def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
     """Timestamps that count 0.85 s in a second; at 0.9 s the logs do not contradict a combination of usual errors."""
     record = simulate(truck, count=5, seed=1)
-    result = identify([replace(record, time=0.85 * record.time)], truck, OneStage(check=False))
+    result = identify([replace(record, time=0.85 * record.time)], truck, OneStage(tyres="linear", check=False))
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     (change,) = [cause.changes["time_base.scale"] for cause in doubt.causes if cause.name == "time_base"]
-    assert 0.006 < change < 0.06  # one linear step towards 1 / 0.85 - 1
+    assert change == pytest.approx(1 / 0.85 - 1, rel=0.3)
 
 
 def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
     """A bias of ten standard deviations. The two yaw rates do not show which of them is biased, so both share it."""
     biased = clean.with_signals({YAW: clean.signals[YAW] + 0.04})
-    result = identify([biased], truck, OneStage(consider={}))
+    result = identify([biased], truck, OneStage(tyres="linear", consider={}))
     assert {doubt.kind for doubt in result.doubts} == {DoubtKind.SENSOR}
     causes = {doubt.causes[0].name: doubt.causes[0] for doubt in result.doubts}
     assert causes.keys() == {f"{YAW}.offset@0", f"{TRAILER}.offset@0"}
@@ -118,21 +106,21 @@ def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicl
     """Those that differ by more than half a sigma if the gain of the steering is 1."""
     steer = "steer.tractor.front"
     scaled = clean.with_signals({steer: clean.signals[steer] / 1.1})
-    result = identify([scaled], truck, OneStage(consider={}, steer_gain_prior=0.018))
-    usual = identify([scaled], truck, OneStage(consider={}, steer_gain_prior=1e-5))
+    result = identify([scaled], truck, OneStage(tyres="linear", consider={}, steer_gain_prior=0.018))
+    usual = identify([scaled], truck, OneStage(tyres="linear", consider={}, steer_gain_prior=1e-5))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.causes[0].name) == (DoubtKind.SENSOR, f"{steer}.gain")
     moved = {e.name: abs(usual[e.name].value - e.value) / e.sigma for e in result.parameters}
     assert not [name for name, change in moved.items() if 0.45 < change < 0.7]
     assert set(doubt.parameters) == {name for name, change in moved.items() if change > 0.5}
-    assert 2 <= len(doubt.parameters) < len(moved)
+    assert len(doubt.parameters) >= 2
     assert {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL} == set(doubt.parameters)
 
 
 def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
     """A stiffness of 30 % of the true value in the vehicle file is doubtful, and no other one."""
     wrong = truck.replace({FRONT: 0.3 * truck.parameters()[FRONT]})
-    result = identify([clean], wrong, OneStage(consider={}))
+    result = identify([clean], wrong, OneStage(tyres="linear", consider={}))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.parameters) == (DoubtKind.ESTIMATE, (FRONT,))
     assert doubt.causes[0].prior_sigmas == pytest.approx(np.log(1 / 0.3) / 0.3, rel=0.1)
@@ -144,7 +132,7 @@ def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
 def test_a_log_beyond_the_linear_range(truck: Vehicle, clean: Record) -> None:
     fast = {n: 1.6 * values for n, values in clean.signals.items() if n != "speed"}
     hard = replace(clean.with_signals(fast), name="hard")
-    result = identify([clean, hard], truck, OneStage(consider={}))
+    result = identify([clean, hard], truck, OneStage(tyres="linear", consider={}))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.log, doubt.causes) == (DoubtKind.RANGE, "hard", ())
     mean = np.convolve(hard.signals["speed"] * hard.signals[YAW], np.ones(50) / 50, mode="valid")

@@ -38,24 +38,24 @@ def unknown(name: str, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
     return Unknown(name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, kind=kind)
 
 
-def test_the_variance_budget_is_the_squared_correlation() -> None:
-    """With every considered unknown but suspects, the largest first: against fits with the unknown fixed."""
+def test_the_variance_budget_is_what_an_exact_number_would_save() -> None:
+    """With every uncertain number, the largest first: against fits without the unknown."""
     rng = np.random.default_rng(1)
-    jacobian = rng.normal(size=(50, 4))
+    H = np.cov(rng.normal(size=(50, 4)).T) * 3
     names = (FRONT, REAR, AXIS, "mass_scale")
-    posterior = Posterior.from_information(names, jacobian.T @ jacobian / 20, considered=names[2:])
-    considered = [unknown(name, UnknownKind.CONSIDERED) for name in names[2:]]
-    problem = SimpleNamespace(unknowns=[unknown(FRONT), unknown(REAR), *considered])
+    posterior = Posterior.from_information(names, H)
+    uncertain = [unknown(name, UnknownKind.UNCERTAIN) for name in names[2:]]
+    problem = SimpleNamespace(unknowns=[unknown(FRONT), unknown(REAR), *uncertain])
     budget = _variance_budget(problem, posterior, names[:2])
-    H = jacobian.T @ jacobian / 20
-    P = np.linalg.inv(np.eye(2) + H[:2, :2])
     for i, name in enumerate(names[:2]):
-        shifts = (P @ H[:2, 2:])[i]  # of the estimate by one sigma of each considered unknown
-        variance = P[i, i] + (shifts**2).sum()
-        expected = dict(zip(names[2:], shifts**2 / variance, strict=True))
+        expected = {}
+        for j in (2, 3):
+            kept = [k for k in range(4) if k != j]
+            without = np.linalg.inv(np.eye(3) + H[np.ix_(kept, kept)])
+            expected[names[j]] = 1 - without[i, i] / posterior.covariance[i, i]
         assert budget[name] == pytest.approx(expected)
-        assert list(budget[name].values()) == sorted(expected.values(), reverse=True)
-    problem.unknowns[3] = replace(problem.unknowns[3], kind=UnknownKind.SUSPECT)
+        assert list(budget[name].values()) == sorted(budget[name].values(), reverse=True)
+    problem.unknowns[3] = replace(problem.unknowns[3], per_log=True)
     assert {tuple(terms) for terms in _variance_budget(problem, posterior, names[:2]).values()} == {(AXIS,)}
 
 

@@ -36,21 +36,28 @@ def test_larger_score_covariance_widens_every_sigma(jacobian: np.ndarray) -> Non
     assert posterior(NAMES, H, H / 9).sigma == pytest.approx(usual.sigma)
 
 
-def test_considered_unknown_against_random_draws(jacobian: np.ndarray) -> None:
-    """Data and the considered unknown are drawn; the fit keeps the latter at its prior mean."""
+def test_estimates_and_their_errors_against_random_draws(jacobian: np.ndarray) -> None:
+    """Data and unknowns are drawn: the errors have the covariance, the estimates scatter as predicted."""
     rng, sigma = np.random.default_rng(1), 5.0
-    H = information(jacobian, sigma)
-    result = posterior(NAMES, H, considered=["c"])
-    P = np.linalg.inv(np.eye(2) + H[:2, :2])
-    errors = []
+    result = posterior(NAMES, information(jacobian, sigma))
+    estimates, errors = [], []
     for _ in range(20_000):
         z = rng.normal(size=3)
         gradient = jacobian.T @ (jacobian @ z + sigma * rng.normal(size=len(jacobian))) / sigma**2
-        errors.append([*(P @ gradient[:2] - z[:2]), -z[2]])
+        estimates.append(result.model_covariance @ gradient)
+        errors.append(estimates[-1] - z)
     assert result.covariance == pytest.approx(np.cov(np.array(errors).T), abs=0.02)
-    assert result.sigma[2] == 1.0
-    assert np.linalg.eigvalsh(result.covariance).min() > 0
-    assert (result.sigma[:2] > posterior(NAMES, H).sigma[:2]).all()
+    assert result.predictive == pytest.approx(np.std(estimates, axis=0), rel=0.02)
+
+
+def test_more_information_or_a_narrower_prior_never_enlarges_a_sigma() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(200):
+        one, other = (information(rng.normal(size=(2, 3)), sigma) for sigma in rng.uniform(0.3, 3.0, 2))
+        few = posterior(NAMES, one)
+        assert (posterior(NAMES, one + other).sigma <= few.sigma * (1 + 1e-12)).all()
+        narrower = posterior(NAMES, one, precision=np.array([1.0, 4.0, 1.0]))
+        assert (narrower.sigma <= few.sigma * (1 + 1e-12)).all()
 
 
 def test_correlated_unknowns() -> None:

@@ -13,7 +13,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.unknowns.parameters import suspects, time_base_delays
+from fifthwheel.identify.unknowns.parameters import time_base_delays
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.record.record import segments_above
@@ -46,7 +46,7 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     z = 0.1 * rng.normal(size=len(p.names))
     play = p.names.index("steer.tractor.front.play")
     z[play] = abs(z[play])
-    quadratic = p.expand(z, directions="all")
+    quadratic = p.expand(z)
     assert quadratic.cost == pytest.approx(p.cost(z), rel=1e-9)
     step = 1e-4
     for i in range(0, len(z), 1 if form == "output_error" else 3):
@@ -64,7 +64,7 @@ def test_derivatives_by_model_errors(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=1).cut(0.5, 5.0)
     outputs = tuple(name for name in record.signals if "rate" in name)
     trailer = {name: "trailer" for name in outputs if "semitrailer" in name}
-    further = [*suspects(), *time_base_delays(trailer, "", outputs, OneStage())]
+    further = time_base_delays(trailer, "", outputs, OneStage())
     p = problem(truck, [record], OneStage(initial_payload_height=1.0), further)
     kinds = ("softening", "play", "delay", "misalignment", "time_base")
     chosen = [name for name in p.names if name.rpartition(".")[2] in kinds]
@@ -78,7 +78,7 @@ def test_derivatives_by_model_errors(truck: Vehicle) -> None:
     for name in chosen:
         i, step = p.names.index(name), 1e-3
         shift = np.eye(len(z))[i] * step
-        higher, lower = (next(p.blocks(z + s * shift, 0, 0, directions="none")).error for s in (1, -1))
+        higher, lower = (next(p.blocks(z + s * shift, 0, 0, differentiated=False)).error for s in (1, -1))
         expected = ((higher - lower) / (2 * step))[inside]
         actual = block.jacobian[..., block.indices.tolist().index(i)][inside]
         assert np.abs(actual - expected).max() < 1e-4 * np.abs(expected).max(), name

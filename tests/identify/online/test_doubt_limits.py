@@ -55,15 +55,15 @@ def test_score_tests() -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_contradicted_assumption(sign: int) -> None:
-    """An implied change t sqrt(I) / (1 + I) above 3 prior sigmas; `cog` alters x and y."""
-    for t, information in ((6.0, 1.0), (7.5, 4.0)):
+    """An implied change t sqrt(I) / (1 + I) above 3.5 prior sigmas; `cog` alters x and y."""
+    for t, information in ((7.0, 1.0), (8.75, 4.0)):
         assert doubts(t=(0.0, sign * t * BELOW), information=(1.0, information)) == []
         (doubt,) = doubts(t=(0.0, sign * t * ABOVE), information=(1.0, information))
         assert doubt.kind is DoubtKind.ASSUMPTION
         assert doubt.statistic == pytest.approx(t)
         (cause,) = doubt.causes
-        assert (cause.name, cause.prior_sigmas) == ("cog", pytest.approx(sign * 3))
-        assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 3, "y": -sign * 0.2 * 3})
+        assert (cause.name, cause.prior_sigmas) == ("cog", pytest.approx(sign * 3.5))
+        assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 3.5, "y": -sign * 0.2 * 3.5})
 
 
 def test_estimates_that_a_contradicted_assumption_moves() -> None:
@@ -85,7 +85,7 @@ def test_causes_that_are_about_as_likely() -> None:
     """At least 85 % of the largest |t|; an estimate that both move is named once."""
     B = np.array([[0.0, 1.0], [0.0, 0.0], [1.0, 1.0]])
     for edge, names in ((ABOVE, ["mass", "cog"]), (BELOW, ["mass"])):
-        (doubt,) = doubts(t=(8.0, -0.85 * 8.0 * edge), B=B)
+        (doubt,) = doubts(t=(8.5, -0.85 * 8.5 * edge), B=B)
         assert [cause.name for cause in doubt.causes] == names
         assert doubt.parameters == (("height", "stiffness") if len(names) == 2 else ("height",))
 

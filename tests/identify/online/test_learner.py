@@ -53,6 +53,29 @@ def test_considered_parameters_stay_and_increase_the_sigmas(guess: Vehicle, lane
     assert considering[HEIGHT].sigma > 1.2 * learned[HEIGHT].sigma
 
 
+def test_changes_of_the_vehicle_file_are_considered_at_zero(guess: Vehicle, lanes: Record) -> None:
+    """The change `tractor.mass`, in its standard deviations, is not the parameter `tractor.mass`, in kg."""
+    learner = Learner(guess, lanes.signals, OneStage(tyres="linear"))
+    unknowns = {u.name: u for u in learner._live.setup.unknowns}
+    assert {"tractor.mass", "semitrailer.payload.mass", "mass_scale", "time_base"} <= set(unknowns)
+    assert {u.centre for u in unknowns.values() if u.moves and not u.is_estimated} == {0.0}
+    assert not any(u.name.endswith(".variation") for u in unknowns.values())  # of one log
+
+
+def test_automatic_tyres_are_linear_without_axle_loads(guess: Vehicle, lanes: Record) -> None:
+    """Two groups on the trailer leave the loads open. A learner without settings has linear tyres in any case."""
+    group = guess.units[1].axle_groups[0]
+    axles = [group.model_copy(update={"name": f"part{i}", "axles": (axle,)}) for i, axle in enumerate(group.axles)]
+    trailer = guess.units[1].model_copy(update={"axle_groups": tuple(axles)})
+    undetermined = guess.model_copy(update={"units": (guess.units[0], trailer)})
+    for vehicle, settings, law in (
+        (undetermined, OneStage(), "linear"),
+        (guess, OneStage(), "saturating"),
+        (guess, None, "linear"),
+    ):
+        assert Learner(vehicle, lanes.signals, settings).live.setup.settings.tyres == law
+
+
 def test_without_a_roll_rate_the_payload_height_is_not_identifiable(guess: Vehicle, lanes: Record) -> None:
     names = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")
     learner = learn(guess, replace(lanes, signals={name: lanes.signals[name] for name in names}))

@@ -14,7 +14,8 @@ from fifthwheel.vehicle import Vehicle
 
 FIRST = {"speed": 21.0, "steer.tractor.front": 0.03}
 SIGNALS = (*FIRST, "yaw_rate.tractor")
-FIVE = OneStage(priors={}, consider={}, nuisances=False)
+LINEAR = OneStage(tyres="linear")
+FIVE = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
 
 
 def model(setup: Setup) -> OnlineModel:
@@ -28,7 +29,7 @@ def derivative(setup: Setup, z: Array) -> Array:
 
 def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehicle) -> None:
     """The rounding of differences of a steady state of 0.1 is 1e-11."""
-    setup = online_setup(guess, SIGNALS, OneStage())
+    setup = online_setup(guess, SIGNALS, LINEAR)
     values = dynamics.all_parameters(setup.vehicle, setup.outputs, extended=True)
     values |= {u.name: u.centre for u in setup.unknowns if not u.moves}
     slopes = steady_state_slopes(model(setup).chain, setup.vehicle, FIRST, values, setup.unknowns)

@@ -1,4 +1,4 @@
-"""Which parameters are estimated, uncertain, considered or fixed, by their names."""
+"""Which parameters are estimated, uncertain or fixed, by their names."""
 
 import pytest
 
@@ -8,6 +8,7 @@ from fifthwheel.cheng_cebon_2011.stage import filter_sigmas
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
     SOFTENING,
@@ -20,11 +21,11 @@ from fifthwheel.identify.unknowns.parameters import (
     softening,
     stage_1_names,
     stage_2_names,
-    suspects,
     time_base_delays,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
 from fifthwheel.vehicle.unit import Accelerometer
 
 HEIGHT = "semitrailer.payload.height"
@@ -85,21 +86,23 @@ def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
         u.name for u in unknowns if not (u.kind is UnknownKind.UNCERTAIN or not u.is_estimated or u.is_sensor_error)
     ]
     assert estimated == estimated_parameters(truck, settings) == [*stage_1_names(truck), *stage_2_names(truck)]
-    assert {u.name.rpartition(".")[2] for u in unknowns if u.kind is UnknownKind.UNCERTAIN} == {"relaxation_length"}
-    assert {u.name.rpartition(".")[2] for u in unknowns if not u.is_estimated} == {"roll_damping"}
+    uncertain = {u.name.rpartition(".")[2] for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
+    assert uncertain == {"relaxation_length", "roll_damping"}
+    assert all(u.is_estimated for u in unknowns)
     assert "tractor.yaw_inertia" not in names
 
 
-def test_body_below_an_estimated_payload_is_not_considered(truck: Vehicle) -> None:
-    """Its CoG height would be the payload height again; named by its full path it is considered."""
+def test_body_below_an_estimated_payload_is_no_unknown(truck: Vehicle) -> None:
+    """Its CoG height would be the payload height again; named by its full path it is uncertain."""
 
-    def considered(settings: OneStage) -> set[str]:
-        return {u.name for u in one_stage_unknowns(truck, RATES, settings) if not u.is_estimated}
+    def uncertain(settings: OneStage) -> set[str]:
+        unknowns = one_stage_unknowns(truck, RATES, settings)
+        return {u.name for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
 
-    assert "tractor.sprung.cog_height" in considered(OneStage())
-    assert "semitrailer.sprung.cog_height" not in considered(OneStage())
-    assert "semitrailer.sprung.cog_height" in considered(OneStage(fixed=(HEIGHT,)))
-    assert considered(OneStage(consider={"semitrailer.sprung.cog_height": 0.1})) == {"semitrailer.sprung.cog_height"}
+    assert "tractor.sprung.cog_height" in uncertain(OneStage())
+    assert "semitrailer.sprung.cog_height" not in uncertain(OneStage())
+    assert "semitrailer.sprung.cog_height" in uncertain(OneStage(fixed=(HEIGHT,)))
+    assert uncertain(OneStage(consider={"semitrailer.sprung.cog_height": 0.1})) == {"semitrailer.sprung.cog_height"}
 
 
 def test_priors(truck: Vehicle) -> None:
@@ -150,16 +153,29 @@ def test_softening_without_static_loads(truck: Vehicle) -> None:
     assert set(softening(undetermined).values()) == {SOFTENING}
 
 
-def test_considered_groups_are_scaled(truck: Vehicle) -> None:
-    """`consider` gives factors of the vehicle file and of the softening, and the latency of a gyro in s."""
+def test_what_the_model_lacks_is_scaled(truck: Vehicle) -> None:
+    """`consider` gives factors of the vehicle file and of the softening, the latency of a gyro in s, and so on."""
     full = by_name(truck, OneStage())
-    half = by_name(truck, OneStage(consider={"vehicle_file": 0.5, "softening": 0.5, "gyro_delay": 0.005}))
-    considered = {name: u for name, u in full.items() if not u.is_estimated and (u.moves or u.centre == 0)}
-    assert {f"{rate}.delay" for rate in RATES} | {"mass_scale", "tractor.front.softening"} <= set(considered)
-    for name, u in considered.items():
+    half = by_name(truck, OneStage(consider={name: sigma / 2 for name, sigma in MODEL_ERRORS.items()}))
+    gyros = {f"{rate}.delay" for rate in RATES}
+    scaled = {
+        name: u for name, u in full.items() if name in gyros or (u.kind is UnknownKind.UNCERTAIN and not u.centre)
+    }
+    variation = "semitrailer.cornering_stiffness.variation"
+    assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= set(scaled)
+    for name, u in scaled.items():
         for path, slope in u.slopes.items():
             assert half[name].slopes[path] * half[name].scale == pytest.approx(slope * u.scale / 2), name
-    assert not [u for u in by_name(truck, OneStage(consider={})).values() if not u.is_estimated]
+    without = by_name(truck, OneStage(consider={})).values()
+    assert not [u for u in without if u.kind is UnknownKind.UNCERTAIN or u.name in gyros]
+
+
+def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -> None:
+    """One standard deviation of the mass scale changes all loads by its fraction."""
+    scale = by_name(truck, OneStage(tyres="saturating"))["mass_scale"]
+    for path, load in truck.axle_loads().items():
+        assert scale.slopes[f"{path}.static_load"] == pytest.approx(DEFAULT_SIGMAS["mass_scale"].sigma * load, rel=1e-6)
+    assert "tractor.front.static_load" not in by_name(truck, OneStage(tyres="linear"))["mass_scale"].slopes
 
 
 def test_an_exact_sensor_has_no_latency(truck: Vehicle) -> None:
@@ -171,7 +187,7 @@ def test_a_change_of_the_vehicle_file_leaves_other_unknowns_alone(truck: Vehicle
     moved = by_name(truck, OneStage())["mass_scale"].slopes
     assert {"tractor.mass", "semitrailer.mass", "tractor.sprung.mass"} <= set(moved)
     assert "semitrailer.yaw_inertia" not in moved  # estimated
-    assert "tractor.yaw_inertia" not in moved  # considered by itself
+    assert "tractor.yaw_inertia" not in moved  # has an unknown of its own
     fixed = by_name(truck, OneStage(fixed=("tractor.mass", "tractor.cog")))
     assert "tractor.mass" not in fixed["mass_scale"].slopes
     assert "tractor.cog" not in fixed
@@ -199,12 +215,6 @@ def test_delays_of_time_bases(truck: Vehicle) -> None:
     assert time_base_delays(bases, "", RATES, OneStage(nuisances=False)) == []
     (prior,) = {u.prior_sigma for u in time_base_delays(bases, "", RATES, OneStage(time_base_delay_prior=0.02))}
     assert prior == 0.02
-
-
-def test_suspects_are_considered_in_score_tests_only() -> None:
-    (scale,) = suspects()
-    assert (scale.kind, scale.is_estimated, scale.centre) == (UnknownKind.SUSPECT, False, 0.0)
-    assert dict(scale.slopes) == {"time_base.scale": 1.0}
 
 
 STEER, ACCELERATION = "steer.tractor.front", "lateral_acceleration.tractor"

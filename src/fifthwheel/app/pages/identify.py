@@ -42,10 +42,11 @@ class _Settings:
             self._fields(used)
 
     def _fields(self, used: Sequence[str]) -> None:
-        paths = list(self.truck.parameters())
         for key, option in options_of(IdentifyOptions).items():
             kind, label = get_type_hints(IdentifyOptions)[key], option.label or key.replace("_", " ").capitalize()
             help = option.help.removesuffix(".") + "."
+            if option.replaced_by and not self._value(key, None):
+                continue
             if key == "suspension_from":
                 results = {"": "the vehicle file"} | {name: name for name in runs.results(self.workspace)}
                 self._choice(key, label, results, "A result of the same truck with a known payload.")
@@ -54,7 +55,7 @@ class _Settings:
             elif kind is bool:
                 self._switch(key, label, getattr(IdentifyOptions, key), help)
             elif get_origin(kind) is tuple:
-                self._list(key, label, paths if key in ("fix", "free") else [], help)
+                self._list(key, label, [], help)
             else:
                 self._number(key, label, int in get_args(kind), help)
         self._list("validate", "Only predict", list(used), "Logs for validation; the others are identified on.")

@@ -49,7 +49,7 @@ class ParameterAssessment:
     prior: float
     """Prior sigma."""
     sigma: float
-    """Predicted sigma after the fit; the prior's if the logs do not contain enough information."""
+    """Predicted sigma after the fit."""
     conditional_sigma: float
     """Predicted sigma if all other parameters were known; the sensors' errors remain unknown."""
     verdict: Verdict
@@ -137,7 +137,7 @@ def assess_information(
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
         >>> assessment = fw.assess_information([record], truck, settings)
         >>> [str(parameter.verdict) for parameter in assessment.parameters]
         ['converged']
@@ -191,7 +191,11 @@ def _assess_parameter(
         best: tuple[Remedy, ...] = ()
     else:
         best = remedies.best(
-            name, sigma, target=target, min_reduction=assessment.min_reduction, max_count=assessment.max_remedies
+            name,
+            posterior.reliable_sigma(name) * prior,
+            target=target,
+            min_reduction=assessment.min_reduction,
+            max_count=assessment.max_remedies,
         )
     return ParameterAssessment(
         name=name,

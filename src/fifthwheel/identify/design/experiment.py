@@ -52,7 +52,7 @@ class ProposedRun:
     steer: Array = field(repr=False)
     """Steer angle (N,) of the first steered axle, rad."""
     sigma: Mapping[str, float]
-    """Sigma of every estimated parameter, relative to its value."""
+    """Sigma of every estimated parameter, relative to its value; the prior's without enough information."""
     verdicts: Mapping[str, Verdict]
     """Verdict on every estimated parameter."""
 
@@ -133,8 +133,8 @@ def design_experiment(
 
     Predicted, like `assess_information`, at the values of the vehicle file: the better the file, the better the design.
     The model is assumed to be exact, and only the first steered axle steers. The road is uneven (`road_noise`), but it
-    has no bank. A longer or harder run is not always better: with more data, errors of the considered parameters have a
-    larger effect on the estimates.
+    has no bank. More data does not reduce the part of sigma that comes from numbers that the run does not inform, such
+    as masses.
 
     Args:
         vehicle: what is known of the truck.

@@ -51,10 +51,7 @@ class RunInformation:
 class PredictedPosterior:
     """The posterior that a fit would give."""
 
-    all_estimated: Posterior
-    """Every parameter is estimated."""
-    with_fixed: Posterior
-    """Parameters without enough information keep the value of the vehicle file and are considered."""
+    posterior: Posterior
     not_identified: Mapping[str, Verdict]
     """Verdict of each parameter without enough information: NOT_EXCITED or NOT_IDENTIFIABLE."""
     no_channel: frozenset[str]
@@ -66,11 +63,15 @@ class PredictedPosterior:
 
     def sigma(self, name: str) -> float:
         """Standard deviation of an unknown after the fit, relative to that of its prior."""
-        return float(self.with_fixed.sigma[self.with_fixed.names.index(name)])
+        return float(self.posterior.sigma[self.posterior.names.index(name)])
+
+    def reliable_sigma(self, name: str) -> float:
+        """The same; that of the prior, 1, for a parameter without enough information, whose estimate is not used."""
+        return 1.0 if name in self.not_identified else self.sigma(name)
 
     def conditional_sigma(self, name: str) -> float:
         """The same if all other parameters were known; the sensors' errors remain unknown."""
-        return self.all_estimated.conditional_sigma(self.all_estimated.names.index(name))
+        return self.posterior.conditional_sigma(self.posterior.names.index(name))
 
     def correlated_with(self, name: str) -> list[str]:
         """Unknowns that can hardly be separated from this one, the worst first.
@@ -79,12 +80,11 @@ class PredictedPosterior:
         """
         if name in self.no_channel:
             return []
-        result = self.all_estimated if name in self.not_identified else self.with_fixed
-        i = result.names.index(name)
-        places = result.correlated(i)
+        i = self.posterior.names.index(name)
+        places = self.posterior.correlated(i)
         if self.verdict(name) is Verdict.NOT_IDENTIFIABLE and not places:
-            places = [result.most_limiting(i)]
-        return [result.names[j] for j in places]
+            places = [self.posterior.most_limiting(i)]
+        return [self.posterior.names[j] for j in places]
 
 
 def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ class InformationPredictor:
         setup = Setup.of(vehicle, possible_channels(vehicle, logged), settings)
         if not setup.estimated:
             raise VehicleError(
-                "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--fix)"
+                "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--set)"
             )
         z = setup.stiffened(np.zeros(len(setup.unknowns)), speeds)
         if not setup.is_stable(z, speeds):
@@ -236,22 +236,13 @@ class InformationPredictor:
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
-        considered = [u.name for u in self.unknowns if not u.is_estimated and u.name in names]
-        considered = [name for name in considered if name not in self.estimated]
         of_vehicle = {u.name for u in self.unknowns if not u.is_sensor_error}
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
-        all_estimated = Posterior.from_information(names, information, considered=considered, nuisances=nuisances)
+        posterior = Posterior.from_information(names, information, nuisances=nuisances)
         estimated = [name for name in self.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
-        not_identified = uninformed_parameters(all_estimated, estimated, no_channel, self.settings.excited)
-        return PredictedPosterior(
-            all_estimated=all_estimated,
-            with_fixed=Posterior.from_information(
-                names, information, considered=[*considered, *not_identified], nuisances=nuisances
-            ),
-            not_identified=not_identified,
-            no_channel=no_channel,
-        )
+        not_identified = uninformed_parameters(posterior, estimated, no_channel, self.settings.excited)
+        return PredictedPosterior(posterior=posterior, not_identified=not_identified, no_channel=no_channel)
 
 
 def combine_information(

@@ -123,7 +123,9 @@ class PredictedRemedies:
         """The remedy of each kind that gives a parameter the smallest sigma, if that is at most the limit, SI."""
         prior, best = self.predictor.prior_sigma(name), dict[str, Remedy]()
         remedies = [
-            replace(remedy, sigma=after.sigma(name) * prior) for remedy, after in changes if name not in remedy.known
+            replace(remedy, sigma=after.reliable_sigma(name) * prior)
+            for remedy, after in changes
+            if name not in remedy.known
         ]
         for remedy in sorted(remedies, key=lambda remedy: remedy.sigma):
             if remedy.sigma <= limit:
@@ -161,10 +163,10 @@ def _ratio(sigma: float, prior: float) -> float:
 def _knowable(predictor: InformationPredictor) -> list[str]:
     """What could be known, as in `Remedy.known`.
 
-    Not the softening of tyres, which no simple test gives. One scale weighs all units, so their masses are known
-    together.
+    Not the softening of tyres and the variation of their stiffness, which no simple test gives. One scale weighs all
+    units, so their masses are known together.
     """
-    names = [u.name for u in predictor.unknowns if not u.name.endswith(".softening")]
+    names = [u.name for u in predictor.unknowns if not u.name.endswith((".softening", ".variation"))]
     weighed = _unknowns(predictor, MASS_SCALE)[1:] if MASS_SCALE in names else []
     return [name for name in names if name not in weighed]
 

@@ -74,7 +74,7 @@ class CandidateRun:
     steer: Array = field(repr=False)
     """Steer angle (N,) of one repetition of unit size, rad."""
     sigma: Mapping[str, float]
-    """Sigma of every estimated parameter, relative to its value."""
+    """Sigma of every estimated parameter, relative to its value; the prior's without enough information."""
     verdicts: Mapping[str, Verdict]
     """Verdict on every estimated parameter."""
     worst_ratio: float
@@ -137,7 +137,9 @@ def _candidates_of(
         of_repetitions = information.at(size)
         for count in settings.repetitions:
             result = predictor.posterior_of(response.names, of_repetitions[count - 1], response.noise)
-            sigma = {n: result.sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in predictor.estimated}
+            sigma = {
+                n: result.reliable_sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in predictor.estimated
+            }
             yield CandidateRun(
                 manoeuvre=manoeuvre,
                 count=count,

@@ -23,10 +23,9 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.identification import build_identification
-from fifthwheel.identify.one_stage.posterior import Posterior, without
-from fifthwheel.identify.one_stage.problem import Directions, Problem
+from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.one_stage.tyre_choice import choose, softening_seen
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup
@@ -47,6 +46,12 @@ EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
 EARLY_SAMPLES = 12_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
+LEAST_DECAY = 0.1
+"""Of the slowest mode, 1/s. A free-running model of a vehicle that is closer to instability follows no log."""
+NEARLY_UNSTABLE = (
+    "The truck is unstable, or nearly, at the speed of the logs, so that no free-running model follows them: the "
+    "parameters are estimated from prediction errors (--form prediction-error)."
+)
 GRIP_MARGIN = 2.0
 """Friction at the start of the search over that which the lateral acceleration needs."""
 
@@ -60,25 +65,25 @@ def identify_one_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in one stage; arguments and errors as in `identify`."""
-    if settings.tyres == "auto":
-        return _with_chosen_tyres(records, vehicle, settings, validate, progress)
+    settings, note = with_tyre_law(vehicle, settings)
     solution = solve_one_stage(records, vehicle, settings, validate=validate, progress=progress)
-    return build_identification(solution)
+    if solution.settings.form != settings.form:
+        note = f"{note} {NEARLY_UNSTABLE}".lstrip()
+    return build_identification(solution, note)
 
 
-def _with_chosen_tyres(
-    records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record], progress: Progress
-) -> Identification:
-    """The identification with the law of the tyres that the logs support."""
-    linear, saturating = (replace(settings, tyres=tyres) for tyres in ("linear", "saturating"))
-    first = solve_one_stage(records, vehicle, linear, validate=validate, progress=progress)
-    if not (reason := softening_seen(first)):
-        return build_identification(first)
+def with_tyre_law(vehicle: Vehicle, settings: OneStage) -> tuple[OneStage, str]:
+    """The settings with one law in place of "auto", and a note for the user if the law is not the saturating one.
+
+    Tyres that saturate need the static axle loads. Without them the tyres are linear, with an unknown softening.
+    """
+    if settings.tyres != "auto":
+        return settings, ""
     try:
-        second = solve_one_stage(records, vehicle, saturating, validate=validate, progress=progress, start=first)
-    except VehicleError as error:  # the loads of the axles are unknown
-        return build_identification(first, f"tyres: linear, although {reason}. {error}")
-    return build_identification(*choose(first, second, reason))
+        vehicle.axle_loads()
+    except VehicleError as error:
+        return replace(settings, tyres="linear"), f"tyres: linear, because the axle loads are unknown. {error}"
+    return replace(settings, tyres="saturating"), ""
 
 
 def solve_one_stage(
@@ -88,17 +93,28 @@ def solve_one_stage(
     *,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
-    start: Solution | None = None,
 ) -> Solution:
     """The maximum of the posterior; arguments and errors as in `identify`.
 
-    Args:
-        start: solution with linear tyres, at which the search with tyres that saturate begins; it is found if it is not
-            given. At the prior mean a steering offset may let such tyres skid.
+    A vehicle that is unstable, or nearly, in the logs is solved by prediction errors.
     """
-    if settings.tyre_law == "saturating" and start is None:
-        linear = replace(settings, tyres="linear")
-        start = solve_one_stage(records, vehicle, linear, progress=progress)
+    settings, _ = with_tyre_law(vehicle, settings)
+    estimator = _estimator(records, vehicle, settings, validate)
+    if settings.tyre_law == "saturating":
+        linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate)
+        estimator = replace(estimator, start=linear.start_of_saturating(progress))
+    minimum = estimator.minimise(progress)
+    if minimum.objective.output_error and minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY:
+        innovations = replace(settings, form="prediction_error")
+        other = solve_one_stage(records, vehicle, innovations, validate=validate, progress=progress)
+        if other.minimum.converged:
+            return other
+    return estimator.solution(minimum)
+
+
+def _estimator(
+    records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record]
+) -> "_Estimator":
     dataset = prepare_dataset(records, vehicle, settings, validate)
     setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:
@@ -107,23 +123,7 @@ def solve_one_stage(
             "leave one parameter free, or estimate the sensor errors (nuisances)"
         )
     time_bases = {name: base for record in dataset.records for name, base in record.time_bases.items()}
-    estimator = _Estimator(
-        dataset=dataset,
-        setup=setup.with_time_bases(time_bases),
-        start=_start_of_saturating(start) if start else {},
-    )
-    return estimator.solve(progress)
-
-
-def _start_of_saturating(linear: Solution) -> dict[str, float]:
-    """Where the search with tyres that saturate begins, in units of the priors.
-
-    At the solution with linear tyres, and at a friction that is large enough for the lateral accelerations of the logs.
-    """
-    settings = linear.settings
-    needed = GRIP_MARGIN * max(linear.lateral_accelerations, default=0.0) / STANDARD_GRAVITY
-    friction = float(np.log(max(needed, settings.friction) / settings.friction)) / settings.friction_prior
-    return dict(zip(linear.problem.names, linear.minimum.z.tolist(), strict=True)) | {FRICTION: friction}
+    return _Estimator(dataset=dataset, setup=setup.with_time_bases(time_bases), start={})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,77 +135,73 @@ class _Estimator:
     start: Mapping[str, float]
     """Where the search begins, in units of the priors; 0 for other unknowns."""
 
-    def solve(self, progress: Progress) -> Solution:
-        """Estimate all unknowns, again and again until the set of uninformed parameters no longer changes.
+    def minimise(self, progress: Progress) -> Minimum[Problem]:
+        """Estimate all unknowns together."""
+        return self._minimise(Problem(self.setup, self.dataset.logs), progress)
 
-        The first set is that at the initial values, by part of long logs; it is empty if that vehicle is unstable.
-        After the first estimation a parameter may leave it; from then on the set only grows.
+    def solution(self, minimum: Minimum[Problem]) -> Solution:
+        """The solution at a minimum."""
+        return Solution(dataset=self.dataset, minimum=minimum, uninformed=self._uninformed(minimum))
+
+    def start_of_saturating(self, progress: Progress) -> dict[str, float]:
+        """Where the search with tyres that saturate begins, in units of the priors, from that with linear tyres.
+
+        At the prior mean a steering offset may let such tyres skid. The first fit with linear tyres gives the start,
+        with a friction that is large enough for the lateral accelerations of the logs.
         """
-        problem = Problem(self.setup, self.dataset.logs)
-        initial, early = self._initial(problem), problem.shortened(EARLY_SAMPLES)
-        uninformed = {} if initial.any() else self._uninformed(early, initial, noise_only=True)
-        for attempt in itertools.count():
-            minimum = self._minimise(Problem(self.setup.considering(uninformed), problem.logs), progress)
-            problem = minimum.objective
-            latest = self._uninformed(problem, minimum.z)
-            if attempt:
-                latest = uninformed | latest
-            if set(latest) == set(uninformed):
-                break
-            uninformed = latest
-        return Solution(
-            dataset=self.dataset,
-            minimum=minimum,
-            uninformed=latest,
-        )
+        minimum = self._first_fit(Problem(self.setup, self.dataset.logs), progress)
+        solution = Solution(dataset=self.dataset, minimum=minimum, uninformed={})
+        settings = self.setup.settings
+        needed = GRIP_MARGIN * max(solution.lateral_accelerations, default=0.0) / STANDARD_GRAVITY
+        friction = float(np.log(max(needed, settings.friction) / settings.friction)) / settings.friction_prior
+        return dict(zip(minimum.objective.names, minimum.z.tolist(), strict=True)) | {FRICTION: friction}
 
-    def _uninformed(self, problem: Problem, z: Array, *, noise_only: bool = False) -> dict[str, Verdict]:
+    def _uninformed(self, minimum: Minimum[Problem]) -> dict[str, Verdict]:
         """Estimated parameters that the logs do not determine, by the information that the inputs excite.
 
         The estimated initial states are set to their prior means: along them the noise of the sensors would look like
         excitation.
-
-        Args:
-            noise_only: without the effect of the considered unknowns. Far from the solution the vehicle may be close
-                to instability, and that effect then says nothing about the logs.
         """
-        excited_by_inputs = z.copy()
+        problem, excited_by_inputs, setup = minimum.objective, minimum.z.copy(), self.setup
         for segments in problem.layout.initial_states:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
-        directions: Directions = "learned" if noise_only else "all"
-        information = problem.expand(excited_by_inputs, directions=directions).hessian - np.eye(len(z))
-        considered = [name for name in problem.considered if name not in self.setup.estimated]
-        omitted = considered if noise_only else []
-        information = without(information, [*problem.suspects, *map(problem.names.index, omitted)])
-        posterior = Posterior.from_information(
-            problem.names, information, considered=considered, nuisances=problem.nuisances
-        )
-        setup = self.setup
+        information = problem.expand(excited_by_inputs).hessian - np.diag(problem.prior_precision(excited_by_inputs))
+        posterior = Posterior.from_information(problem.names, information, nuisances=problem.nuisances)
         return uninformed_parameters(posterior, setup.estimated, setup.without_roll_rate, setup.settings.excited)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
         return problem.stiffened(np.clip([self.start.get(name, 0.0) for name in problem.names], *problem.bounds))
 
+    def _first_fit(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
+        """The fit that takes residuals as white and updates their variance at every step.
+
+        Gains and delays of gyros keep their prior means, because far from the solution they would absorb the errors of
+        the parameters.
+        """
+        late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
+        first, z = problem.shortened(EARLY_SAMPLES), self._initial(problem)
+        if not self.setup.settings.adapt_noise:
+            return self._fit(first, z, "fit", progress, tolerance=WHITE_TOLERANCE)
+        return self._fit(first, z, "fit", progress, tolerance=WHITE_TOLERANCE, reweighted=_white, fixed=late)
+
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior.
 
-        With adapted noise in several fits: the first takes residuals as white and updates the noise at every step, and
-        gains and delays of gyros keep their prior means, because far from the solution they would absorb the errors of
-        the parameters; each of the others fits the noise model to the residuals of the fit before, and keeps it.
+        With adapted noise in several fits: each after the first fits the noise model to the residuals of the fit
+        before, and keeps it.
         """
-        z, tolerances = self._initial(problem), ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
+        tolerances = ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
         if not self.setup.settings.adapt_noise:
-            return self._fit(problem, z, "fit", progress)
-        late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
+            return self._fit(problem, self._initial(problem), "fit", progress)
+        early = self._first_fit(problem, progress)
         first = problem.shortened(EARLY_SAMPLES)
-        early = self._fit(first, z, "fit", progress, tolerance=WHITE_TOLERANCE, reweighted=_white, fixed=late)
         for tolerance in tolerances[:-1]:
             corrected = early.objective.with_residual_noise(early.z, autocorrelated=True)
             early = self._fit(corrected, early.z, TITLE, progress, tolerance=tolerance)
         z = early.z
-        if first is problem:
+        if first is problem:  # not shortened
             problem = early.objective
         else:  # the parts begin later than the segments
             for indices in itertools.chain(*problem.layout.initial_states):

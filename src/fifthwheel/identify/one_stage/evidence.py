@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from fifthwheel.identify.doubts import (
     NONLINEAR_ACCELERATION,
-    UNUSUAL_SOFTENING,
     Doubt,
     DoubtKind,
     Evidence,
@@ -16,20 +15,16 @@ from fifthwheel.vehicle.parameters import FRICTION
 
 def find_doubts(solution: Solution) -> list[Doubt]:
     """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do."""
-    problem, linearisation = solution.problem, solution.linearisation
+    problem, posterior = solution.problem, solution.linearisation.posterior
     evidence = Evidence(
         names=problem.names,
         z=solution.minimum.z,
-        covariance=linearisation.posterior.covariance,
-        unknowns={
-            problem.names[index]: u
-            for indices in problem.layout.unknowns
-            for u, index in zip(problem.unknowns, indices, strict=True)
-        },
+        covariance=posterior.covariance,
+        unknowns=problem.unknowns_by_name,
         parameters=solution.estimated,
     )
     return [
-        *evidence.contradicted_assumptions(most_likely(linearisation.tests, softening=UNUSUAL_SOFTENING)),
+        *evidence.contradicted_assumptions(most_likely(solution.linearisation.tests)),
         *evidence.unusual_estimates(exempt=(FRICTION,)),
         *_nonlinear_range(solution),
     ]

@@ -2,7 +2,7 @@
 
 Only the initial states, the bank of the road and the sensor offsets of the log are fitted. With linear tyres the model
 is linear in them (`fit_evaluation`). With tyres that saturate they are found by Gauss-Newton steps, which begin at the
-solution with linear tyres.
+values of the identification or, for another log, at the solution with linear tyres.
 """
 
 from collections.abc import Iterable, Mapping
@@ -28,30 +28,48 @@ LAWS: tuple[TyreLaw, ...] = ("linear", "saturating")
 def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
     """The fits of a log by the identified vehicle."""
     problem, law = solution.problem, solution.settings.tyre_law
-    values = problem.values(solution.minimum.z, 0)
+    z = problem.without_variation(solution.minimum.z)
+    values = problem.values(z, 0) | problem.model_values(z, 0)
     sensors = {u.name: values[u.name] for u in problem.unknowns if u.kind is UnknownKind.SENSOR and not u.per_log}
     model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
 
     def fits_of_log(log: LogData, identified_on: bool) -> list[Fit]:
         if law == "saturating":
-            return _saturating_fits(problem, vehicle, values, log, identified_on=identified_on)
+            start = _of_log(solution, log) if identified_on else {}
+            return _saturating_fits(problem, vehicle, values, log, start)
         return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
 
     return fits_of_log
 
 
+def _of_log(solution: Solution, log: LogData) -> dict[str, float]:
+    """Estimated unknowns of one log of the identification, by the names that they have if it is the only one."""
+    i = [own.name for own in solution.problem.logs].index(log.name)
+    start = {}
+    for name, z in zip(solution.problem.names, solution.minimum.z.tolist(), strict=True):
+        base, _, number = name.rpartition("@")
+        of_log, point, segment = number.partition(".")
+        if base and of_log == str(i):
+            start[f"{base}@0{point}{segment}"] = z
+    return start
+
+
 def _saturating_fits(
-    problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, *, identified_on: bool
+    problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, start: Mapping[str, float]
 ) -> list[Fit]:
     """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
 
-    `values` are those of all unknowns that logs share, SI.
+    `start` has the estimated unknowns of a log of the identification; it is empty for another log. `values` are those
+    of all unknowns that logs share, and of all parameters, SI; the vehicle has its own.
     """
+    own = vehicle.parameters()
     unknowns = [
-        u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED) for u in problem.unknowns
+        u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED)
+        for u in problem.unknowns
+        if u.per_log or not any(name in own for name in u.moves)
     ]
-    outputs, white, start = problem.model.outputs, replace(log, noise_models={}), dict[str, float]()
-    for law in LAWS:
+    outputs, white, identified_on = problem.model.outputs, replace(log, noise_models={}), bool(start)
+    for law in LAWS[1:] if identified_on else LAWS:
         settings = replace(problem.settings, tyres=law)
         alone = Problem(replace(problem.setup, vehicle=vehicle, unknowns=tuple(unknowns), settings=settings), [white])
         lower, upper = alone.bounds
@@ -73,7 +91,7 @@ def _residuals(problem: Problem, z: Array) -> tuple[Array, Array]:
     blocks = [
         block
         for _, segment in problem.segments()
-        for block in problem.blocks(z, 0, segment, directions="none", whitened=False)
+        for block in problem.blocks(z, 0, segment, differentiated=False, whitened=False)
     ]
     return np.concatenate([b.time for b in blocks]), np.concatenate([b.error for b in blocks])
 

@@ -34,7 +34,9 @@ def build_identification(solution: Solution, note: str = "") -> Identification:
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
     model_unknowns = [u for u in problem.unknowns if not u.is_sensor_error and not u.moves and u.name in given]
-    vehicle_values = {u.name: shared[u.name] for u in model_unknowns if u.name in own}
+    values = problem.model_values(problem.without_variation(minimum.z), 0)
+    changed = {name for u in problem.unknowns if not u.is_sensor_error for name in u.slopes}
+    vehicle_values = {name: values[name] for name in own if name in changed}
     sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
     evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     converged = minimum.converged and evaluation.trusted
@@ -43,7 +45,7 @@ def build_identification(solution: Solution, note: str = "") -> Identification:
         if u.name in solution.estimated:
             estimated.append(_estimate(solution, u, shared[u.name], converged, u.name in doubtful))
         else:
-            verdict = uncertain_verdict(u, sigma[u.name], settings.excited)
+            verdict = uncertain_verdict(sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
@@ -61,6 +63,7 @@ def build_identification(solution: Solution, note: str = "") -> Identification:
         covariance=covariance,
         doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, solution.estimated),
+        remaining_uncertainty={name: min(sigma[name], 1.0) for name in _shared_uncertain(problem)},
         histories={"one stage": solution.linearisation.history},
         logs=summaries,
         fits=evaluation.fits,
@@ -123,7 +126,9 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
     problem, minimum, settings = solution.problem, solution.minimum, solution.settings
     log, bank = problem.logs[i], None
     blocks = [
-        b for j in range(len(log.segments)) for b in problem.blocks(minimum.z, i, j, directions="none", whitened=False)
+        b
+        for j in range(len(log.segments))
+        for b in problem.blocks(minimum.z, i, j, differentiated=False, whitened=False)
     ]
     sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
     accepted = (sizes <= settings.gate).astype(float)
@@ -138,7 +143,7 @@ def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterio
     """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
 
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
-    "name@", have their prior. A considered change of the vehicle file contributes to every parameter that it alters.
+    "name@", have their prior. A change of the vehicle file contributes to every parameter that it alters.
     """
     known = dynamics.all_parameters(problem.vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
     banked = problem.model.bank and problem.output_error
@@ -149,13 +154,13 @@ def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterio
         for u, index, slope in zip(problem.unknowns, problem.layout.unknowns[i], slopes, strict=True):
             if i == 0 or u.per_log:
                 for name, factor in u.slopes.items():
-                    if name in known:
+                    if name in known and (u.is_sensor_error or not u.per_log):
                         row = rows.setdefault(f"{name}@{log.name}" if u.per_log else name, np.zeros(len(problem.names)))
                         row[index] += slope * factor
         if banked:
             row = rows.setdefault(f"{BANK}@{log.name}", np.zeros(len(problem.names)))
             row[problem.layout.initial_states[i][0][-1]] = problem.settings.bank_prior
-    others = {u.name: u.scale for u in problem.unknowns if u.per_log}
+    others = {u.name: u.scale for u in problem.unknowns if u.per_log and u.is_sensor_error}
     others |= {BANK: problem.settings.bank_prior} if banked else {}
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ posterior.covariance @ map_to_si.T
@@ -166,14 +171,19 @@ def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterio
 
 
 def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:
-    """For each estimated parameter the fraction of its variance that each considered unknown causes.
+    """For each estimated parameter, by what fraction its variance would fall if each uncertain number were exact.
 
-    The squared correlation: considered unknowns keep their prior, and the estimate depends on them linearly.
+    It is the squared correlation. The fractions do not add up to 1, because two uncertain numbers may act alike.
     """
     P, names = posterior.covariance, posterior.names
-    sources = [(u.name, names.index(u.name)) for u in problem.unknowns if u.kind is UnknownKind.CONSIDERED]
+    sources = [(name, names.index(name)) for name in _shared_uncertain(problem)]
     budget = {}
     for i, name in ((names.index(name), name) for name in estimated):
         fractions = {source: float(P[i, j] ** 2 / (P[i, i] * P[j, j])) for source, j in sources if i != j}
         budget[name] = dict(sorted(fractions.items(), key=lambda item: -item[1]))
     return budget
+
+
+def _shared_uncertain(problem: Problem) -> list[str]:
+    """Names of the uncertain numbers that all logs share."""
+    return [u.name for u in problem.unknowns if u.kind is UnknownKind.UNCERTAIN and not u.per_log]

@@ -63,10 +63,10 @@ def gradient_and_information(block: ResidualBlock, limit: float) -> tuple[Array,
     """Gradient of the loss (k,), and Fisher information (k, k)."""
     error, present, weight = _weights(block, limit)
     k, root = len(block.indices), np.sqrt(weight)
-    rows = (block.jacobian * root[..., None]).reshape(-1, k)
+    rows = (block.jacobian * root[..., None]).reshape(root.size, k)
     gradient, gram = (root * error).ravel() @ rows, rows.T @ rows
     if block.variance_jacobian is not None:
-        relative = (block.variance_jacobian * (present / block.variance)[..., None]).reshape(-1, k)
+        relative = (block.variance_jacobian * (present / block.variance)[..., None]).reshape(root.size, k)
         gradient += (present - weight * error**2).ravel() @ relative / 2
         gram += relative.T @ relative / 2
     return gradient, gram

@@ -1,21 +1,21 @@
-"""The posterior of the unknowns: a covariance that allows for model error and for considered parameters.
+"""The posterior of the unknowns: a covariance that allows for model error.
 
-The unknowns z have the prior N(0, I) and, in the logs, the Fisher information H. A considered parameter c keeps its
-prior mean; the others, e, are estimated.
+The unknowns z have a prior with the mean 0 and the precision W, which is I but for guesses, and, in the logs, the
+Fisher information H.
 
-1. If the model is right, the covariance of z_e is P = (I + H_ee)^-1.
+1. If the model is right, the covariance of z is P = (W + H)^-1.
 2. Model error makes residuals autocorrelated, and the scores scatter more than H. With M, the long-run covariance of
-   the sum of the scores, the covariance is the sandwich V = P (I + M) P (White 1982; Newey and West 1987). The larger
+   the sum of the scores, the covariance is the sandwich V = P (W + M) P (White 1982; Newey and West 1987). The larger
    of both variances counts: d_i^2 = max(V_ii / P_ii, 1). Correlations are those of P.
-3. An error of z_c shifts z_e by K z_c, with K = -P H_ec (Schmidt 1966).
 
-    cov(z_e, z_e) = D P D + K K'       D = diag(d)
-    cov(z_e, z_c) = K
-    cov(z_c, z_c) = I
+    cov(z, z) = D P D       D = diag(d)
+
+If all priors are right, the estimates themselves scatter about 0 with the covariance P (H H + M) P, which is I - P if
+the model is right. An estimate that is larger than that contradicts its prior.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -35,6 +35,9 @@ class Posterior:
     covariance: Array  # (k, k)
     nuisances: tuple[int, ...] = ()  # indices of sensor errors and initial states
 
+    model_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # P (k, k)
+    predictive: Array = field(default_factory=lambda: np.zeros(0))  # standard deviation (k,) of the estimates
+
     @classmethod
     def from_information(
         cls,
@@ -42,31 +45,28 @@ class Posterior:
         information: Array,
         scores: Array | None = None,
         *,
-        considered: Sequence[str] = (),
         nuisances: Sequence[int] = (),
+        precision: Array | None = None,
     ) -> Self:
         """The posterior by the equations of this module: information H (k, k), scores M (k, k).
 
-        M is H if it is None: the model is right. `considered` are names, `nuisances` indices of sensor errors and
-        initial states.
+        M is H if it is None: the model is right. `nuisances` are indices of sensor errors and initial states,
+        `precision` (k,) is that of the prior, by default 1.
         """
-        k = len(names)
-        fixed = np.array([name in considered for name in names])
-        free = ~fixed
-        H = information[np.ix_(free, free)]
-        M = H if scores is None else scores[np.ix_(free, free)]
-        P = np.linalg.inv(np.eye(len(H)) + H)
-        widening = model_error_factors(P, M)
-        shift = -P @ information[np.ix_(free, fixed)]
-        covariance = np.eye(k)
-        covariance[np.ix_(free, free)] = P * np.outer(widening, widening) + shift @ shift.T
-        covariance[np.ix_(free, fixed)] = shift
-        covariance[np.ix_(fixed, free)] = shift.T
+        H = (information + information.T) / 2
+        M = H if scores is None else scores
+        W = np.eye(len(H)) if precision is None else np.diag(precision)
+        P = np.asarray(np.linalg.inv(W + H))
+        widening = model_error_factors(P, W, M)
+        covariance = P * np.outer(widening, widening)
+        scatter = np.maximum(np.diag(P @ (H @ H + M) @ P), 1 - np.diag(P))
         return cls(
             names=tuple(names),
             information=information,
             covariance=(covariance + covariance.T) / 2,
             nuisances=tuple(nuisances),
+            model_covariance=P,
+            predictive=np.sqrt(np.maximum(scatter, 0.0)),
         )
 
     @property
@@ -97,14 +97,6 @@ class Posterior:
         return int(np.argmax(reduction))
 
 
-def model_error_factors(P: Array, M: Array) -> Array:
-    """d (k,) of the second equation of this module, from P (k, k) and M (k, k)."""
-    return np.sqrt(np.maximum(np.diag(P @ (np.eye(len(P)) + M) @ P) / np.diag(P), 1.0))
-
-
-def without(information: Array, indices: Sequence[int]) -> Array:
-    """The information matrix (k, k) with zeros for some unknowns."""
-    reduced = information.copy()
-    reduced[list(indices), :] = 0.0
-    reduced[:, list(indices)] = 0.0
-    return reduced
+def model_error_factors(P: Array, W: Array, M: Array) -> Array:
+    """d (k,) of the second equation of this module, from P, W and M (k, k)."""
+    return np.sqrt(np.maximum(np.diag(P @ (W + M) @ P) / np.diag(P), 1.0))

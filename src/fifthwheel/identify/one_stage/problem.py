@@ -11,7 +11,7 @@ b, and a deviation with the prior covariance L L'. The last element of z_x is th
 
 Cost. Minus the logarithm of the posterior density, without its constant:
 
-    J(z) = z'z / 2 + sum over samples and channels of rho(e / s) [+ log s],
+    J(z) = z'z / 2 [hyperbolic for guesses] + sum over samples and channels of rho(e / s) [+ log s],
 
 with rho of Huber (1964), see `likelihood`. Two forms of the residual e (Ljung 1999, chapter 7):
 
@@ -19,7 +19,8 @@ with rho of Huber (1964), see `likelihood`. Two forms of the residual e (Ljung 1
     prediction error    e is the innovation of a Kalman filter from x_0, s its standard deviation, which depends on z
 
 Derivatives. e and s are differentiated exactly along every unknown (`filters.tangent`). `Problem.expand` combines them
-to the gradient of J, and to the Hessian I + H with H the Fisher information of the logs (Gauss-Newton).
+to the gradient of J, and to the Hessian W + H with the precision W of the prior, I if it is normal, and with H the
+Fisher information of the logs (Gauss-Newton).
 """
 
 import copy
@@ -27,13 +28,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
+from fifthwheel.errors import VehicleError
 from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
 from fifthwheel.filters.scaling import Scaling
@@ -46,12 +48,9 @@ from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.unknowns.unknown import UnknownKind
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
-
-Directions = Literal["none", "learned", "all"]
-"""Unknowns along which residuals are differentiated: none, all that are estimated, or the considered ones too."""
 
 Indices = NDArray[np.int64]
 
@@ -155,6 +154,15 @@ class Problem:
         """Of all elements of z (k,)."""
         return self.layout.names
 
+    @cached_property
+    def unknowns_by_name(self) -> dict[str, Unknown]:
+        """The unknown of each element of z but the initial states, by its name."""
+        return {
+            self.names[index]: u
+            for indices in self.layout.unknowns
+            for u, index in zip(self.unknowns, indices, strict=True)
+        }
+
     @property
     def nuisances(self) -> tuple[int, ...]:
         """Indices of the sensor errors and the initial states."""
@@ -162,19 +170,8 @@ class Problem:
         return tuple(i for i, name in enumerate(self.names) if name not in parameters)
 
     @property
-    def considered(self) -> tuple[str, ...]:
-        """Names of the considered unknowns."""
-        return tuple(u.name for u in self.unknowns if not u.is_estimated)
-
-    @property
-    def suspects(self) -> tuple[int, ...]:
-        """Indices of the unknowns that only score tests consider."""
-        names = {u.name for u in self.unknowns if u.kind is UnknownKind.SUSPECT}
-        return tuple(i for i, name in enumerate(self.names) if name in names)
-
-    @property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of z (k,); considered unknowns keep their prior mean 0."""
+        """Lower and upper bounds of z (k,); unknowns that are not estimated keep their prior mean 0."""
         lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)
         for indices in self.layout.unknowns:
             lower[indices] = self.scaling.to_z(self.scaling.lower)
@@ -195,9 +192,31 @@ class Problem:
         """Every parameter of the model for one log, SI."""
         return self.setup.model_values(z[self.layout.unknowns[log]])
 
+    def without_variation(self, z: Array) -> Array:
+        """z without what differs from log to log in the vehicle."""
+        unknowns = zip(self.unknowns, self.layout.unknowns[0], strict=True)
+        z = z.copy()
+        z[[index for u, index in unknowns if u.per_log and not u.is_sensor_error]] = 0.0
+        return z
+
     def variance(self, log: int) -> Array:
         """Effective noise variance of every channel (m,)."""
         return np.array([self.logs[log].effective_variance(name) for name in self.model.outputs])
+
+    @cached_property
+    def _tails(self) -> Array:
+        """Tail of the prior of each z (k,); infinite if it is normal."""
+        return np.array([u.tail if (u := self.unknowns_by_name.get(name)) else np.inf for name in self.names])
+
+    def prior_cost(self, z: Array) -> float:
+        """Minus the logarithm of the prior density at z, without its constant."""
+        guess, c = np.isfinite(self._tails), self._tails
+        hyperbolic = c[guess] ** 2 * (np.sqrt(1 + (z[guess] / c[guess]) ** 2) - 1)
+        return float(z[~guess] @ z[~guess] / 2 + hyperbolic.sum())
+
+    def prior_precision(self, z: Array) -> Array:
+        """w (k,) with the gradient w z of the prior cost: 1 for a normal prior, less for a guess far from its mean."""
+        return np.asarray(1 / np.sqrt(1 + (z / self._tails) ** 2))
 
     def sample_interval(self, log: int) -> float:
         """Typical time between two samples of a log, s."""
@@ -207,19 +226,20 @@ class Problem:
         """J(z); infinite where a free-running vehicle is unstable: its residuals would grow without limit."""
         if self.output_error and self.unstable(z):
             return np.inf
-        total, limit = float(z @ z) / 2, self.settings.outlier
+        total, limit = self.prior_cost(z), self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.segments():
-                total += sum(likelihood.loss(block, limit) for block in self.blocks(z, i, j, directions="none"))
+                total += sum(likelihood.loss(block, limit) for block in self.blocks(z, i, j, differentiated=False))
         return total if np.isfinite(total) else np.inf
 
-    def expand(self, z: Array, *, directions: Directions = "learned") -> Quadratic:
+    def expand(self, z: Array) -> Quadratic:
         """J about z: its exact gradient and the Gauss-Newton Hessian."""
-        cost, gradient, hessian = float(z @ z) / 2, z.copy(), np.eye(len(z))
+        precision = self.prior_precision(z)
+        cost, gradient, hessian = self.prior_cost(z), precision * z, np.diag(precision)
         limit = self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.segments():
-                for block in self.blocks(z, i, j, directions=directions):
+                for block in self.blocks(z, i, j):
                     block_gradient, block_information = likelihood.gradient_and_information(block, limit)
                     cost += likelihood.loss(block, limit)
                     gradient[block.indices] += block_gradient
@@ -227,12 +247,12 @@ class Problem:
         return Quadratic(cost, gradient, hessian)
 
     def blocks(
-        self, z: Array, i: int, j: int, *, directions: Directions = "all", whitened: bool = True
+        self, z: Array, i: int, j: int, *, differentiated: bool = True, whitened: bool = True
     ) -> Iterator[ResidualBlock]:
         """Residuals of segment j of log i at z, block by block.
 
         Args:
-            directions: the unknowns along which residuals are differentiated.
+            differentiated: whether residuals are differentiated along the estimated unknowns.
             whitened: whether the discrepancy of each channel is predicted from the residuals before and subtracted;
                 only in the output-error form.
         """
@@ -248,11 +268,11 @@ class Problem:
                 factor = np.column_stack([factor[:, :-1], self.settings.bank_prior * slope])
                 bank = float(self.settings.bank_prior * z[initial[-1]])
             x0 = x0 + factor @ z[initial]
-        if directions == "none":
+        if not differentiated:
             p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
             indices = np.zeros(0, dtype=np.int64)
         else:
-            selected = [a for a, u in enumerate(self.unknowns) if directions == "all" or u.is_estimated]
+            selected = [a for a, u in enumerate(self.unknowns) if u.is_estimated]
             unknowns = [self.unknowns[a] for a in selected]
             slope = self.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
@@ -273,9 +293,16 @@ class Problem:
         )
         return self._output_errors(run, i, whitened) if self.output_error else self._innovations(run, i)
 
+    def slowest_decay(self, z: Array) -> float:
+        """Rate at which the slowest mode of the vehicle decays at the lowest or highest speed of the logs, 1/s."""
+        return self.setup.slowest_decay(z[self.layout.unknowns[0]], self._speed_range)
+
     def unstable(self, z: Array) -> bool:
         """Whether the vehicle is unstable at the lowest or highest speed of the logs."""
-        return not self.setup.is_stable(z[self.layout.unknowns[0]], self._speed_range)
+        try:
+            return self.slowest_decay(z) <= 0
+        except VehicleError:  # such as a payload that is heavier than its unit
+            return True
 
     def stiffened(self, z: Array) -> Array:
         """z with stiffer tyres behind the first axle group, if the vehicle is unstable at z."""
@@ -298,8 +325,9 @@ class Problem:
 
     def _residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
+        least = self.settings.consider.get("discrepancy", 0.0) ** 2
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
-        segments = [list(self.blocks(z, i, j, directions="none", whitened=False)) for j in range(len(log.segments))]
+        segments = [list(self.blocks(z, i, j, differentiated=False, whitened=False)) for j in range(len(log.segments))]
         for c, name in enumerate(self.model.outputs):
             sizes = []
             for blocks in segments:
@@ -313,10 +341,17 @@ class Problem:
             noise[name] = variance * float(np.clip(np.mean(size**2), 1e-3, 1e3))
             models.pop(name, None)
             if autocorrelated and self.output_error:
-                models[name] = fit_noise_model([s * np.sqrt(variance) for s in sizes], dt)
+                fitted = fit_noise_model([s * np.sqrt(variance) for s in sizes], dt)
+                models[name] = fitted.with_discrepancy(least * self._signal_variance(i, name))
             elif autocorrelated:
                 factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time / dt))
         return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)
+
+    def _signal_variance(self, i: int, name: str) -> float:
+        """Variance of a channel of log i, without that of its noise, SI squared."""
+        values = np.concatenate([s.signals[name] for s in self.logs[i].segments if name in s.signals])
+        steps = np.diff(values)
+        return max(float(np.nanvar(values) - np.nanvar(steps) / 2), 0.0)
 
     @cached_property
     def _places(self) -> dict[str, int]:

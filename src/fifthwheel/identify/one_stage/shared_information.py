@@ -1,7 +1,7 @@
 """The information of one log on what logs of one vehicle share, so that logs combine without being read again.
 
-The unknowns z of a log are those that other logs share (a: parameters, gains and delays of sensors, considered
-unknowns) and its own (b: offsets, initial states, banks). With the gradient g and the Fisher information H of the log
+The unknowns z of a log are those that other logs share (a: parameters, uncertain numbers, gains and delays of
+sensors) and its own (b: offsets, initial states, banks). With the gradient g and the Fisher information H of the log
 at its estimate z^, without the prior, and with the prior N(0, I) of b, the log contributes to the cost of a
 
     a' H_s a / 2 - v' a,      H_s = H_aa - K H_ba,      v = H_s a^ - (g_a - K (g_b + b^)),      K = H_ab (I + H_bb)^-1.
@@ -27,14 +27,15 @@ from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 @dataclass(frozen=True, kw_only=True)
 class SharedInformation:
-    """What one log contributes to the cost of n shared unknowns, z ~ N(0, I), and of m considered ones."""
+    """What one log contributes to the cost of n shared unknowns, z ~ N(0, I)."""
 
     names: tuple[str, ...]
     centre: Array
@@ -51,9 +52,6 @@ class SharedInformation:
     """H_s (n, n) of the shared unknowns."""
     score_covariance: Array
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
-    considered: tuple[str, ...]
-    coupling: Array
-    """H_s (n, m) between the shared and the considered unknowns, in units of their priors."""
 
 
 def identify_with_information(
@@ -67,20 +65,15 @@ def identify_with_information(
 def shared_information(solution: Solution) -> SharedInformation:
     """The information of the only log of a solution.
 
-    A parameter that is not identifiable because the roll rate is not measured counts as the log's own.
+    The friction of its road is the log's own. So is a parameter that is not identifiable because the roll rate is not
+    measured.
     """
     problem, z, linearisation = solution.problem, solution.minimum.z, solution.linearisation
     index = {name: i for i, name in enumerate(problem.names)}
-    considered = [u for u in problem.unknowns if u.kind is UnknownKind.CONSIDERED and u.name not in solution.estimated]
-    unknowns = [
-        u
-        for u in problem.unknowns
-        if not (u.per_log or u.kind is UnknownKind.SUSPECT or u in considered)
-        and u.name not in problem.setup.without_roll_rate
-    ]
-    shared, of_vehicle = ([index[u.name] for u in group] for group in (unknowns, considered))
-    suspects = set(problem.suspects)
-    own = [i for i in range(len(z)) if i not in {*shared, *of_vehicle, *suspects}]
+    own_unknowns = {*problem.setup.without_roll_rate, FRICTION}
+    unknowns = [u for u in problem.unknowns if not u.per_log and u.name not in own_unknowns]
+    shared = [index[u.name] for u in unknowns]
+    own = [i for i in range(len(z)) if i not in shared]
     H, M = linearisation.posterior.information, linearisation.score_covariance
     K = H[np.ix_(shared, own)] @ np.linalg.inv(np.eye(len(own)) + H[np.ix_(own, own)])
     gradient = linearisation.gradient[shared] - K @ (linearisation.gradient[own] + z[own])
@@ -103,8 +96,6 @@ def shared_information(solution: Solution) -> SharedInformation:
         vector=information @ estimate - gain * gradient,
         information=information,
         score_covariance=(scores + scores.T) / 2 * np.outer(gain, gain),
-        considered=tuple(u.name for u in considered),
-        coupling=gain[:, None] * joint[:, of_vehicle],
     )
 
 

@@ -1,4 +1,4 @@
-"""The solution of one stage, and the logs linearised at it: posterior, history and score tests."""
+"""The solution of one stage, and the logs linearised at it: posterior, history and tests of the priors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,16 +8,15 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.identify.dataset import Dataset
-from fifthwheel.identify.doubts import ScoreTest, score_tests
+from fifthwheel.identify.doubts import PriorTest, prior_tests
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
-from fifthwheel.identify.one_stage.posterior import Posterior, without
+from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.one_stage.stiffness_variation import StiffnessVariation
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.unknowns.unknown import scaling
+from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 
@@ -38,8 +37,8 @@ class Linearisation:
     """Long-run covariance of the sum of the scores (k, k)."""
     history: ParameterHistory
     """How the estimates would have developed sample after sample."""
-    tests: tuple[ScoreTest, ...]
-    """Of every considered unknown, the largest |t| first."""
+    tests: tuple[PriorTest, ...]
+    """Of the prior of every uncertain unknown, the largest statistic first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +48,7 @@ class Solution:
     dataset: Dataset
     minimum: Minimum[Problem]
     uninformed: Mapping[str, Verdict]
-    """Parameters that keep the value of the vehicle file, because the logs do not determine them."""
+    """Parameters that the logs hardly inform, each with NOT_EXCITED or NOT_IDENTIFIABLE."""
 
     @property
     def problem(self) -> Problem:
@@ -84,13 +83,11 @@ class Solution:
 
 def _linearise(solution: Solution) -> Linearisation:
     problem, z, settings = solution.problem, solution.minimum.z, solution.settings
-    k, considered = len(problem.names), problem.considered
+    k, precision = len(problem.names), problem.prior_precision(z)
     information, score_covariance, gradient = np.zeros((k, k)), np.zeros((k, k)), np.zeros(k)
-    free = np.array([name not in considered for name in problem.names])
     rows = [problem.names.index(name) for name in solution.estimated]
     length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
     elapsed, time, values, sigmas = 0.0, [], [], []
-    variation = StiffnessVariation(problem, problem.values(z, 0))
     for i, j in problem.segments():
         segment = problem.logs[i].segments[j]
         lags = max(int(settings.correlation_time * segment.rate), 1)
@@ -101,16 +98,14 @@ def _linearise(solution: Solution) -> Linearisation:
                 piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
                 information[np.ix_(piece.indices, piece.indices)] += piece_information
                 gradient[piece.indices] += piece_gradient
-                variation.add(len(piece.time) / segment.rate, piece.indices, piece_gradient, piece_information)
-                P = np.linalg.inv(np.eye(k) + information * np.outer(free, free))
-                values.append((z - free * (P @ (free * (z + gradient))))[rows])
+                P = np.linalg.inv(np.diag(precision) + information)
+                values.append((z - P @ (precision * z + gradient))[rows])
                 sigmas.append(np.sqrt(np.diag(P))[rows])
                 time.append(elapsed + piece.time[-1] - segment.time[0])
             numbers = np.arange(samples, samples + len(block.time)) // size
             np.add.at(scores, np.ix_(numbers, block.indices), likelihood.scores(block, settings.outlier))
             samples += len(block.time)
         elapsed = time[-1]
-        variation.end_window()
         score_covariance += long_run_covariance(scores, lags // size)
     scale = scaling([u for u in problem.unknowns if u.name in solution.estimated])
     p = scale.to_p(np.array(values))
@@ -121,24 +116,14 @@ def _linearise(solution: Solution) -> Linearisation:
         sigma=np.array(sigmas) * np.abs(scale.slope(p)),
         starts=(0,),
     )
-    tests = score_tests(
-        problem.names,
-        gradient + z - variation.gradient,
-        information - variation.information,
-        considered,
-        [problem.names[i] for i in problem.suspects],
-    )
     posterior = Posterior.from_information(
-        problem.names,
-        without(information, problem.suspects),
-        score_covariance,
-        considered=considered,
-        nuisances=problem.nuisances,
+        problem.names, information, score_covariance, nuisances=problem.nuisances, precision=precision
     )
+    uncertain = [name for name, u in problem.unknowns_by_name.items() if u.kind is UnknownKind.UNCERTAIN]
     return Linearisation(
         posterior=posterior,
         gradient=gradient,
         score_covariance=score_covariance,
         history=history,
-        tests=tuple(tests),
+        tests=tuple(prior_tests(problem.names, z, posterior.model_covariance, posterior.predictive, uncertain)),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fifthwheel.filters.relinearised import JointEstimate
-from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, ScoreTest, most_likely
+from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, most_likely
 from fifthwheel.identify.online.live_filter import InnovationStatistics
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.setup import Setup
@@ -33,7 +33,7 @@ def find_doubts(
     return tuple(doubts)
 
 
-def score_tests(setup: Setup, estimate: JointEstimate) -> list[ScoreTest]:
+def score_tests(setup: Setup, estimate: JointEstimate) -> list[PriorTest]:
     """The score test of every considered unknown, the largest |t| first.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
@@ -44,7 +44,7 @@ def score_tests(setup: Setup, estimate: JointEstimate) -> list[ScoreTest]:
         if information > 0:
             implied = -gradient / (1 + information)
             tests.append(
-                ScoreTest(
+                PriorTest(
                     name=unknown.name,
                     statistic=-gradient / np.sqrt(information),
                     implied=implied,

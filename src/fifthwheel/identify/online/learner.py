@@ -86,7 +86,7 @@ class Learner:
         trailer: str | None = None,
     ) -> None:
         self._vehicle_file, self._signals = vehicle, frozenset(signals)
-        setup = online_setup(vehicle, self._signals, settings or OneStage())
+        setup = online_setup(vehicle, self._signals, settings or OneStage(tyres="linear"))
         self._live = LiveFilter(setup, learner or LearnerSettings())
         self._trailer = vehicle.name if trailer is None else trailer
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
@@ -213,14 +213,16 @@ class Learner:
         return estimates
 
     def vehicle(self) -> Vehicle:
-        """The vehicle with the estimates; a parameter that is not excited or not identifiable keeps its given value."""
+        """The vehicle with the estimates; a parameter that is not excited or not identifiable keeps its given value.
+
+        The friction of the road is not part of it.
+        """
         unknown = (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
+        given = self._live.setup.vehicle.parameters()
         values = {
             value.name: value.value
             for u, value in self._estimates()
-            if not u.is_sensor_error
-            and u.is_estimated
-            and (u.kind is UnknownKind.UNCERTAIN or value.verdict not in unknown)
+            if u.name in given and u.is_estimated and (u.kind is UnknownKind.UNCERTAIN or value.verdict not in unknown)
         }
         return self._live.setup.vehicle.replace(values)
 

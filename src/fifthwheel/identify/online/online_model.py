@@ -11,10 +11,11 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import USUAL, YAW_RATE, is_of, measured_signals
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.parameters import longest_matching_key
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
 
 
@@ -56,8 +57,7 @@ class OnlineModel:
 
 def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
-    if settings.tyres == "auto":  # at small slip angles tyres that saturate are linear
-        settings = replace(settings, tyres="saturating")
+    settings = _with_tyre_law(vehicle, settings)
     if "speed" not in signals:
         raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
     vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")
@@ -66,10 +66,31 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    setup = setup.considering(setup.without_roll_rate)
+    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if not u.per_log or u.is_sensor_error))
+    setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})
     if not setup.estimated_unknowns:
         raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
     return replace(setup, unknowns=(*setup.estimated_unknowns, *setup.considered_unknowns))
+
+
+def _with_tyre_law(vehicle: Vehicle, settings: OneStage) -> OneStage:
+    """The settings with one law in place of "auto": saturating if the static axle loads are determined."""
+    if settings.tyres != "auto":
+        return settings
+    try:
+        vehicle.axle_loads()
+    except VehicleError:
+        return replace(settings, tyres="linear")
+    return replace(settings, tyres="saturating")
+
+
+def _considered(setup: Setup) -> set[str]:
+    """Unknowns that a learner considers, to save time: what is uncertain of the vehicle and its model.
+
+    Exceptions are parameters with a prior of the settings.
+    """
+    uncertain = {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN}
+    return {n for n in uncertain if longest_matching_key(n, setup.settings.priors) is None}
 
 
 def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> OnlineModel:

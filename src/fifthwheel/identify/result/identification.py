@@ -32,7 +32,7 @@ class Identification(IdentificationData):
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
         >>> result = fw.identify([record], truck, settings)
         >>> result
         Identification(cheng_cebon_2011, one-stage method, 1 of 1 parameters converged, from simulated)

@@ -91,12 +91,15 @@ class IdentificationData:
     parameters: tuple[Estimate, ...]
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
-    uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of the vehicle file, estimated too or considered
+    uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of vehicle file and tyres, estimated too
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
     doubts: tuple[Doubt, ...] = ()
     """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
     variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Of each parameter: the fraction of its variance that each considered unknown causes, the largest first."""
+    """Of each parameter: by what fraction its variance would fall if each uncertain number were exact, the largest
+    fraction first."""
+    remaining_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """Of each uncertain number: the fraction of its prior standard deviation that remains after the logs."""
     histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]

@@ -8,6 +8,7 @@ from fifthwheel.identify.result.parts import IdentificationData
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.observe import ObserverSettings
+from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.vehicle.parameters import FRICTION
 
 
@@ -24,11 +25,15 @@ def sensor_settings(identification: IdentificationData, log: str | None) -> dict
 
 
 def friction(identification: IdentificationData) -> float | None:
-    """Peak friction of the road; None with linear tyres."""
+    """Peak friction of the road; None with linear tyres.
+
+    Logs that use little of the friction do not limit it upwards. An observer gets the nearest friction that a road has.
+    """
     settings = identification.settings
     if not isinstance(settings, OneStage) or settings.tyre_law == "linear":
         return None
-    return next((e.value for e in identification.parameters if e.name == FRICTION), settings.friction)
+    estimated = next((e.value for e in identification.parameters if e.name == FRICTION), settings.friction)
+    return min(max(estimated, FRICTION_RANGE[0]), FRICTION_RANGE[1])
 
 
 def _uncertainties(identification: IdentificationData, log: str | None) -> dict[str, float]:

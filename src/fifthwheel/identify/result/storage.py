@@ -47,6 +47,7 @@ def contents_of(identification: IdentificationData) -> dict[str, Any]:
         "uncertainty": None if identification.covariance is None else identification.covariance.as_dict(),
         "doubts": [asdict(doubt) for doubt in identification.doubts],
         "variance_budget": {name: dict(terms) for name, terms in identification.variance_budget.items()},
+        "remaining_uncertainty": dict(identification.remaining_uncertainty),
         "sensors": [asdict(error) for error in identification.sensors],
         "logs": [asdict(log) for log in identification.logs],
         "fit": [
@@ -85,6 +86,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
         covariance=covariance,
         doubts=parts(Doubt, contents["doubts"]),
         variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
+        remaining_uncertainty=dict(contents.get("remaining_uncertainty", {})),
         histories={
             title: ParameterHistory(
                 names=tuple(history["names"]),

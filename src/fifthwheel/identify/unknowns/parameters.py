@@ -1,5 +1,6 @@
-"""The unknowns of an identification: estimated, uncertain and considered parameters and sensor errors."""
+"""The unknowns of an identification: parameters, uncertain numbers and sensor errors."""
 
+import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -20,24 +21,30 @@ from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, One
 from fifthwheel.identify.unknowns.unknown import (
     Unknown,
     UnknownKind,
-    considered_unknown,
+    change_unknown,
     error_unknown,
     height_unknown,
     logarithmic_unknown,
+    position_unknown,
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
-TIME_SCALE_SIGMA = 0.002
-"""Of the rate of a time base: clocks are better, but timestamps are sometimes made from a nominal sampling rate."""
 TIME_BASE = "time_base"
 """First word of the name of a time base's delay."""
 ROAD_FRICTION = 0.8
 """Of a dry road, in Fiala's law."""
 SOFTENING = 3.0
 """Typical softening of an axle group whose load is not determined, 1/rad."""
+SMALL_STEP = 1e-3
+"""Of a numerical derivative, in standard deviations."""
+EXACT = 1e-6
+"""Of a sensor error that is exactly another number than in an ideal sensor: its standard deviation over the default
+one. The model gets the number as that of an unknown which the logs cannot change."""
+GYROS = (YAW_RATE, ROLL_RATE)
+"""Channels whose delay is the latency of a gyro."""
 ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
 """Parameters of a unit that are identifiable only from its own roll rate."""
 
@@ -84,7 +91,7 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
         bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
         separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
         names = [*stage_1_names(vehicle), *separate]
-    if settings.tyre_law == "saturating" and FRICTION not in settings.consider:
+    if settings.tyre_law == "saturating":
         names = list(dict.fromkeys([*names, FRICTION]))
     fixed = expand_names(vehicle, settings.fixed, settings)
     return [name for name in names if name not in fixed]
@@ -133,18 +140,16 @@ def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> 
 
 
 def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """All unknowns of one stage but the initial states: estimated, uncertain and considered parameters, sensor errors.
+    """All unknowns of one stage but the initial states: parameters, uncertain numbers, sensor errors.
 
-    The values of the vehicle are the prior means. A VehicleError: a name in the settings is unknown, a parameter is
-    estimated and considered, or an estimated parameter is not above 0.
+    The values of the vehicle are the prior means. A VehicleError: a name in the settings is unknown, a parameter has a
+    prior in `consider`, which is for other numbers, or an estimated parameter is not above 0.
     """
     estimated = estimated_parameters(vehicle, settings)
     for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
         paths = expand_names(vehicle, [name], settings)
         if name in settings.consider and paths and all(path in estimated for path in paths):
-            raise VehicleError(
-                f"{name}: is estimated, so it cannot be considered; fix it, or remove it from the considered parameters"
-            )
+            raise VehicleError(f"{name}: is estimated; give its prior in priors, or remove it from consider")
     unknowns = [
         *_estimated_unknowns(vehicle, estimated, settings),
         *_vehicle_file_unknowns(vehicle, estimated, settings),
@@ -178,20 +183,27 @@ def time_base_delays(
     ]
 
 
-def suspects() -> list[Unknown]:
-    """Unknowns of an extended model that are exact as a rule, and whose change the residuals show."""
-    return [considered_unknown("time_base", TIME_SCALE_SIGMA, {dynamics.TIME_SCALE: 1.0}, UnknownKind.SUSPECT)]
-
-
 def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
     """Prior mean and standard deviation of a sensor error, SI; None where the settings estimate no such error.
 
-    What the vehicle file states of the place of a sensor replaces the standard deviation of the settings.
+    What the settings state of the single error comes first. What the vehicle file states of the place of a sensor
+    replaces the standard deviation of the settings.
     """
+    default, stated = _default_prior(vehicle, name, settings), getattr(settings, "stated_priors", {}).get(name)
+    if stated is None or default is None:
+        return default
+    mean, sigma = stated
+    return mean, EXACT * (default[1] or 1.0) if not sigma and mean != default[0] else sigma
+
+
+def _default_prior(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
+    """The same without what the settings state of the single error."""
     error = SensorErrorName.of(name)
     channel = channel_of(error.signal) if error else None
     kind = channel.error(error.kind) if error and channel else None
     sigma = getattr(settings, f"{kind.setting}_prior", kind.prior) if kind else None
+    if error and error.kind == "delay" and is_of(error.signal, *GYROS) and isinstance(settings, OneStage):
+        sigma = settings.consider.get("gyro_delay", 0.0)
     if error is None or sigma is None:
         return None
     if error.kind in PLACE_KINDS:
@@ -205,8 +217,7 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
 def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: CommonSettings) -> list[Unknown]:
     """The errors of the steer angles and of the measured signals; none if the settings say so.
 
-    An error that is exact, with a sigma of 0, is no unknown. Errors are estimated and not considered: the channel
-    itself contains information on them.
+    An error that is exact, with a sigma of 0, is no unknown.
     """
     unknowns = []
     for name in (*vehicle.steer_signals(), *outputs) if settings.nuisances else ():
@@ -216,12 +227,12 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
             if prior and prior[1]:
                 mean, sigma = prior
                 unknown = error_unknown(f"{name}.{kind.kind}", sigma, centre=mean, per_log=kind.per_log)
-                unknowns.append(replace(unknown, lower=mean) if kind.positive else unknown)
+                unknowns.append(replace(unknown, lower=max(unknown.lower, 0.0)) if kind.positive else unknown)
     return unknowns
 
 
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
-    """The considered changes of the vehicle: those of the masses and lengths of its file, and those of the settings.
+    """The changes of the vehicle: those of the masses and lengths of its file, and those of the settings.
 
     Parameters in `done` have an unknown of their own; parameters that the settings fix are exact.
     """
@@ -236,8 +247,21 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
     for name, slopes in {**of_file, **given}.items():
         moves = {path: slope for path, slope in slopes.items() if path not in done and path not in exact}
         if moves:
-            unknowns.append(considered_unknown(name, 1.0, moves))
+            unknowns.append(change_unknown(name, 1.0, moves | _changes_of_tyres(vehicle, moves, settings)))
     return unknowns
+
+
+def _changes_of_tyres(vehicle: Vehicle, moves: Mapping[str, float], settings: OneStage) -> dict[str, float]:
+    """Change of the parameters of saturating tyres, such as the axle loads, with masses and lengths."""
+    if settings.tyre_law == "linear":
+        return {}
+    values = vehicle.parameters()
+    given, changed = (
+        saturation_parameters(vehicle.replace({path: values[path] + step * slope for path, slope in moves.items()}))
+        for step in (0.0, SMALL_STEP)
+    )
+    slopes = {name: (changed[name] - value) / SMALL_STEP for name, value in given.items()}
+    return {name: slope for name, slope in slopes.items() if slope}
 
 
 def _changed_paths(settings: OneStage) -> set[str]:
@@ -246,15 +270,24 @@ def _changed_paths(settings: OneStage) -> set[str]:
 
 
 def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """The considered model errors: softening tyres and latency of the gyros."""
+    """What the model lacks: softening and variation of tyres, rate of the time base, latency of the gyros."""
     unknowns = []
     factor = settings.consider.get("softening", 0.0) if settings.tyre_law == "linear" else 0.0
     for path, slope in (softening(vehicle) if factor else {}).items():
-        unknowns.append(considered_unknown(f"{path}.softening", slope * factor))
-    latency = settings.consider.get("gyro_delay", 0.0)
-    if latency and settings.nuisances:
-        gyros = [name for name in outputs if is_of(name, YAW_RATE, ROLL_RATE)]
-        unknowns += [considered_unknown(f"{name}.delay", latency) for name in gyros]
+        unknowns.append(change_unknown(f"{path}.softening", slope * factor))
+    variation = settings.consider.get("stiffness_variation", 0.0)
+    exact = expand_names(vehicle, settings.fixed, settings)
+    names = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)] if variation else []
+    for name in (name for name in names if name not in exact):
+        moves = {name: vehicle.parameters()[name]}
+        unknowns.append(change_unknown(f"{name}.variation", variation, moves, per_log=True))
+    if rate := settings.consider.get(TIME_BASE, 0.0):
+        unknowns.append(change_unknown(TIME_BASE, rate, {dynamics.TIME_SCALE: 1.0}))
+    delays = [f"{name}.delay" for name in outputs if is_of(name, *GYROS)] if settings.nuisances else []
+    for name in delays:
+        mean, sigma = prior_of_sensor_error(vehicle, name, settings) or (0.0, 0.0)
+        latency = error_unknown(name, sigma, centre=mean) if sigma else None
+        unknowns += [replace(latency, kind=UnknownKind.UNCERTAIN)] if latency else []
     return unknowns
 
 
@@ -279,18 +312,25 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
     values = given_parameters(vehicle, settings)
     unknowns = []
     for name in estimated:
+        stated = settings.stated_priors.get(name)
         if ParameterPath.of(name).is_payload_height:
-            unknowns.append(height_unknown(name, values[name], settings))
+            unknown = height_unknown(name, values[name], settings)
+            unknowns.append(replace(unknown, centre=stated[0], scale=stated[1]) if stated else unknown)
+        elif stated:
+            unknowns.append(position_unknown(name, *stated))
         else:
             roll_inertia = ends_with(name, "sprung.roll_inertia")
             default = settings.roll_inertia_prior if roll_inertia else settings.prior
             default = settings.friction_prior if name == FRICTION else default
-            unknowns.append(logarithmic_unknown(name, values[name], settings.priors.get(name, default)))
+            guess = name not in settings.priors and name != FRICTION
+            tail = settings.guess_tail if guess else math.inf
+            sigma = settings.priors.get(name, default)
+            unknowns.append(logarithmic_unknown(name, values[name], sigma, tail=tail))
     return unknowns
 
 
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """Uncertain parameters, then considered parameters.
+    """Uncertain numbers of the vehicle file and of saturating tyres: those of `priors`, then those of `consider`.
 
     A key that is the end of a path does not apply to values of 0, nor to the sprung body below a payload whose height
     is estimated: its CoG height would be the same unknown again. What the vehicle file states replaces a default.
@@ -299,19 +339,18 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
     done = {*estimated, *expand_names(vehicle, settings.fixed, settings)}
     changed = _changed_paths(settings)
     unknowns = []
-    for table, considered in ((settings.priors, False), (settings.consider, True)):
+    for table, has_defaults in ((settings.priors, False), (settings.consider, True)):
         for name, value in given_parameters(vehicle, settings).items():
             key, path = longest_matching_key(name, table), ParameterPath.of(name)
             excluded = value <= 0 or (path.unit in loaded and path.component == "sprung")
-            if key is None or name in done or (considered and name in changed) or (excluded and key != name):
+            if key is None or name in done or (has_defaults and name in changed) or (excluded and key != name):
                 continue
-            if considered and value == 0:  # a fraction of it is 0
+            if has_defaults and value == 0:  # a fraction of it is 0
                 continue
             done.add(name)
             sigma = table[key]
-            if considered and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
+            if has_defaults and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
                 sigma = vehicle.stated[name] / value
             if sigma:
-                kind = UnknownKind.CONSIDERED if considered else UnknownKind.UNCERTAIN
-                unknowns.append(logarithmic_unknown(name, value, sigma, kind))
+                unknowns.append(logarithmic_unknown(name, value, sigma, UnknownKind.UNCERTAIN))
     return unknowns

@@ -1,5 +1,6 @@
 """One unknown of an identification, with its prior and bounds, and how each kind of it is made."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -23,15 +24,18 @@ class UnknownKind(Enum):
     """What an identification does with an unknown."""
 
     PARAMETER = "parameter"  # of the vehicle, its tyres or the road: estimated, with a verdict
-    UNCERTAIN = "uncertain"  # a parameter that the vehicle file states with a sigma: estimated too
+    UNCERTAIN = "uncertain"  # what else is uncertain of the vehicle and its model: estimated too
     SENSOR = "sensor"  # an error of a sensor: estimated
-    CONSIDERED = "considered"  # not estimated, but part of every sigma
-    SUSPECT = "suspect"  # considered in score tests only: it is not part of any sigma
+    CONSIDERED = "considered"  # keeps its prior mean; a learner has its effect in every sigma
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """One unknown: p = centre exp(scale z) or p = centre + scale z with the prior z ~ N(0, 1), within bounds."""
+    """One unknown: p = centre exp(scale z) or p = centre + scale z with the prior z ~ N(0, 1), within bounds.
+
+    A guess has the hyperbolic prior density exp(-c^2 (sqrt(1 + (z / c)^2) - 1)) with the tail c, a scale mixture of
+    normal densities (Barndorff-Nielsen 1977), which allows large errors.
+    """
 
     name: str
     centre: float  # prior mean (median if logarithmic), SI
@@ -41,12 +45,13 @@ class Unknown:
     kind: UnknownKind
     logarithmic: bool = False
     per_log: bool = False  # each log has its own
+    tail: float = math.inf  # where the exponential tail of its prior begins, in z; infinite: normal
     moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
 
     @property
     def is_estimated(self) -> bool:
         """Whether the logs change it; otherwise it keeps its prior mean."""
-        return self.kind not in (UnknownKind.CONSIDERED, UnknownKind.SUSPECT)
+        return self.kind is not UnknownKind.CONSIDERED
 
     @property
     def is_sensor_error(self) -> bool:
@@ -80,20 +85,18 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
     )
 
 
-def considered_unknown(
-    name: str,
-    sigma: float,
-    moves: Mapping[str, float] | None = None,
-    kind: UnknownKind = UnknownKind.CONSIDERED,
+def change_unknown(
+    name: str, sigma: float, moves: Mapping[str, float] | None = None, *, per_log: bool = False
 ) -> Unknown:
-    """A considered unknown, or a suspect, that is 0 in the model."""
+    """A change of the model, which is 0 in the model as given."""
     return Unknown(
         name=name,
         centre=0.0,
         scale=sigma,
         lower=-BOUND_SIGMAS * sigma,
         upper=BOUND_SIGMAS * sigma,
-        kind=kind,
+        kind=UnknownKind.UNCERTAIN,
+        per_log=per_log,
         moves=moves or {},
     )
 
@@ -112,7 +115,9 @@ def height_unknown(name: str, value: float, settings: CommonSettings) -> Unknown
     )
 
 
-def logarithmic_unknown(name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
+def logarithmic_unknown(
+    name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER, tail: float = math.inf
+) -> Unknown:
     """A parameter above 0, with sigma as a fraction of its value.
 
     Raises:
@@ -130,6 +135,22 @@ def logarithmic_unknown(name: str, value: float, sigma: float, kind: UnknownKind
         upper=value * BOUND_FACTOR,
         logarithmic=True,
         kind=kind,
+        tail=tail,
+    )
+
+
+def position_unknown(name: str, mean: float, sigma: float) -> Unknown:
+    """An estimated parameter that may be 0 or negative, such as a position, with its prior, SI.
+
+    It stays within two standard deviations: further away, an axle or a coupling would not support its unit.
+    """
+    return Unknown(
+        name=name,
+        centre=mean,
+        scale=sigma,
+        lower=mean - 2 * sigma,
+        upper=mean + 2 * sigma,
+        kind=UnknownKind.PARAMETER,
     )
 
 

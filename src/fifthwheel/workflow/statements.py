@@ -1,0 +1,500 @@
+"""What a user states of a number: "33.4 t +- 0.5 %", "exact" or "free"; of the truck, the sensors and the road.
+
+`parse` reads a statement, `apply` gives the vehicle and the settings that contain it. A statement is used or refused,
+never dropped.
+"""
+
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+from fifthwheel.channels import (
+    CHANNELS,
+    IDENTIFIED,
+    STEER,
+    SensorErrorName,
+    SignalName,
+    channel_of,
+    is_of,
+    sensor_error_settings,
+)
+from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
+from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
+from fifthwheel.identify import CommonSettings, OneStage
+from fifthwheel.identify.one_stage.estimator import with_tyre_law
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
+from fifthwheel.identify.unknowns.parameters import (
+    GYROS,
+    estimated_parameters,
+    group_paths,
+    longest_matching_key,
+    prior_of_sensor_error,
+)
+from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.options import TyreLaw
+from fifthwheel.record import Record
+from fifthwheel.units import split_statement, uncertain_quantity
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION, ROADS, unit_of
+
+Kind = Literal["value", "sigma", "exact", "free"]
+S = TypeVar("S", bound=CommonSettings)
+
+SENSOR_PRIORS: Mapping[str, str] = {
+    name: unit
+    for name, unit in (sensor_error_settings() | {"time_base_delay": "s", "bank": "rad"}).items()
+    if hasattr(OneStage, f"{name}_prior")
+}
+"""Sensor errors of all sensors of a kind, and the bank of the road, whose prior sigma can be chosen, with the SI
+unit."""
+
+FORM = "NAME='VALUE +- SIGMA', 'VALUE', '+- SIGMA', 'exact' or 'free', such as semitrailer.mass='33.4 t +- 0.5 %'"
+WIDE_POSITION = 0.5
+"""Prior standard deviation of a position that is free, m."""
+POSITIONS = ("cog", "position", "leading_position", "trailing_position")
+"""Quantities of which a fraction means nothing: they count from an origin."""
+_FREE = re.compile(r"(.*?)\s*\bfree\s*", re.DOTALL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statement:
+    """What a user states of a number. The texts have units; a name may be the end of several paths."""
+
+    name: str
+    value: str = ""
+    """Empty: that of the vehicle file, or the default."""
+    sigma: str = ""
+    """Of the kind "sigma": a standard deviation, with a unit or in per cent of the value."""
+    kind: Kind = "value"
+    """"value": the value alone, with the default uncertainty; "exact": sigma is 0; "free": a wide prior."""
+
+    def __str__(self) -> str:
+        """As in a command."""
+        mark = {"value": "", "sigma": f"+- {self.sigma}"}.get(self.kind, self.kind)
+        return f"{self.name}={f'{self.value} {mark}'.strip()}"
+
+
+def parse(text: str) -> Statement:
+    """A statement from "NAME=VALUE +- SIGMA".
+
+    Raises:
+        FifthwheelError: the text has another form.
+
+    >>> parse("semitrailer.mass=31.2 t +- 0.5 %")
+    Statement(name='semitrailer.mass', value='31.2 t', sigma='0.5 %', kind='sigma')
+    >>> parse("tractor.cog=free").kind
+    'free'
+    """
+    name, _, stated = (part.strip() for part in text.partition("="))
+    if not name or not stated:
+        raise FifthwheelError(f"--set {text}: expected {FORM}")
+    if free := _FREE.fullmatch(stated):
+        return Statement(name=name, value=free[1], kind="free")
+    try:
+        value, mark, sigma = split_statement(stated)
+    except FifthwheelError as error:
+        raise FifthwheelError(f"--set {text}: {error}") from None
+    kind: Kind = "exact" if mark == "exact" else "sigma" if mark else "value"
+    if kind == "sigma" and not sigma:
+        raise FifthwheelError(f"--set {text}: expected a standard deviation behind '+-'; give it with a unit or in %")
+    return Statement(name=name, value=value, sigma=sigma, kind=kind)
+
+
+def apply(
+    vehicle: Vehicle, settings: S, statements: Iterable[Statement], *, given: Collection[str] = ()
+) -> tuple[Vehicle, S]:
+    """The vehicle and the settings of an identification that contain the statements.
+
+    Args:
+        vehicle: the vehicle to identify.
+        settings: of either method; two stages take values and "exact" of parameters.
+        statements: in any order.
+        given: paths whose value and uncertainty come from elsewhere, such as an identification of the suspension.
+
+    Raises:
+        FifthwheelError: a name fits nothing, or more than one number that gets a value; a unit does not fit; two
+            statements disagree; or the estimation cannot use a statement. The message names it with the cure.
+    """
+    listed = tuple(statements)
+    if not listed:
+        return vehicle, settings
+    apply_to: Any = _apply_to_one_stage if isinstance(settings, OneStage) else _apply_to_two_stages
+    changed: tuple[Vehicle, S] = apply_to(vehicle, settings, listed, given)
+    return changed
+
+
+def _apply_to_one_stage(
+    vehicle: Vehicle, settings: OneStage, statements: Sequence[Statement], given: Collection[str]
+) -> tuple[Vehicle, OneStage]:
+    if not settings.uniform_payload:
+        vehicle = vehicle.lumped()  # a statement is on the laden body
+    result = _Result(vehicle, settings)
+    for name, together in _by_target(statements, lambda s: _targets(vehicle, settings, s)).items():
+        if name in MODEL_ERRORS:
+            result.set_model_error(_resolved(name, "s" if name == "gyro_delay" else "1", 0.0, together))
+        elif name in SENSOR_PRIORS:
+            mean = 1.0 if name.endswith("_gain") else 0.0
+            result.set_sensors(_resolved(name, SENSOR_PRIORS[name], mean, together))
+        elif _is_sensor_error(name):
+            mean, sigma = prior_of_sensor_error(vehicle, name, settings) or (0.0, 0.0)
+            result.set_sensor(_resolved(name, _unit_of_error(name), mean, together), sigma)
+        else:
+            stated = _resolved(name, unit_of(name), result.known[name], together)
+            if name in given and not (stated.sigma == 0 and not stated.has_value):
+                raise _refused(stated, "is in the identification of the suspension; remove --suspension-from, or this")
+            result.set_parameter(stated)
+    return result.finished()
+
+
+def require_signals(settings: CommonSettings | None, *records: Record) -> None:
+    """Refuse settings with a statement on a sensor that none of the logs has.
+
+    Raises:
+        SignalError: the settings state an error of such a sensor.
+    """
+    for message in missing_sensors(settings, *records):
+        raise SignalError(f"{message}; map the signal, name another sensor, or remove the statement")
+
+
+def missing_sensors(settings: CommonSettings | None, *records: Record) -> list[str]:
+    """What is stated on sensors that none of the logs has, as sentences."""
+    logged = sorted({name for record in records for name in record.signals})
+    errors = [error for name in getattr(settings, "stated_priors", {}) if (error := SensorErrorName.of(name))]
+    missing = [error for error in errors if channel_of(error.signal) and error.signal not in logged]
+    alike = [", ".join(s for s in logged if channel_of(s) is channel_of(error.signal)) for error in missing]
+    return [
+        f"--set {error.signal}.{error.kind}: expected a sensor of the logs, got one that is in none of them; of its "
+        f"kind they have {names or 'none'}"
+        for error, names in zip(missing, alike, strict=True)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Stated:
+    """All statements on one number, resolved, SI."""
+
+    name: str
+    value: float
+    has_value: bool
+    """Whether the value is stated."""
+    sigma: float | None
+    """None if it is not stated."""
+    free: bool
+    source: Statement
+
+    @property
+    def relative(self) -> float:
+        """sigma as a fraction of the value; a VehicleError if the value is not above 0."""
+        if self.value <= 0:
+            raise _refused(self, f"expected a value above 0 for an estimated number, got {self.value:g}; correct it")
+        return (self.sigma or 0.0) / self.value
+
+
+class _Result:
+    """The vehicle and the settings, as the statements change them."""
+
+    def __init__(self, vehicle: Vehicle, settings: OneStage) -> None:
+        self.vehicle, self.settings = vehicle, settings
+        self.own, self.known = vehicle.parameters(), _known(vehicle, settings)
+        self.estimated = estimated_parameters(vehicle, settings)
+        self.values: dict[str, float] = {}
+        self.sigmas: dict[str, float] = {}
+        self.fixed: list[str] = []
+        self.free: list[str] = []
+        self.priors = dict(settings.priors)
+        self.consider = dict(settings.consider)
+        self.stated_priors = dict(settings.stated_priors)
+        self.changes: dict[str, Any] = {}
+        self.factor_of_file: _Stated | None = None
+
+    def set_model_error(self, stated: _Stated) -> None:
+        if stated.has_value or stated.sigma is None:
+            raise _refused(stated, "expected a standard deviation such as '+- 50 %' or '+- 5 ms', or exact; give that")
+        self.consider.pop(stated.name, None)
+        if stated.sigma:
+            self.consider[stated.name] = stated.sigma
+        if stated.name == "vehicle_file" and stated.sigma != 1:
+            self.factor_of_file = stated
+
+    def set_sensors(self, stated: _Stated) -> None:
+        """The prior sigma of all sensors of a kind."""
+        name, sigma = stated.name, stated.sigma
+        if stated.has_value and stated.value != float(name.endswith("_gain")):
+            raise _refused(stated, f"all sensors have it; name one, such as {_example(self.vehicle, name)}, or omit it")
+        if sigma is None or (not sigma and name in ("bank", "time_base_delay")):
+            raise _refused(stated, f"expected a standard deviation above 0 such as '+- 0.01 {SENSOR_PRIORS[name]}'")
+        self.changes[f"{name}_prior"] = sigma
+
+    def set_sensor(self, stated: _Stated, default: float) -> None:
+        error = SensorErrorName.of(stated.name)
+        if stated.free:
+            raise _refused(stated, "is estimated already; give its standard deviation, such as '+- 10 %'")
+        if error and error.kind == "play" and stated.value < 0:
+            raise _refused(stated, f"expected 0 or more, got {stated.value:g} rad; correct it")
+        self.stated_priors[stated.name] = stated.value, default if stated.sigma is None else stated.sigma
+
+    def set_parameter(self, stated: _Stated) -> None:
+        path, sigma = stated.name, stated.sigma
+        if stated.has_value:
+            self._set_value(stated)
+        if sigma == 0:
+            self.fixed.append(path)
+            if path in self.own:
+                self.sigmas[path] = 0.0
+        elif stated.free:
+            self._set_free(path, stated)
+        elif path in self.estimated and ParameterPath.of(path).is_payload_height:
+            self.stated_priors[path] = stated.value, self.settings.height_prior if sigma is None else sigma
+        elif sigma is None:
+            return
+        elif path == FRICTION:
+            self.changes["friction_prior"] = stated.relative
+        elif path in self.estimated or path not in self.own:
+            self.priors[path] = stated.relative
+        else:
+            self.sigmas[path] = sigma
+
+    def _set_value(self, stated: _Stated) -> None:
+        if stated.name == FRICTION:
+            self.changes["friction"] = stated.value
+        elif stated.name in self.own:
+            self.values[stated.name] = stated.value
+        else:
+            raise _refused(stated, "follows from the vehicle, or is one of all tyres; state only its sigma, or exact")
+
+    def _set_free(self, path: str, stated: _Stated) -> None:
+        if path in self.estimated or path == FRICTION:
+            return
+        if path not in self.own:
+            raise _refused(stated, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
+        if unit_of(path) == "m" and ParameterPath.of(path).quantity in POSITIONS:
+            self.stated_priors[path] = stated.value, WIDE_POSITION
+        elif stated.value <= 0:
+            raise _refused(stated, f"expected a value above 0 to be estimated, got {stated.value:g}; give one")
+        self.free.append(path)
+
+    def finished(self) -> tuple[Vehicle, OneStage]:
+        if self.factor_of_file:
+            for path in (path for path, sigma in self.sigmas.items() if sigma):
+                if longest_matching_key(path, DEFAULT_CONSIDERED) is None:
+                    reason = f"it would also scale the stated sigma of {path}; remove one of the two"
+                    raise _refused(self.factor_of_file, reason)
+        vehicle = self.vehicle.replace(self.values).with_stated(self.sigmas)
+        free = [path for path in self.estimated if path not in self.fixed] + self.free
+        return vehicle, replace(
+            self.settings,
+            fixed=tuple(dict.fromkeys((*self.settings.fixed, *self.fixed))),
+            free=tuple(path for path in free if path != FRICTION) if self.free else self.settings.free,
+            priors=self.priors,
+            consider=self.consider,
+            stated_priors=self.stated_priors,
+            **self.changes,
+        )
+
+
+def _apply_to_two_stages(
+    vehicle: Vehicle, settings: CommonSettings, statements: Sequence[Statement], _: Collection[str]
+) -> tuple[Vehicle, CommonSettings]:
+    """Values, and parameters that are exact."""
+    known = vehicle.parameters()
+    values: dict[str, float] = {}
+    fixed = list(settings.fixed)
+    for s in statements:
+        if s.name in SENSOR_PRIORS or s.name in MODEL_ERRORS or _is_sensor_error(s.name):
+            raise VehicleError(f"--set {s}: needs --method one-stage; remove it, or choose that method")
+    for path, together in _by_target(statements, lambda s: _paths(vehicle, known, s)).items():
+        stated = _resolved(path, unit_of(path), known[path], together)
+        height = ParameterPath.of(path).is_payload_height and stated.sigma != 0
+        if stated.free or stated.sigma or height:
+            raise _refused(stated, "needs --method one-stage; remove it, or choose that method")
+        values |= {path: stated.value} if stated.has_value else {}
+        fixed += [path] if stated.sigma == 0 else []
+    return vehicle.replace(values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
+
+
+def _by_target(
+    statements: Iterable[Statement], targets: Callable[[Statement], list[str]]
+) -> dict[str, list[Statement]]:
+    """The statements on each number; a VehicleError where a value has several numbers."""
+    together: dict[str, list[Statement]] = {}
+    for statement in statements:
+        names = targets(statement)
+        if statement.value and len(names) > 1:
+            raise VehicleError(
+                f"--set {statement}: expected the name of one number for a value, {statement.name} fits "
+                f"{', '.join(names)}; give the whole path, or omit the value"
+            )
+        for name in names:
+            together.setdefault(name, []).append(statement)
+    return together
+
+
+def _known(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
+    """Every parameter by path, SI; of saturating tyres too, where the static axle loads are determined."""
+    values = vehicle.parameters()
+    if _tyre_law(vehicle, settings) == "linear":
+        return values
+    return values | saturation_parameters(vehicle) | {FRICTION: settings.friction}
+
+
+def _tyre_law(vehicle: Vehicle, settings: OneStage) -> TyreLaw:
+    """The law of the side forces that an identification has."""
+    law: TyreLaw = with_tyre_law(vehicle, settings)[0].tyre_law
+    return law
+
+
+def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list[str]:
+    """The numbers that a statement names: parameters, a sensor error, or a model error."""
+    name = statement.name
+    if name in MODEL_ERRORS:
+        if name == "softening" and _tyre_law(vehicle, settings) == "saturating":
+            raise VehicleError(
+                f"--set {statement}: saturating tyres soften by their law; remove it, or choose --tyres linear"
+            )
+        return [name]
+    if name in SENSOR_PRIORS:
+        (steer, *others) = vehicle.steer_signals() or ("",)
+        kind = next((error.kind for error in STEER.errors if error.setting == name), None)
+        return [f"{steer}.{kind}"] if statement.value and kind and steer and not others else [name]
+    if _is_sensor_error(name):
+        _require_sensor(vehicle, statement)
+        return [name]
+    of_law = any(ends_with(path, name) for path in saturation_names(group_paths(vehicle)))
+    if of_law and _tyre_law(vehicle, settings) == "linear":
+        noun = "friction" if ends_with(FRICTION, name) else "such parameter"
+        raise VehicleError(
+            f"--set {statement}: linear tyres have no {noun}; expected --tyres saturating; add it, or remove the "
+            "statement"
+        )
+    return _paths(vehicle, _known(vehicle, settings), statement)
+
+
+def _paths(vehicle: Vehicle, known: Mapping[str, float], statement: Statement) -> list[str]:
+    """The parameters with the path of a statement or the end of it.
+
+    The end of several paths does not mean those whose value is 0, of which a fraction is 0, unless they are exact.
+    """
+    name = statement.name
+    paths = [path for path in known if ends_with(path, name)]
+    if not paths:
+        ends = {path.rpartition(".")[2] for path in known} | {*SENSOR_PRIORS, *MODEL_ERRORS}
+        words = known if "." in name else sorted(ends)
+        raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, words)}")
+    used = [path for path in paths if known[path] or statement.kind == "exact"]
+    return used if len(paths) > 1 and used else paths
+
+
+def _is_sensor_error(name: str) -> bool:
+    """Whether a name has the form of a sensor error, of a sensor that may not exist."""
+    signal, _, kind = name.rpartition(".")
+    return "." in signal and SignalName.of(signal).quantity in CHANNELS and bool(kind)
+
+
+def _require_sensor(vehicle: Vehicle, statement: Statement) -> None:
+    """Refuse an error that no sensor of the vehicle can have."""
+    signal, _, kind = statement.name.rpartition(".")
+    channel, steers = channel_of(signal), vehicle.steer_signals()
+    if channel is STEER and signal not in steers:
+        raise SignalError(
+            f"--set {statement}: {signal} is no steer angle of {vehicle.name}; {suggestion(signal, steers)}"
+        )
+    if channel is None or channel not in (STEER, *IDENTIFIED):
+        names = ", ".join(c.quantity for c in (STEER, *IDENTIFIED))
+        raise SignalError(f"--set {statement}: expected a signal that is compared with the model, one of {names}")
+    unit, units = SignalName.of(signal).unit, [unit.name for unit in vehicle.units]
+    if unit not in units:
+        raise SignalError(f"--set {statement}: {unit}: no such unit in {vehicle.name}; {suggestion(unit, units)}")
+    kinds = [error.kind for error in channel.errors] + (["delay"] if is_of(signal, *GYROS) else [])
+    if kind not in kinds:
+        raise SignalError(f"--set {statement}: {signal} has no error {kind!r}; {suggestion(kind, kinds)}")
+
+
+def _unit_of_error(name: str) -> str:
+    error = SensorErrorName.of(name)
+    return (error.unit if error else None) or "1"
+
+
+def _example(vehicle: Vehicle, name: str) -> str:
+    """A sensor error of a kind, as a name of one sensor."""
+    for channel in (STEER, *IDENTIFIED):
+        for error in channel.errors:
+            if error.setting == name:
+                signal = (
+                    (vehicle.steer_signals() or ("steer",))[0]
+                    if channel is STEER
+                    else f"{channel.quantity}.{vehicle.units[-1].name}"
+                )
+                return f"{signal}.{error.kind}"
+    return "yaw_rate.tractor.gain"
+
+
+def _resolved(name: str, si: str, value: float, statements: Sequence[Statement]) -> _Stated:
+    """The statements on one number as one; a FifthwheelError where they disagree or a unit does not fit."""
+    found: list[tuple[float, Statement]] = []
+    for statement in statements:
+        if statement.value:
+            found.append((_quantity(statement, si), statement))
+    _require_same(name, found)
+    value = found[0][0] if found else value
+    sigmas = [(_sigma(s, si, value), s) for s in statements if s.kind != "value"]
+    _require_same(name, sigmas)
+    sigma = sigmas[0][0] if sigmas else None
+    if found and sigma is None and _is_road(found[0][1]):
+        sigma = ROADS[found[0][1].value].sigma * value
+    return _Stated(
+        name=name,
+        value=value,
+        has_value=bool(found),
+        sigma=None if sigma == _WIDE else sigma,
+        free=sigma == _WIDE,
+        source=(sigmas or found)[0][1],
+    )
+
+
+_WIDE = -1.0
+"""Stands for the sigma of a number that is free."""
+
+
+def _is_road(statement: Statement) -> bool:
+    """Whether the value is a kind of road."""
+    return ends_with(FRICTION, statement.name) and statement.value in ROADS
+
+
+def _quantity(statement: Statement, si: str) -> float:
+    """The stated value, SI."""
+    if _is_road(statement):
+        return ROADS[statement.value].value
+    try:
+        return uncertain_quantity(statement.value, si, strict=True, unit_needed=si != "1")[0]
+    except FifthwheelError as error:
+        if ends_with(FRICTION, statement.name):
+            expected = f"expected a number or one of {', '.join(ROADS)}, got {statement.value!r}; give one of them"
+            raise VehicleError(f"--set {statement}: {expected}") from None
+        cure = "" if ";" in str(error) else f"; give the value in {si}" if si != "1" else "; give a number"
+        raise VehicleError(f"--set {statement}: {error}{cure}") from None
+
+
+def _sigma(statement: Statement, si: str, value: float) -> float:
+    """The stated standard deviation, SI."""
+    if statement.kind in ("exact", "free"):
+        return 0.0 if statement.kind == "exact" else _WIDE
+    fraction = statement.name in {*MODEL_ERRORS} - {"gyro_delay"} and statement.sigma.endswith("%")
+    base = "1" if fraction else f"{value!r} {si}" if si != "1" else repr(value)
+    try:
+        return float(uncertain_quantity(f"{base} +- {statement.sigma}", si, strict=True)[1] or 0.0)
+    except FifthwheelError as error:
+        raise VehicleError(f"--set {statement}: {error}") from None
+
+
+def _require_same(name: str, stated: Sequence[tuple[float, Statement]]) -> None:
+    """Refuse statements on one number that disagree."""
+    for number, statement in stated[1:]:
+        if abs(number - stated[0][0]) > 1e-9 * abs(number):
+            raise VehicleError(
+                f"{name}: expected one statement, got --set '{stated[0][1]}' and --set '{statement}'; remove one"
+            )
+
+
+def _refused(stated: _Stated, reason: str) -> VehicleError:
+    return VehicleError(f"--set {stated.source}: {stated.name}: {reason}")

@@ -1,0 +1,346 @@
+"""What a user states of a number: its forms, where it goes, what is refused, and its effect on a result."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify import CommonSettings, OneStage
+from fifthwheel.identify.unknowns.parameters import one_stage_unknowns
+from fifthwheel.options import IdentifyOptions
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.parameters import ROADS
+from fifthwheel.workflow import Statement, apply_statements, parse_statement, replaced_statements, require_signals
+from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
+from tests.cli.test_cli import run
+
+__all__ = ["run"]
+
+TRUCK = get("cheng_cebon_2011")
+SATURATING = OneStage(tyres="saturating")
+EXAMPLES = Path(__file__).parents[2] / "examples"
+HEIGHT, TRAILER = "semitrailer.payload.height", "semitrailer.cornering_stiffness"
+GAIN, DELAY = "steer.tractor.front.gain", "yaw_rate.semitrailer.delay"
+OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
+
+
+def stated(*texts: str, settings: Any = None, vehicle: Vehicle = TRUCK) -> tuple[Vehicle, Any]:
+    return apply_statements(vehicle, settings or OneStage(), map(parse_statement, texts))
+
+
+def prior(name: str, *texts: str, settings: OneStage | None = None) -> tuple[float, float] | None:
+    """Prior mean and standard deviation of an unknown; None where it is none."""
+    vehicle, chosen = stated(*texts, settings=settings)
+    unknowns = {u.name: u for u in one_stage_unknowns(vehicle, OUTPUTS, chosen)}
+    return (unknowns[name].centre, unknowns[name].prior_sigma) if name in unknowns else None
+
+
+@pytest.mark.parametrize(
+    ("text", "statement"),
+    [
+        ("a.mass=31 t +- 1 %", Statement(name="a.mass", value="31 t", sigma="1 %", kind="sigma")),
+        ("a.mass=31 t±1%", Statement(name="a.mass", value="31 t", sigma="1%", kind="sigma")),
+        ("a.mass=+- 1 %", Statement(name="a.mass", sigma="1 %", kind="sigma")),
+        ("a.mass = 31 t", Statement(name="a.mass", value="31 t")),
+        ("a.mass=31 t exact", Statement(name="a.mass", value="31 t", kind="exact")),
+        ("a.mass=exact", Statement(name="a.mass", kind="exact")),
+        ("a.mass=free", Statement(name="a.mass", kind="free")),
+        ("a.mass=31 t free", Statement(name="a.mass", value="31 t", kind="free")),
+        ("road.friction=wet", Statement(name="road.friction", value="wet")),
+    ],
+)
+def test_the_forms_of_a_statement(text: str, statement: Statement) -> None:
+    assert parse_statement(text) == statement
+    assert parse_statement(str(statement)) == statement
+
+
+def test_without_statements_nothing_changes() -> None:
+    settings = OneStage()
+    assert stated(settings=settings) == (TRUCK, settings)
+
+
+def test_numbers_of_the_vehicle() -> None:
+    vehicle, settings = stated("semitrailer.mass=33.6 t +- 0.5 %", "fifth_wheel.height=+- 1 cm", "tractor.mass=7.3 t")
+    assert (vehicle.unit("semitrailer").mass, vehicle.unit("tractor").mass) == (33600.0, 7300.0)
+    assert vehicle.stated == {"semitrailer.mass": pytest.approx(168.0), "fifth_wheel.height": pytest.approx(0.01)}
+    assert settings == OneStage()
+
+
+def test_value_and_sigma_may_be_two_statements() -> None:
+    assert stated("semitrailer.mass=+- 0.5 %", "semitrailer.mass=33.6 t") == stated("semitrailer.mass=33.6 t +- 0.5 %")
+    assert stated("tractor.mass=7.3 t", "tractor.mass=7300 kg") == stated("tractor.mass=7.3 t")
+
+
+def test_the_end_of_several_paths() -> None:
+    """Each has its own fraction; the fifth wheel without damping has none."""
+    vehicle, _ = stated("roll_damping=+- 20 %")
+    assert set(vehicle.stated) == {f"{path}.roll_damping" for path in ("tractor.front", "tractor.drive", "semitrailer")}
+    assert vehicle.stated["semitrailer.roll_damping"] == pytest.approx(24e3)
+
+
+def test_an_uncertain_number_has_the_stated_sigma() -> None:
+    path = "semitrailer.roll_stiffness"
+    assert prior(path) == pytest.approx((2.7e6, 0.27e6))
+    assert prior(path, f"{path}=2600 kN m/rad +- 100 kN m/rad") == pytest.approx((2.6e6, 0.1e6))
+    assert prior(path, f"{path}=2600 kN m/rad") == pytest.approx((2.6e6, 0.26e6))
+    assert prior(path, f"{path}=exact") is None
+
+
+def test_an_estimated_parameter_has_the_stated_prior() -> None:
+    assert prior(TRAILER, f"{TRAILER}=1300 kN/rad +- 5 %") == pytest.approx((1.3e6, 0.065e6))
+    assert prior(TRAILER, f"{TRAILER}=1300 kN/rad") == pytest.approx((1.3e6, 0.39e6))
+    assert prior(TRAILER, f"{TRAILER}=exact") is None
+
+
+def test_the_prior_of_a_payload_height() -> None:
+    """In m, and at the stated value instead of the start value of the settings."""
+    assert prior(HEIGHT) == (1.4, 0.75)
+    assert prior(HEIGHT, f"{HEIGHT}=2 m +- 0.2 m") == (2.0, 0.2)
+    assert prior(HEIGHT, f"{HEIGHT}=+- 10 %") == pytest.approx((1.23, 0.123))
+    assert prior(HEIGHT, f"{HEIGHT}=2 m") == (2.0, 0.75)
+    vehicle, settings = stated(f"{HEIGHT}=2 m exact")
+    assert (vehicle.parameters()[HEIGHT], settings.fixed, vehicle.stated[HEIGHT]) == (2.0, (HEIGHT,), 0.0)
+
+
+def test_free_parameters_are_estimated_too() -> None:
+    assert prior("tractor.yaw_inertia", "tractor.yaw_inertia=24000 kg m^2 free") == pytest.approx((24e3, 7.2e3))
+    assert prior("tractor.cog", "tractor.cog=free") == (-1.03, 0.5)
+    _, settings = stated("tractor.cog=free", "tractor.front.cornering_stiffness=exact")
+    assert "tractor.cog" in settings.free
+    assert "tractor.front.cornering_stiffness" not in settings.free
+
+
+def test_single_sensors() -> None:
+    assert prior(GAIN, f"{GAIN}=1 +- 2 %") == (1.0, 0.02)
+    assert prior(GAIN, f"{GAIN}=1.03") == (1.03, 0.15)
+    assert prior(DELAY, f"{DELAY}=20 ms +- 5 ms") == pytest.approx((0.02, 0.005))
+    assert prior("yaw_rate.tractor.delay", f"{DELAY}=20 ms +- 5 ms") == (0.0, 0.01)
+    assert prior("yaw_rate.tractor.misalignment", "yaw_rate.tractor.misalignment=exact") is None
+    play = "steer.tractor.front.play"
+    vehicle, settings = stated(f"{play}=0.3 deg +- 0.1 deg")
+    (unknown,) = (u for u in one_stage_unknowns(vehicle, OUTPUTS, settings) if u.name == play)
+    assert unknown.lower == 0.0
+
+
+@pytest.mark.parametrize(("name", "value"), [(GAIN, "1.03"), (DELAY, "20 ms"), ("yaw_rate.tractor.gain", "1.01")])
+def test_an_exact_sensor_error_reaches_the_model(name: str, value: str) -> None:
+    """The logs cannot change it."""
+    found = prior(name, f"{name}={value} exact")
+    assert found is not None
+    assert found[0] == pytest.approx(0.02 if name == DELAY else float(value))
+    assert 0 < found[1] < 1e-6
+
+
+def test_all_sensors_of_a_kind() -> None:
+    _, settings = stated("steer_delay=+- 5 ms", "rate_gain=exact", "misalignment=+- 0.5 deg", "bank=+- 0.01 rad")
+    assert (settings.steer_delay_prior, settings.rate_gain_prior, settings.bank_prior) == (0.005, 0.0, 0.01)
+    assert settings.misalignment_prior == pytest.approx(0.00872665)
+    assert prior("yaw_rate.tractor.gain", "rate_gain=exact") is None
+
+
+def test_a_kind_with_one_sensor_may_have_a_value() -> None:
+    steered = TRUCK.with_logged_steering({"steer.tractor.front"}, "log")
+    _, settings = stated("steer_gain=1.03 +- 2 %", vehicle=steered)
+    assert settings.stated_priors == {GAIN: (1.03, pytest.approx(0.0206))}
+
+
+def test_the_friction_of_the_road() -> None:
+    _, settings = stated("road.friction=0.6 +- 10 %", settings=SATURATING)
+    assert (settings.friction, settings.friction_prior) == (0.6, pytest.approx(0.1))
+    for name, road in ROADS.items():
+        _, settings = stated(f"road.friction={name}", settings=SATURATING)
+        assert (settings.friction, settings.friction_prior) == (road.value, pytest.approx(road.sigma))
+    _, settings = stated("friction=wet exact", settings=SATURATING)
+    assert (settings.friction, settings.fixed) == (0.5, ("road.friction",))
+    assert prior("tyre.shape", "tyre.shape=+- 5 %", settings=SATURATING) == pytest.approx((1.1, 0.055))
+
+
+def test_errors_of_the_model() -> None:
+    linear = OneStage(tyres="linear")
+    _, settings = stated("gyro_delay=+- 5 ms", "vehicle_file=+- 50 %", "softening=exact", settings=linear)
+    assert (settings.consider["gyro_delay"], settings.consider["vehicle_file"]) == (0.005, 0.5)
+    assert "softening" not in settings.consider
+    _, settings = stated("stiffness_variation=+- 3 %", "discrepancy=+- 0.02", "time_base=exact")
+    assert (settings.consider["stiffness_variation"], settings.consider["discrepancy"]) == (0.03, 0.02)
+    assert "time_base" not in settings.consider
+
+
+def test_any_load_is_stated_of_the_laden_body() -> None:
+    body = "semitrailer.sprung.cog_height"
+    vehicle, settings = stated(f"{body}=2.1 m +- 10 %", settings=OneStage(uniform_payload=False))
+    assert vehicle.parameters()[body] == 2.1
+    assert settings.priors == {body: pytest.approx(0.1)}
+
+
+def test_two_stages_take_values_and_exact_numbers() -> None:
+    vehicle, settings = stated("tractor.mass=7.3 t", "payload.height=exact", settings=TwoStage())
+    assert vehicle.unit("tractor").mass == 7300.0
+    assert settings.fixed == (HEIGHT,)
+
+
+LINEAR: dict[str, str] = {
+    "mass": "expected NAME=",
+    "tractor.mass=": "expected NAME=",
+    "tractor.mass=+-": "expected a standard deviation behind",
+    "tractor.mass=7 t +- 1 % exact": "keep only one",
+    "roll_stifness=+- 5 %": "no such parameter.*did you mean 'roll_stiffness'",
+    "tractor.mas=+- 5 %": "no such parameter.*did you mean 'tractor.mass'",
+    "yaw_inertia=24000 kg m^2": "fits tractor.yaw_inertia, semitrailer.yaw_inertia; give the whole path",
+    "tractor.mass=7 m": "expected kg .* got 'm'; give the value in kg",
+    "tractor.mass=7200": "expected a number with a unit.*add its unit",
+    "tractor.mass=-7 t": r"tractor\.mass: expected a number > 0",
+    "tractor.mass=+- -5 %": "0 or more, got .*; give its magnitude",
+    "tractor.mass=+- 5": "expected a unit.*write '\\+- 5 kg'",
+    "tractor.mass=+- 5 s": "expected kg .* got 's'",
+    "fifth_wheel.roll_damping=+- 10 %": "percent of 0 is 0",
+    "yaw_rate.tractor.colour=exact": "has no error 'colour'; available: offset",
+    "yaw_rate.trailer.gain=exact": "trailer: no such unit.*did you mean 'semitrailer'",
+    "steer.tractor.rear.gain=exact": "no steer angle of cheng.*did you mean 'steer.tractor.front'",
+    "roll.tractor.offset=exact": "expected a signal that is compared with the model",
+    "yaw_rate.tractor.gain=free": "is estimated already",
+    "steer.tractor.front.play=-1 deg exact": "expected 0 or more",
+    "steer_delay=+- 5 %": "percent of 0 is 0",
+    "steer_delay=+- 5 deg": "expected s .* got 'deg'",
+    "steer_gain=1.03 +- 2 %": "all sensors have it; name one, such as steer.tractor.front.gain",
+    "steer_delay=free": "expected a standard deviation above 0",
+    "bank=exact": "expected a standard deviation above 0",
+    "vehicle_file=2": "expected a standard deviation",
+    "gyro_delay=free": "expected a standard deviation",
+    "road.friction=wet": "linear tyres have no friction.*--tyres saturating",
+    "tyre.shape=+- 5 %": "linear tyres have no such parameter",
+}
+OF_SATURATING_TYRES = {
+    "road.friction=dusty": "expected a number or one of dry, wet, snow, ice, unknown, got 'dusty'",
+    "road.friction=7": "friction: expected between 0.05 and 6, got 7",
+    "tyre.shape=1.2": "state only its sigma",
+    "tyre.shape=free": "is no number of a vehicle file",
+    "softening=+- 50 %": "saturating tyres soften by their law.*--tyres linear",
+}
+OF_TWO_STAGES = ("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", f"{HEIGHT}=2 m", "steer_delay=+- 5 ms", f"{GAIN}=1")
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "settings"),
+    [
+        *[(text, message, OneStage(tyres="linear")) for text, message in LINEAR.items()],
+        *[(text, message, OneStage()) for text, message in OF_SATURATING_TYRES.items()],
+        *[(text, message, SATURATING) for text, message in OF_SATURATING_TYRES.items()],
+        *[(text, "needs --method one-stage", TwoStage()) for text in OF_TWO_STAGES],
+    ],
+)
+def test_what_cannot_be_used_is_refused(text: str, message: str, settings: CommonSettings) -> None:
+    with pytest.raises(FifthwheelError, match=message) as refused:
+        stated(text, settings=settings)
+    assert text.partition("=")[0].rpartition(".")[2] in str(refused.value), "the message names the key"
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        ("tractor.mass=7 t", "tractor.mass=7.1 t"),
+        ("tractor.mass=exact", "tractor.mass=+- 1 %"),
+        ("yaw_inertia=exact", "tractor.yaw_inertia=free"),
+        (f"{GAIN}=1 +- 1 %", f"{GAIN}=1 +- 2 %"),
+        ("steer_delay=+- 1 ms", "steer_delay=+- 2 ms"),
+    ],
+)
+def test_statements_that_disagree_are_refused(pair: tuple[str, str]) -> None:
+    with pytest.raises(FifthwheelError, match=r"expected one statement, got .*; remove one"):
+        stated(*pair)
+
+
+def test_the_factor_of_the_vehicle_file_does_not_change_a_stated_sigma() -> None:
+    with pytest.raises(FifthwheelError, match=r"also scale the stated sigma of tractor\.mass"):
+        stated("vehicle_file=+- 50 %", "tractor.mass=+- 1 %")
+    stated("vehicle_file=+- 50 %", "roll_stiffness=+- 5 %", "tractor.mass=exact")
+
+
+def test_numbers_of_a_calibrated_suspension_are_not_stated_again() -> None:
+    path, chosen = "semitrailer.roll_stiffness", OneStage()
+    with pytest.raises(FifthwheelError, match="identification of the suspension; remove --suspension-from"):
+        apply_statements(TRUCK, chosen, [parse_statement(f"{path}=+- 5 %")], given=[path])
+    _, settings = apply_statements(TRUCK, chosen, [parse_statement(f"{path}=exact")], given=[path])
+    assert settings.fixed == (path,)
+
+
+def test_a_sensor_that_no_log_has_is_refused() -> None:
+    record = Record(time=[0.0, 1.0], signals={"speed": [20.0, 20.0], "yaw_rate.tractor": [0.0, 0.1]})
+    _, settings = stated(f"{DELAY}=20 ms", f"{HEIGHT}=2 m", "tractor.cog=free")
+    with pytest.raises(FifthwheelError, match=r"semitrailer\.delay: expected .*they have yaw_rate\.tractor; map"):
+        require_signals(settings, record)
+    _, settings = stated("yaw_rate.tractor.delay=20 ms", f"{HEIGHT}=2 m", "tractor.cog=free")
+    require_signals(settings, record)
+    require_signals(TwoStage(), record)
+
+
+def test_the_options_that_it_replaces() -> None:
+    chosen = IdentifyOptions(
+        fix=(HEIGHT,), free=("tractor.yaw_inertia",), prior=("relaxation_length=20%", "roll_damping=0"),
+        consider=("roll_stiffness=5%", "gyro_delay=0.002", "vehicle_file=2"), sensor=("steer_delay=5ms",),
+        friction=0.3, tyres="saturating",
+    )  # fmt: skip
+    texts = [
+        f"{HEIGHT}=exact", "tractor.yaw_inertia=free", "relaxation_length=+- 20 %", "roll_damping=exact",
+        "roll_stiffness=+- 5 %", "gyro_delay=+- 0.002 s", "vehicle_file=+- 200 %", "steer_delay=+- 0.005 s",
+        "road.friction=0.3",
+    ]  # fmt: skip
+    assert list(map(str, replaced_statements(chosen))) == texts
+    same = IdentifyOptions(statements=tuple(texts), tyres="saturating")
+    assert chosen_one_stage(TRUCK, same) == chosen_one_stage(TRUCK, chosen)
+    article = IdentifyOptions(method="article", statements=(f"{HEIGHT}=exact",))
+    assert identification_settings(TRUCK, article)[1].fixed == (HEIGHT,)
+
+
+def test_identify_uses_what_is_stated(run: Any) -> None:
+    """Values and sigmas of the result, and its settings in the file that it writes."""
+    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
+    path = "semitrailer.roll_axis_height"
+
+    def identified(*texts: str) -> Any:
+        outcome = run("identify", log, "-v", truck, "--json", *[f"--set={text}" for text in texts])
+        assert (outcome.code, outcome.err) == (0, "")
+        result = outcome.json()
+        rows = {row["name"]: row for key in ("parameters", "sensors", "uncertain") for row in result[key]}
+        return rows, result["settings"]
+
+    default, _ = identified()
+    rows, settings = identified(f"{path}=exact", f"{GAIN}=1.03 exact", f"{TRAILER}=exact", "steer_delay=+- 1 ms")
+    assert rows[HEIGHT]["sigma"] < 0.95 * default[HEIGHT]["sigma"]
+    assert abs(rows[GAIN]["value"] - 1.03) < 1e-6
+    assert rows[GAIN]["sigma"] < 1e-6 < default[GAIN]["sigma"]
+    front = "tractor.front.cornering_stiffness"
+    assert rows[front]["value"] < default[front]["value"], "the wheels turn further than the log says"
+    assert (rows[TRAILER]["verdict"], rows[TRAILER]["sigma"]) == ("fixed", None)
+    assert rows["steer.tractor.front.delay"]["sigma"] < 1.001e-3
+    assert settings["stated_priors"] == {GAIN: [1.03, 0.0]}
+    rows, _ = identified("semitrailer.roll_stiffness=2500 kN m/rad +- 1 %", f"{HEIGHT}=1.5 m +- 0.3 m")
+    assert rows["semitrailer.roll_stiffness"]["initial"] == 2.5e6
+    assert rows["semitrailer.roll_stiffness"]["sigma"] < 0.0101 * 2.5e6
+    assert rows[HEIGHT]["prior"] == 0.3
+
+
+def test_identify_and_check_refuse(run: Any) -> None:
+    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
+    for command in ("identify", "check"):
+        outcome = run(command, log, "-v", truck, "--set", "articulation.semitrailer.offset=exact")
+        assert outcome.code == 2
+        assert "--set articulation.semitrailer.offset: expected a sensor of the logs" in outcome.err
+        outcome = run(command, log, "-v", truck, "--set", "tractor.mas=exact")
+        assert "did you mean 'tractor.mass'" in outcome.err
+
+
+def test_a_replaced_option_names_its_statement(run: Any) -> None:
+    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
+    old = ("--fix", HEIGHT, "--consider", "roll_stiffness=5%", "--sensor", "steer_delay=5ms")
+    outcome = run("check", log, "-v", truck, "--json", *old)
+    assert outcome.code == 0
+    (line,) = outcome.err.splitlines()
+    assert line == (
+        "warning: --fix, --consider, --sensor: replaced by --set, give "
+        f"--set {HEIGHT}=exact --set 'roll_stiffness=+- 5 %' --set 'steer_delay=+- 0.005 s'"
+    )
+    new = (f"--set={HEIGHT}=exact", "--set=roll_stiffness=+- 5 %", "--set=steer_delay=+- 5 ms")
+    assert run("check", log, "-v", truck, "--json", *new).json() == outcome.json()
