@@ -59,7 +59,8 @@ class Posterior:
         P = np.asarray(np.linalg.inv(W + H))
         widening = model_error_factors(P, W, M)
         covariance = P * np.outer(widening, widening)
-        scatter = np.maximum(np.diag(P @ (H @ H + M) @ P), 1 - np.diag(P))
+        gains = np.eye(len(H)) - P @ W  # P H, of which the product would lose its digits
+        scatter = np.maximum(np.diag(gains @ gains.T + P @ M @ P), 1 - np.diag(P))
         return cls(
             names=tuple(names),
             information=information,
