@@ -10,7 +10,7 @@ from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.estimator import identify_one_stage
 from fifthwheel.identify.result import Identification
-from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.settings import MODEL_ERRORS, OneStage
 from fifthwheel.identify.unknowns.parameters import given_parameters
 from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
@@ -31,6 +31,7 @@ def estimate_sensor_errors(
     friction: float | None = None,
     *,
     exact_friction: bool = False,
+    bank_variation: float = MODEL_ERRORS["bank_variation"],
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
 
@@ -45,6 +46,7 @@ def estimate_sensor_errors(
         friction: prior median of the peak friction of the road, at which tyres saturate; None: linear tyres. It is
             estimated too, because another log may be of another road.
         exact_friction: whether the friction is known instead.
+        bank_variation: standard deviation of the bank within the log about its mean, rad.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
@@ -52,11 +54,12 @@ def estimate_sensor_errors(
     Raises:
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
-    settings = OneStage(free=(), priors={}, consider={}, tyres="linear", check=False)
+    consider = {"bank_variation": bank_variation} if bank_variation else {}
+    settings = OneStage(free=(), priors={}, consider=consider, tyres="linear", check=False)
     if friction is not None:
         exact = (FRICTION,) if exact_friction else ()
         settings = replace(settings, tyres="saturating", friction=friction, friction_prior=OTHER_ROAD, fixed=exact)
-        settings = replace(settings, consider=_known_within(vehicle, known, settings) if known else {})
+        settings = replace(settings, consider=consider | (_known_within(vehicle, known, settings) if known else {}))
     identification = identify_one_stage([record], vehicle, settings)
     estimated, sensors = identification.sensor_settings(record.name), identification.uncertainty(record.name)
     if known is None or sensors is None:
@@ -104,10 +107,13 @@ def log_sensors(
     if exact and uncertainty is not None:
         uncertainty = uncertainty.among([name for name in uncertainty.names if name != FRICTION])
     friction = friction if exact else identification.friction
+    variation = getattr(identification.settings, "consider", MODEL_ERRORS).get("bank_variation", 0.0)
     if record.name not in {log.name for log in identification.logs}:
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:
-            estimated = estimate_sensor_errors(record, vehicle, uncertainty, friction, exact_friction=exact)
+            estimated = estimate_sensor_errors(
+                record, vehicle, uncertainty, friction, exact_friction=exact, bank_variation=variation
+            )
             return LogSensors(*estimated, f"{note}estimated from the log itself")
         except SignalError as error:
             note += f"unknown, and sigma includes their prior ({error})"

@@ -103,13 +103,17 @@ MODEL_ERRORS: Mapping[str, float] = {
     "stiffness_variation": 0.025,
     "time_base": 0.002,
     "discrepancy": 0.015,
+    "bank_variation": 0.008,
 }
 """What a model lacks, in groups: the standard deviations of masses and lengths in the vehicle file, as a multiple of
 those that the file states or implies (`vehicle.uncertainty`); the softening of linear tyres with the slip angle, as a
 multiple of the typical one (`parameters.softening`); the latency of each gyro, s; the variation of a cornering
 stiffness from log to log, with temperature and pressure of the tyres, as a fraction; the rate of the time base, because
 timestamps are sometimes made from a nominal sampling rate; the least discrepancy of a free-running model
-(`noise_model`), as a fraction of each signal."""
+(`noise_model`), as a fraction of each signal; the difference of the bank from its estimate within a log, rad, which
+includes side wind and the pull of tyres and misaligned axles."""
+MODEL_ERROR_UNITS: Mapping[str, str] = {"gyro_delay": "s", "bank_variation": "rad"}
+"""SI units of those model errors that are no fraction."""
 
 DEFAULT_CONSIDERED: Mapping[str, float] = {
     **MODEL_ERRORS,

@@ -7,7 +7,7 @@ from typing import Any
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage
-from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.settings import MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.identify.suspension import independent_of_load, with_suspension
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.settings import options_of
@@ -90,12 +90,11 @@ def replaced_statements(chosen: IdentifyOptions) -> tuple[Statement, ...]:
 
 
 def _relative(name: str, sigma: float) -> Statement:
-    """A standard deviation as a fraction, that of `gyro_delay` in s; 0 for exact."""
+    """A standard deviation as a fraction, or in the unit of the model error; 0 for exact."""
     if not sigma:
         return Statement(name=name, kind="exact")
-    return Statement(
-        name=name, sigma=f"{sigma:.12g} s" if name == "gyro_delay" else f"{100 * sigma:.12g} %", kind="sigma"
-    )
+    unit = MODEL_ERROR_UNITS.get(name)
+    return Statement(name=name, sigma=f"{sigma:.12g} {unit}" if unit else f"{100 * sigma:.12g} %", kind="sigma")
 
 
 def _with_sigma(name: str, text: str) -> Statement:
@@ -151,10 +150,12 @@ def fractions(option: str, texts: Iterable[str]) -> dict[str, float]:
 
 
 def _considered(texts: Iterable[str]) -> dict[str, float]:
-    """ "name=fraction" as name: fraction; for model errors a factor, or a latency in s."""
+    """ "name=fraction" as name: fraction; for model errors a factor, or a number with a unit."""
 
     def sigma(name: str, text: str) -> float:
-        return quantity(text, "s") if name == "gyro_delay" else _fraction(text, 100 if name in MODEL_ERRORS else 1)
+        if unit := MODEL_ERROR_UNITS.get(name):
+            return quantity(text, unit)
+        return _fraction(text, 100 if name in MODEL_ERRORS else 1)
 
     return named_values("--consider", texts, _FRACTION, sigma)
 

@@ -23,7 +23,7 @@ from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.one_stage.estimator import with_tyre_law
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import (
     GYROS,
     estimated_parameters,
@@ -132,7 +132,7 @@ def _apply_to_one_stage(
     result = _Result(vehicle, settings)
     for name, together in _by_target(statements, lambda s: _targets(vehicle, settings, s)).items():
         if name in MODEL_ERRORS:
-            result.set_model_error(_resolved(name, "s" if name == "gyro_delay" else "1", 0.0, together))
+            result.set_model_error(_resolved(name, MODEL_ERROR_UNITS.get(name, "1"), 0.0, together))
         elif name in SENSOR_PRIORS:
             mean = 1.0 if name.endswith("_gain") else 0.0
             result.set_sensors(_resolved(name, SENSOR_PRIORS[name], mean, together))
@@ -479,7 +479,7 @@ def _sigma(statement: Statement, si: str, value: float) -> float:
     """The stated standard deviation, SI."""
     if statement.kind in ("exact", "free"):
         return 0.0 if statement.kind == "exact" else _WIDE
-    fraction = statement.name in {*MODEL_ERRORS} - {"gyro_delay"} and statement.sigma.endswith("%")
+    fraction = statement.name in {*MODEL_ERRORS} - {*MODEL_ERROR_UNITS} and statement.sigma.endswith("%")
     base = "1" if fraction else f"{value!r} {si}" if si != "1" else repr(value)
     try:
         return float(uncertain_quantity(f"{base} +- {statement.sigma}", si, strict=True)[1] or 0.0)

@@ -143,7 +143,8 @@ def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterio
     """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
 
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
-    "name@", have their prior. A change of the vehicle file contributes to every parameter that it alters.
+    "name@", have their prior. A change of the vehicle file contributes to every parameter that it alters. The bank
+    varies within a log.
     """
     known = dynamics.all_parameters(problem.vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
     banked = problem.model.bank and problem.output_error
@@ -164,6 +165,8 @@ def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterio
     others |= {BANK: problem.settings.bank_prior} if banked else {}
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ posterior.covariance @ map_to_si.T
+    variation = problem.settings.consider.get("bank_variation", 0.0)
+    of_logs += np.diag([variation**2 if name.startswith(f"{BANK}@") else 0.0 for name in rows])
     k = len(rows)
     covariance = np.diag([*[0.0] * k, *[sigma**2 for sigma in others.values()]])
     covariance[:k, :k] = (of_logs + of_logs.T) / 2

@@ -1,5 +1,6 @@
 """What an observer takes from an identification: sensor errors, noise, and friction and bank of the road."""
 
+import math
 from typing import Any
 
 from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
@@ -46,7 +47,9 @@ def _uncertainties(identification: IdentificationData, log: str | None) -> dict[
     if not settings.nuisances:
         return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
     prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
-    mean, bank = next((each.bank for each in identification.logs if each.name == log and each.bank), (0.0, prior))
+    estimates = [each.bank for each in identification.logs if each.name == log and each.bank]
+    variation = getattr(settings, "consider", {}).get("bank_variation", 0.0)
+    mean, bank = (estimates[0][0], math.hypot(estimates[0][1], variation)) if estimates else (0.0, prior)
     own = [error for error in identification.sensors if error.log is not None and error.log == log]
 
     def offset(channel: Channel, prior: float) -> float:
