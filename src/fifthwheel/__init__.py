@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fifthwheel import plot as plot
     from fifthwheel.assess import Assessment as Assessment
     from fifthwheel.assess import Body as Body
+    from fifthwheel.channels.sensors import Sensor as Sensor
     from fifthwheel.cheng_cebon_2011 import TwoStage as TwoStage
     from fifthwheel.cheng_cebon_2011 import article as article
     from fifthwheel.dynamics import LinearSystem as LinearSystem
@@ -71,6 +72,7 @@ imported_at = time.time()
 _NAMES = {
     "": ("assess", "fleet", "identify", "plot", "simulate", "vehicle"),
     "assess": ("Assessment", "Body"),
+    "channels.sensors": ("Sensor",),
     "cheng_cebon_2011": ("TwoStage", "article"),
     "dynamics": ("LinearSystem", "linear_system"),
     "dynamics.summary": ("summarize",),

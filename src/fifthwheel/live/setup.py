@@ -147,7 +147,13 @@ def _node(
     extra = (chosen.trailer_signal,) if chosen.trailer_signal else ()
     if chosen.learn:
         learning = make_learning(
-            vehicle, complete.signals, path=chosen.state, trailer=chosen.trailer, locks=chosen.lock, tyres=chosen.tyres
+            vehicle,
+            complete.signals,
+            path=chosen.state,
+            trailer=chosen.trailer,
+            locks=chosen.lock,
+            tyres=chosen.tyres,
+            sensors=complete.sensors,
         )
         return make_node(complete, learning, extra=extra), learning, learning.learner.reported
     identification = Identification.load(chosen.identification) if chosen.identification else None
