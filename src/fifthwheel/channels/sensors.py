@@ -32,18 +32,16 @@ class SensorClass:
 
     def sigma(self, signal: str, kind: str) -> float | None:
         """The prior standard deviation of an error of a signal, SI; None where the class does not say."""
-        sigma: float | None = (
-            getattr(self, kind, None) if kind != "offset" else self.offset[SignalName.of(signal).quantity]
-        )
-        return sigma
+        sigmas = {"gain": self.gain, "delay": self.delay, "misalignment": self.misalignment, "play": self.play}
+        return self.offset.get(SignalName.of(signal).quantity) if kind == "offset" else sigmas.get(kind)
 
 
 SENSOR_CLASSES: Mapping[str, SensorClass] = {
     # Ratio of the steering gear over its travel, and wind-up of the column: 3 to 5 %, 50 ms. Play of a sound gear and
     # linkage: 0.2 deg at the wheels. Offset: the steering wheel straightened by eye, 10 deg of its angle.
     "steering wheel": SensorClass(gain=0.04, delay=0.05, play=radians(0.2), offset={"steer": 0.01}),
-    # A sensor on the kingpin measures behind gear and play; toe and the mean of both wheels remain: 1 to 2 %. Delay: the
-    # filter of the sensor and a CAN cycle.
+    # A sensor on the kingpin measures behind gear and play; toe and the mean of both wheels remain: 1 to 2 %. Delay:
+    # the filter of the sensor and a CAN cycle.
     "wheel angle": SensorClass(gain=0.015, delay=0.02, play=0.0, offset={"steer": 0.005}),
     # The gyro of the stability control on SAE J1939, PGN 61449: gain 2 to 3 %, latency of filter, control unit and
     # cycle 20 to 30 ms. Its noise is that of the article's gyros. The other numbers are the defaults of one stage.
@@ -137,9 +135,7 @@ class Sensor(Settings):
             if key not in known:
                 cure = f"remove {key}" if key in ("misalignment", "play", "noise") else f"remove the '+-' of its {key}"
                 expected = f"expected {', '.join(known)}" if known else "no error of this signal is estimated"
-                raise SignalError(
-                    f"{signal}: {key}: an identification does not use its uncertainty, {expected}; {cure}"
-                )
+                raise SignalError(f"{signal}: {key}: no identification uses its uncertainty, {expected}; {cure}")
         if self.errors.get("play", (0.0, None))[0] < 0:
             raise SignalError(f"{signal}: play: expected 0 or more; give its magnitude")
         quantity = SignalName.of(signal).quantity
