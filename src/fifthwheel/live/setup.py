@@ -51,6 +51,8 @@ def opened(
     truck, signal_map = read_vehicle(vehicle), SignalMap.load(signals, allow_outside=allow_outside)
     if chosen.replay is not None and not chosen.replay.is_file():
         raise FifthwheelError(f"{chosen.replay}: no such file; check the path")
+    if not chosen.learn and signal_map.sensors:
+        say(f"What is stated of the sensors of {', '.join(signal_map.sensors)} is used with --learn only.")
     recorded = Path(datetime.now().strftime(str(chosen.record))) if chosen.record else None
     with reserved(recorded, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
         session = _session(chosen, observer, truck, signal_map, recorded, say)
