@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from fifthwheel import plot as plot
     from fifthwheel.assess import Assessment as Assessment
     from fifthwheel.assess import Body as Body
-    from fifthwheel.channels.sensors import Sensor as Sensor
     from fifthwheel.cheng_cebon_2011 import TwoStage as TwoStage
     from fifthwheel.cheng_cebon_2011 import article as article
     from fifthwheel.dynamics import LinearSystem as LinearSystem
@@ -54,6 +53,7 @@ if TYPE_CHECKING:
     from fifthwheel.observe import Uncertainty as Uncertainty
     from fifthwheel.plots import Plot as Plot
     from fifthwheel.record import Record as Record
+    from fifthwheel.record import Sensor as Sensor
     from fifthwheel.report import write_report as write_report
     from fifthwheel.studies import Estimates as Estimates
     from fifthwheel.studies import Estimator as Estimator
@@ -72,7 +72,6 @@ imported_at = time.time()
 _NAMES = {
     "": ("assess", "fleet", "identify", "plot", "simulate", "vehicle"),
     "assess": ("Assessment", "Body"),
-    "channels.sensors": ("Sensor",),
     "cheng_cebon_2011": ("TwoStage", "article"),
     "dynamics": ("LinearSystem", "linear_system"),
     "dynamics.summary": ("summarize",),
@@ -84,7 +83,7 @@ _NAMES = {
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),
     "plots": ("Plot",),
-    "record": ("Record",),
+    "record": ("Record", "Sensor"),
     "report": ("write_report",),
     "studies": ("Estimates", "Estimator", "SimulatedRun", "StateEstimator", "StatesOf", "exact_guess", "study"),
     "time_bases": ("check_record",),
