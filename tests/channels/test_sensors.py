@@ -15,6 +15,8 @@ from fifthwheel.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.channels.sensors import SENSOR_CLASSES
 from fifthwheel.identify.sensor_priors import common_sensors, with_sensors
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
+from fifthwheel.workflow.identification import design_run
+from fifthwheel.workflow.states import run_states
 
 STEER_ANGLE, YAW = "steer.tractor.front", "yaw_rate.tractor"
 MAP = """
@@ -116,11 +118,19 @@ def test_forms_of_a_statement(keys: str, errors: dict[str, tuple[float, float | 
         (STEER_ANGLE, 'sensor = "mems"', "sensor: expected a class of steer, got 'mems'; available: steering wheel, w"),
         (YAW, 'sensor = "mem"', "sensor: expected a class of yaw_rate, got 'mem'; did you mean 'mems'"),
         (YAW, 'noise = "0 deg/s"', "noise: expected a finite number above 0"),
-        (YAW, 'noise = "1 deg/s +- 1 deg/s"', "noise: .*; give one standard deviation"),
+        (YAW, 'noise = "1 deg/s +- 1 deg/s"', "noise: expected one standard deviation, without"),
         (YAW, 'delay = "+- 5 %"', "delay: .*percent of 0 is 0"),
         (YAW, 'delay = "1 ms +- 5"', "delay: .*write '\\+- 5 ms'"),
-        (f"reference.{YAW}", 'sensor = "mems"', "reference, yaw_rate.tractor: mems: .* remove sensor"),
-        (f"reference.{YAW}", 'gain = "1 +- 2 %"', r"reference, yaw_rate.tractor: .*no estimation uses"),
+        (
+            f"reference.{YAW}",
+            'sensor = "mems"',
+            "reference.yaw_rate.tractor: sensor: .* no class has this quantity; remove it",
+        ),
+        (
+            f"reference.{YAW}",
+            'gain = "1 +- 2 %"',
+            r"reference.yaw_rate.tractor: gain: .* no error of this signal is estimated; remove",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused(signal: str, keys: str, message: str) -> None:
@@ -137,7 +147,7 @@ def test_a_class_states_every_error_of_its_quantities(name: str) -> None:
         sensor.require_fits(signal)
         kinds = {kind for kind in error_kinds(signal) if sensor.usual_sigma(signal, kind) is not None}
         assert kinds == {*error_kinds(signal)} - {"position", "height"}
-        assert (sensor.noise_of(signal) is None) == (quantity == "steer")
+        assert (sensor.usual_sigma(signal, "noise") is None) == (quantity == "steer")
 
 
 def test_priority(truck: fw.Vehicle) -> None:
@@ -230,6 +240,20 @@ def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
     stated = stating(record, {STEER_ANGLE: fw.Sensor(sensor_class="wheel angle")})
     (with_class,), (without,) = (fw.assess_information([r], truck, settings).parameters for r in (stated, record))
     assert with_class.sigma < 0.97 * without.sigma
+
+
+def test_states_without_an_identification_note_that_they_do_not_use_them(record: fw.Record, truck: fw.Vehicle) -> None:
+    assert run_states([stating(record, {YAW: GYRO})], truck).notes == (
+        "What is stated of the sensors of yaw_rate.tractor is used with --identification only.",
+    )
+    assert run_states([record], truck).notes == ()
+
+
+def test_a_design_has_them(truck: fw.Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[fw.OneStage] = []
+    monkeypatch.setattr("fifthwheel.identify.design.design_experiment", lambda *a, **_: seen.append(a[2]))
+    design_run(truck, sensors={YAW: GYRO})
+    assert seen[0].stated_priors[f"{YAW}.gain"] == (1.0, 0.002)
 
 
 def test_two_stages_note_that_they_do_not_use_them(record: fw.Record, truck: fw.Vehicle) -> None:

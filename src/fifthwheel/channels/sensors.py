@@ -31,9 +31,9 @@ class SensorClass:
     """Standard deviation of the noise by quantity, in a driving truck: its vibration is part of it."""
 
     def sigma(self, signal: str, kind: str) -> float | None:
-        """The prior standard deviation of an error of a signal, SI; None where the class does not say."""
-        sigmas = {"gain": self.gain, "delay": self.delay, "misalignment": self.misalignment, "play": self.play}
-        return self.offset.get(SignalName.of(signal).quantity) if kind == "offset" else sigmas.get(kind)
+        """The standard deviation of an error or of the noise of a signal, SI; None where the class does not say."""
+        found = getattr(self, kind, None)
+        return found.get(SignalName.of(signal).quantity) if isinstance(found, Mapping) else found
 
 
 SENSOR_CLASSES: Mapping[str, SensorClass] = {
@@ -145,11 +145,6 @@ class Sensor(Settings):
             raise SignalError(f"{signal}: sensor: expected a class of {quantity}, got {self.sensor_class!r}; {cure}")
 
     def usual_sigma(self, signal: str, kind: str) -> float | None:
-        """The standard deviation of an error by the class, SI; None where there is none."""
+        """The standard deviation of an error or of the noise by the class, SI; None where there is none."""
         known = SENSOR_CLASSES.get(self.sensor_class)
         return known.sigma(signal, kind) if known else None
-
-    def noise_of(self, signal: str) -> float | None:
-        """Standard deviation of the noise as stated, else by the class, SI; None where there is none."""
-        known = SENSOR_CLASSES.get(self.sensor_class)
-        return known.noise.get(SignalName.of(signal).quantity) if self.noise is None and known else self.noise

@@ -51,6 +51,6 @@ def with_sensors(vehicle: Vehicle, settings: OneStage, sensors: Mapping[str, Sen
                 mean, sigma = sensor.errors.get(kind, (default[0], None))
                 usual = default[1] if usual is None else usual
                 priors[name] = mean, usual if sigma is None else sigma
-        if deviation := sensor.noise_of(signal):
+        if deviation := sensor.noise or sensor.usual_sigma(signal, "noise"):
             noise[signal] = deviation**2
     return replace(settings, stated_priors={**priors, **settings.stated_priors}, noise={**noise, **settings.noise})

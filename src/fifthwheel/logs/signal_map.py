@@ -175,14 +175,14 @@ class SignalSource(BaseModel):
             SignalError: a text is not a quantity with its standard deviation.
         """
         errors: dict[str, tuple[float, float | None]] = {}
-        for kind, text in {**self._uncertain, "misalignment": self.misalignment, "play": self.play}.items():
-            if text is None:
-                continue
+        others = {"misalignment": self.misalignment, "play": self.play, "noise": self.noise}
+        for kind, text in (self._uncertain | {k: v for k, v in others.items() if v is not None}).items():
             si = SensorErrorName(signal, kind).unit or "1"
-            if isinstance(text, str) and not split_statement(text)[0]:
-                text = f"{_CORRECTED.get(kind, '0')} {si} {text}"
+            without_value = isinstance(text, str) and not split_statement(text)[0]
             try:
-                value, sigma = uncertain_quantity(text, si, strict=kind == "gain")
+                value, sigma = uncertain_quantity(
+                    f"{_CORRECTED.get(kind, 0)} {si} {text}" if without_value else text, si, strict=kind == "gain"
+                )
             except SignalError as error:
                 raise SignalError(f"{kind}: {error}") from None
             if kind == "gain":
@@ -190,10 +190,9 @@ class SignalSource(BaseModel):
                     raise SignalError("gain: expected another number than 0; give the factor of the column")
                 value, sigma = 1.0, (sigma or 0.0) / abs(value)
             errors[kind] = (0.0 if kind in ("offset", "delay") else value), sigma
-        try:
-            noise = None if self.noise is None else quantity(self.noise, si_unit(signal) or "1")
-        except SignalError as error:
-            raise SignalError(f"noise: {error}; give one standard deviation") from None
+        noise, of_noise = errors.pop("noise", (None, None))
+        if of_noise is not None:
+            raise SignalError("noise: expected one standard deviation, without '+-'; remove it")
         return Sensor(sensor_class=self.sensor, errors=errors, noise=noise)
 
     @property
@@ -250,13 +249,7 @@ class SignalMap(BaseModel):
                 stated = channel.stated(name)
             except SignalError as error:
                 raise SignalError(f"{name}: {error}") from error
-            if self.signals.get(name) is channel:
-                stated.require_fits(name)
-            elif stated != Sensor():
-                raise SignalError(
-                    f"reference, {name}: {stated}: no uncertainty expected, no estimation uses a reference signal; "
-                    "remove sensor, misalignment, play, noise and '+-'"
-                )
+            stated.require_fits(name if self.signals.get(name) is channel else f"{REFERENCE}{name}")
         return self
 
     @property
