@@ -15,6 +15,7 @@ from fifthwheel.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.channels.sensors import SENSOR_CLASSES
 from fifthwheel.identify.sensor_priors import common_sensors, with_sensors
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
+from fifthwheel.units import quantity
 from fifthwheel.workflow.identification import design_run
 from fifthwheel.workflow.states import run_states
 
@@ -141,13 +142,13 @@ def test_what_cannot_be_used_is_refused(signal: str, keys: str, message: str) ->
 @pytest.mark.parametrize("name", SENSOR_CLASSES)
 def test_a_class_states_every_error_of_its_quantities(name: str) -> None:
     sensor = fw.Sensor(sensor_class=name)
-    for quantity in SENSOR_CLASSES[name].offset:
-        signal = f"{quantity}.tractor"
-        assert CHANNELS[quantity] in (STEER, *IDENTIFIED)
+    for channel in SENSOR_CLASSES[name].offset:
+        signal = f"{channel}.tractor"
+        assert CHANNELS[channel] in (STEER, *IDENTIFIED)
         sensor.require_fits(signal)
         kinds = {kind for kind in error_kinds(signal) if sensor.usual_sigma(signal, kind) is not None}
         assert kinds == {*error_kinds(signal)} - {"position", "height"}
-        assert (sensor.usual_sigma(signal, "noise") is None) == (quantity == "steer")
+        assert (sensor.usual_sigma(signal, "noise") is None) == (channel == "steer")
 
 
 def test_priority(truck: fw.Vehicle) -> None:
@@ -202,7 +203,7 @@ def test_a_damaged_statement_in_a_file_is_refused(record: fw.Record, tmp_path: P
     table = pq.read_table(tmp_path / "log.parquet")
     place = table.schema.get_field_index(f"{YAW} [rad/s]")
     field = table.schema.field(place)
-    for damaged in (b"{", b"[]", b'{"noise": -1}', b'{"other": 1}'):
+    for damaged in (b"{", b"[]", b"[" * 100_000, b'{"noise": -1}', b'{"other": 1}'):
         schema = table.schema.set(place, field.with_metadata({**field.metadata, b"sensor": damaged}))
         pq.write_table(table.cast(schema), tmp_path / "damaged.parquet")
         with pytest.raises(fw.SignalError, match=r"tractor: expected the statements on a sensor, .*; write"):
@@ -267,3 +268,19 @@ def test_a_learner_has_them(record: fw.Record, truck: fw.Vehicle) -> None:
     learner.learn(stating(record, {YAW: GYRO}).cut(0, 1))
     with pytest.raises(fw.SignalError, match=r"states sensors \(yaw_rate.semitrailer\)"):
         learner.learn(stating(record, {"yaw_rate.semitrailer": GYRO}).cut(1.5, np.inf))
+
+
+def test_the_table_of_the_documentation_is_that_of_the_code() -> None:
+    def sigmas(cell: str) -> list[float]:
+        units = ((text, "m/s^2" if "m/s" in text else "rad/s" if "/s" in text else "rad") for text in cell.split(", "))
+        return [quantity(text, unit) for text, unit in units if text]
+
+    page = (Path(__file__).parents[2] / "docs" / "signals.md").read_text(encoding="utf-8").replace("²", "^2")
+    for name, known in SENSOR_CLASSES.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
+        gain, delay, misalignment, play, offset, noise = (cell.strip() for cell in row.split("|")[3:9])
+        assert (quantity(gain, "1"), quantity(delay, "s")) == pytest.approx((known.gain, known.delay))
+        assert sigmas(misalignment) == pytest.approx([known.misalignment] if known.misalignment else [])
+        assert sigmas(play) == pytest.approx([known.play] if "steer" in known.offset else [])
+        assert sigmas(noise) == pytest.approx(list(known.noise.values()))
+        assert sorted({*sigmas(offset)}) == pytest.approx(sorted({*known.offset.values()}))

@@ -108,7 +108,7 @@ class Sensor(Settings):
         try:
             fields = json.loads(text)
             return cls(**{**fields, "errors": {kind: tuple(error) for kind, error in fields["errors"].items()}})
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
             raise SignalError(f"expected the statements on a sensor, got {text[:80]!r} ({error})") from None
 
     def dumps(self) -> str:
