@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from fifthwheel.observe import Uncertainty as Uncertainty
     from fifthwheel.plots import Plot as Plot
     from fifthwheel.record import Record as Record
+    from fifthwheel.record import Sensor as Sensor
     from fifthwheel.report import write_report as write_report
     from fifthwheel.studies import Estimates as Estimates
     from fifthwheel.studies import Estimator as Estimator
@@ -82,7 +83,7 @@ _NAMES = {
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),
     "plots": ("Plot",),
-    "record": ("Record",),
+    "record": ("Record", "Sensor"),
     "report": ("write_report",),
     "studies": ("Estimates", "Estimator", "SimulatedRun", "StateEstimator", "StatesOf", "exact_guess", "study"),
     "time_bases": ("check_record",),

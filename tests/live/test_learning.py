@@ -13,6 +13,7 @@ from fifthwheel.live.session import Session
 from fifthwheel.live.setup import completed_map, make_node
 from fifthwheel.live.status import LiveFault
 from fifthwheel.logs.can.decoder import Frame
+from fifthwheel.record import Sensor
 from fifthwheel.simulate import simulate
 from tests.live.truck_bus import SIGNALS, TRUCK, frames, write_files
 
@@ -116,6 +117,18 @@ def test_a_state_of_another_truck_is_refused(state):
         make_learning(TRUCK, [name for name in SIGNALS if name != "roll_rate.tractor"], path=state)
     with pytest.raises(VehicleError, match="no such parameter"):
         make_learning(TRUCK, SIGNALS, locks=["semitrailer.colour"])
+
+
+def test_a_state_that_was_learned_with_other_sensors_is_refused(state, tmp_path):
+    sensors = {"yaw_rate.tractor": Sensor(sensor_class="mems", errors={"gain": (1.0, 0.002)})}
+    with pytest.raises(SignalError, match=r"other sensor classes or uncertainties in signals.toml; give another"):
+        make_learning(TRUCK, SIGNALS, path=state, sensors=sensors)
+    learning = make_learning(TRUCK, SIGNALS, sensors=sensors)
+    assert learning.learner["yaw_rate.tractor.gain"].sigma == pytest.approx(0.002)
+    learning.learner.save(tmp_path / "truck.json")
+    assert make_learning(TRUCK, SIGNALS, path=tmp_path / "truck.json", sensors=sensors).learner.trailer
+    with pytest.raises(SignalError, match="other sensor classes"):
+        make_learning(TRUCK, SIGNALS, path=tmp_path / "truck.json")
 
 
 def test_checkpoints_are_written_every_few_seconds_while_it_learns(learned, tmp_path):

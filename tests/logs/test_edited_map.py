@@ -75,3 +75,21 @@ def test_a_signal_is_removed(signal):
 def test_a_removed_signal_does_not_return_by_the_name_of_its_column():
     text = without_channel('[signals]\nspeed = "speed [m/s]"\n', "speed")
     assert not SignalMap.parse(text).completed(["speed"]).signals
+
+
+@pytest.mark.parametrize(
+    ("key", "old", "value", "new"),
+    [
+        ("gain", "0.05 +- 2 %", 0.06, "0.06 +- 2 %"),
+        ("gain", "0.05 exact", None, "1 exact"),
+        ("delay", "200 ms +- 5 ms", 0.35, "0.35 s +- 5 ms"),
+        ("delay", "0.2 +- 0.005", 0.35, "0.35 +- 0.005"),
+        ("delay", "+- 5 ms", 0.0, "0 s +- 5 ms"),
+        ("offset", "1 deg +- 0.1 deg", 0.02, "0.02 rad +- 0.1 deg"),
+        ("gain", "0.05 +- 2 %", "0.06 +- 3 %", "0.06 +- 3 %"),
+    ],
+)
+def test_the_uncertainty_of_a_number_stays(key, old, value, new):
+    """A button of the workbench that corrects a delay must not drop what the user states of it."""
+    text = f'[signals."steer.tractor.front"]\ncolumn = "swa"\n{key} = "{old}"\n'
+    assert f'{key} = "{new}"' in with_channel(text, "steer.tractor.front", **{key: value})

@@ -52,6 +52,8 @@ IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION)
 """Those that an identification compares with the model, in its order."""
 USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
 """Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
+GYROS = (YAW_RATE, ROLL_RATE)
+"""Those whose delay is the latency of a gyro."""
 MODELLED = tuple(channel for channel in _ALL if channel.model and channel.of == "unit")
 """What the model gives for a sensor on a unit."""
 PLACE_KINDS = ("position", "height")
@@ -193,6 +195,18 @@ def is_sensor_error(name: str, kind: str | None = None) -> bool:
     return error is not None and kind in (None, error.kind)
 
 
+def error_kinds(signal: str) -> tuple[str, ...]:
+    """The kinds of errors of the sensor of a signal that one stage estimates; none where it does not use the signal.
+
+    >>> error_kinds("yaw_rate.tractor")
+    ('offset', 'gain', 'misalignment', 'delay')
+    """
+    channel = channel_of(signal)
+    if channel is None or channel not in (STEER, *IDENTIFIED):
+        return ()
+    return (*(error.kind for error in channel.errors), *(("delay",) if channel in GYROS else ()))
+
+
 def sensor_error_settings() -> dict[str, str]:
     """SI unit of every kind of sensor error by the name of its setting: {"steer_offset": "rad", ...}."""
     return {error.setting: _ERROR_UNITS.get(error.kind, channel.unit) for channel in _ALL for error in channel.errors}
@@ -203,6 +217,7 @@ __all__ = [
     "AXLE_LOAD",
     "BANK",
     "CHANNELS",
+    "GYROS",
     "IDENTIFIED",
     "INPUTS",
     "LATERAL_ACCELERATION",
@@ -228,6 +243,7 @@ __all__ = [
     "SignalName",
     "channel_of",
     "checked_name",
+    "error_kinds",
     "header",
     "is_input",
     "is_of",

@@ -42,6 +42,10 @@ EXACT_FILE_NOTE = (
     "The two-stage method assumes that all other values of the vehicle file are exact: suspension, roll axes, yaw "
     "inertia of the first unit. Its sigma does not include their uncertainty; the sigma of the one-stage method does."
 )
+SENSORS_NOTE = (
+    "Two stages do not use the sensor classes and the uncertainties that are stated of {}: the sensor errors have the "
+    "priors of the settings. Use one stage."
+)
 ARTICLE_NOTE = (
     "The settings of the article need logs with more than ten lane changes. The sigma of the payload height does not "
     "include the errors of the stiffness from stage 1, which has no roll."
@@ -215,6 +219,8 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     """
     vehicle = dataset.vehicle
     notes = [*dataset.notes, EXACT_FILE_NOTE, *([ARTICLE_NOTE] if settings.average else [])]
+    if dataset.sensors:
+        notes.append(SENSORS_NOTE.format(", ".join(dataset.sensors)))
     stage_1 = parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings)
     if not stage_1 and not settings.nuisances:
         raise VehicleError(

@@ -82,6 +82,7 @@ def check(
     "fifthwheel design -v truck.toml --target semitrailer.yaw_inertia=10% --speed 80km/h",
     "fifthwheel design -v truck.toml --target semitrailer.payload.height=15% --set semitrailer.roll_axis_height=exact",
     "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
+    "fifthwheel design -v truck.toml --signals signals.toml",
 )
 def design(
     vehicle: options.VehicleOption,
@@ -111,6 +112,9 @@ def design(
         ),
     ] = None,
     *,
+    signals: Annotated[
+        Path | None, typer.Option("--signals", "-s", help="Signal map; its sensor classes and '+-' give the priors.")
+    ] = None,
     chosen: Annotated[IdentifyOptions, _OF_A_DESIGN],
     out: Annotated[
         Path | None,
@@ -126,7 +130,7 @@ def design(
     file, with the noise of the sensors and of a good road (class A of ISO 8608). If no run reaches the targets, it
     prints the best run and the parameters that limit the accuracy.
     """
-    from fifthwheel.logs import write_record
+    from fifthwheel.logs import SignalMap, write_record
     from fifthwheel.logs.files import record_writer
     from fifthwheel.workflow import chosen_one_stage, design_run, read_vehicle
     from fifthwheel.workflow.settings import fractions
@@ -143,6 +147,7 @@ def design(
                 fractions("--target", target or ()),
                 settings,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],
+                sensors=SignalMap.load(signals, allow_outside=True).sensors if signals else {},
                 speed=quantity_option("--speed", speed, "m/s", "km/h") if speed else None,
                 max_speed=quantity_option("--max-speed", max_speed, "m/s", "km/h"),
                 max_acceleration=max_acceleration,

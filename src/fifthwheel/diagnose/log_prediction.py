@@ -9,6 +9,7 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.identify import Fit, Identification, OneStage
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import free_run_fits
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.unknowns.parameters import TIME_BASE, one_stage_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
@@ -55,6 +56,7 @@ class LogPrediction:
         """
         settings = OneStage(check=False)
         dataset = prepare_dataset([record], vehicle, settings, findings=False)
+        settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
         outputs = dataset.outputs
         sensors = identification.sensors if identification else ()
         return cls(

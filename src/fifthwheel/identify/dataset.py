@@ -17,11 +17,13 @@ from fifthwheel.channels import (
     is_input,
     measured_signals,
 )
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.checks import raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.noise_model import NoiseModel
+from fifthwheel.identify.sensor_priors import common_sensors
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
@@ -81,6 +83,8 @@ class Dataset:
     """Measured roll rates."""
     others: tuple[str, ...]
     """Measured signals that are not `USUAL`, such as lateral accelerations; two stages do not use them."""
+    sensors: Mapping[str, Sensor]
+    """What the logs state of their sensors, by signal."""
     notes: tuple[str, ...]
     """For the user."""
 
@@ -159,6 +163,7 @@ def prepare_dataset(
         others=measured_signals(
             logged, [unit.name for unit in steered.units], [c for c in IDENTIFIED if c not in USUAL]
         ),
+        sensors=common_sensors((*records, *validate)),
         notes=tuple(notes),
     )
 

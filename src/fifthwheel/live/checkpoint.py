@@ -4,13 +4,16 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import read_learner, write_learner
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.vehicle import Vehicle
@@ -29,29 +32,35 @@ def make_learning(
     trailer: str | None = None,
     locks: Collection[str] = (),
     tyres: TyreLaw = "linear",
+    sensors: Mapping[str, Sensor] = MappingProxyType({}),
 ) -> Learning:
     """A learner with the estimates of a file, if it exists.
 
     `trailer` is the name of the coupled one, by default that of the file, or the vehicle's. `locks` are parameters that
-    keep their value, that of the file, or of the vehicle.
+    keep their value, that of the file, or of the vehicle. `sensors` is what is stated of them by signal.
 
     Raises:
-        SignalError: the file is damaged, or of another vehicle, other signals or another law.
+        SignalError: the file is damaged, or of another vehicle, other signals, sensors or another law.
         VehicleError: a locked parameter does not exist, or tyres saturate and the static axle loads are not determined.
     """
     for name in locks:
         if name not in vehicle.parameters():
             raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
     if path is None or not path.exists():
-        learner = Learner(vehicle, signals, OneStage(fixed=tuple(locks), tyres=tyres), trailer=trailer)
-        return Learning(learner, vehicle)
+        settings = OneStage(fixed=tuple(locks), tyres=tyres)
+        return Learning(Learner(vehicle, signals, settings, sensors=sensors, trailer=trailer), vehicle)
     content = read_learner(path)
     former = Vehicle(**content["vehicle"])
     _require_same(path, content, former, vehicle, signals)
     if content["settings"].get("tyres", "linear") != tyres:
         raise SignalError(f"{path}: was learned with other tyres; give its --tyres, or another --state")
-    before = set(content["settings"]["fixed"])
+    before, stated = set(content["settings"]["fixed"]), with_sensors(vehicle, OneStage(), sensors)
     learner = _with_locks(Learner.of_content(content, str(path)), former, vehicle, before, locks)
+    settings = learner.live.setup.settings
+    if (settings.stated_priors, settings.noise) != (stated.stated_priors, stated.noise):
+        raise SignalError(
+            f"{path}: was learned with other sensor classes or uncertainties in signals.toml; give another --state"
+        )
     learning = Learning(learner, vehicle, restored=True)
     if trailer is not None:
         learning.couple(trailer)

@@ -51,6 +51,8 @@ def opened(
     truck, signal_map = read_vehicle(vehicle), SignalMap.load(signals, allow_outside=allow_outside)
     if chosen.replay is not None and not chosen.replay.is_file():
         raise FifthwheelError(f"{chosen.replay}: no such file; check the path")
+    if not chosen.learn and signal_map.sensors:
+        say(f"What is stated of the sensors of {', '.join(signal_map.sensors)} is used with --learn only.")
     recorded = Path(datetime.now().strftime(str(chosen.record))) if chosen.record else None
     with reserved(recorded, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
         session = _session(chosen, observer, truck, signal_map, recorded, say)
@@ -147,7 +149,13 @@ def _node(
     extra = (chosen.trailer_signal,) if chosen.trailer_signal else ()
     if chosen.learn:
         learning = make_learning(
-            vehicle, complete.signals, path=chosen.state, trailer=chosen.trailer, locks=chosen.lock, tyres=chosen.tyres
+            vehicle,
+            complete.signals,
+            path=chosen.state,
+            trailer=chosen.trailer,
+            locks=chosen.lock,
+            tyres=chosen.tyres,
+            sensors=complete.sensors,
         )
         return make_node(complete, learning, extra=extra), learning, learning.learner.reported
     identification = Identification.load(chosen.identification) if chosen.identification else None

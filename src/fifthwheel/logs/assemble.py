@@ -9,6 +9,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_input, is_of, si_unit
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
@@ -98,6 +99,7 @@ def assemble(
         name=name,
         notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
+        sensors=_sensors(log, signal_map.signals),
     )
     start, stop = signal_map.span
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
@@ -136,6 +138,20 @@ def _time_bases(log: LogSource, channels: Mapping[_Key, SignalSource]) -> dict[s
     main = next((n for n in names if is_of(n, STEER)), "speed" if "speed" in names else None)
     common = names[main] if main else next(iter(names.values()))
     return {signal: name or _LOGGER for signal, name in names.items() if name != common}
+
+
+def _sensors(log: LogSource, channels: Mapping[str, SignalSource]) -> dict[str, Sensor]:
+    """What the file and the map state of the sensors, by signal; the map has priority."""
+    sensors = {}
+    for signal, channel in channels.items():
+        sensor, stored = channel.stated(signal), log.columns[log.find(channel.columns[0])].sensor
+        if stored:
+            try:
+                sensor = Sensor.loads(stored).updated(sensor)
+            except SignalError as error:
+                raise SignalError(f"{log.name}: {signal}: {error}; write the file again") from None
+        sensors[signal] = sensor
+    return sensors
 
 
 class _Timestamps(NamedTuple):

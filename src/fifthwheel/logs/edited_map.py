@@ -6,14 +6,16 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AbstractTable
 
-from fifthwheel.channels import REFERENCE, split_header
+from fifthwheel.channels import REFERENCE, SensorErrorName, split_header
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
+from fifthwheel.units import split_statement
 
 
 def with_channel(text: str, signal: str, **keys: Any) -> str:
     """The map with keys of a signal changed, such as sign, unit, delay; a key with its default value is left out.
 
-    The table of the signal is added if it is missing. A SignalError if the changed map is not accepted.
+    The uncertainty of a number, as in "0.05 +- 2 %", stays. The table of the signal is added if it is missing. A
+    SignalError if the changed map is not accepted.
     """
     document = tomlkit.parse(text)
     holder, key = _holder(document, signal)
@@ -26,10 +28,11 @@ def with_channel(text: str, signal: str, **keys: Any) -> str:
         holder[key] = tomlkit.table()
     defaults = {name: field.default for name, field in SignalSource.model_fields.items()}
     for name, value in keys.items():
-        if value == defaults.get(name, object()) or value is None:
+        kept = _with_sigma(holder[key].get(name), defaults[name] if value is None else value, signal, name)
+        if kept is None and (value == defaults.get(name, object()) or value is None):
             holder[key].pop(name, None)
         else:
-            holder[key][name] = value
+            holder[key][name] = value if kept is None else kept
     return _checked(document)
 
 
@@ -60,6 +63,16 @@ def _holder(document: Any, signal: str) -> tuple[Any, str]:
             break
         holder, rest = holder[first], last
     return holder, rest
+
+
+def _with_sigma(old: Any, value: Any, signal: str, key: str) -> str | None:
+    """Another value with the "+- ..." of an old text; None where the old one has none, or the new one is a text."""
+    number, mark, sigma = split_statement(old) if isinstance(old, str) else ("", "", "")
+    if not mark or isinstance(value, str):
+        return None
+    without_unit = key == "gain" or number.replace(".", "").isdigit()
+    unit = "" if without_unit else f" {SensorErrorName(signal, key).unit}"
+    return f"{value:.12g}{unit} {mark} {sigma}".rstrip()
 
 
 def _checked(document: Mapping[str, Any]) -> str:

@@ -79,7 +79,7 @@ def record_of(
 def write_record(record: Record, path: str | Path) -> None:
     """Write a record as .csv or .parquet, in SI with the units in the headers; `read_log` returns an equal record.
 
-    The file is written atomically. Notes are not written; time bases are written to Parquet only.
+    The file is written atomically. Notes are not written; time bases and sensors are written to Parquet only.
 
     Raises:
         SignalError: the ending is another one, or the file cannot be written.
@@ -101,6 +101,8 @@ def write_record(record: Record, path: str | Path) -> None:
         metadata = {"unit": split_header(text)[1] or ""}
         if base := record.time_bases.get(name.removeprefix(REFERENCE)):
             metadata["time_base"] = base
+        if sensor := record.sensors.get(name):
+            metadata["sensor"] = sensor.dumps()
         fields.append(pa.field(text, pa.float64(), metadata=metadata))
     table = pa.table([pa.array(values, from_pandas=True) for values in columns.values()], schema=pa.schema(fields))
     write_table = record_writer(path)

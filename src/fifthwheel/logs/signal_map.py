@@ -10,7 +10,8 @@ speed = "vx [km/h]"                 # a column as it is, in the header's unit
 column = "steering_wheel"
 unit = "deg"                        # the header's, else SI
 sign = -1                           # the log is positive to the right
-gain = 0.05                         # 1 / steering ratio
+sensor = "steering wheel"           # its class: the usual errors
+gain = "0.05 +- 2 %"                # 1 / steering ratio, and how well it is known
 offset = "0.1 deg"                  # subtracted last
 delay = "200 ms"                    # the timestamps are late by this
 
@@ -30,14 +31,25 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
 
 from fifthwheel._types import Array
-from fifthwheel.channels import REFERENCE, checked_name, si_unit, split_header
+from fifthwheel.channels import REFERENCE, SensorErrorName, checked_name, si_unit, split_header
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.input_files import flat_tables, parse_toml, read_toml, require_inside
 from fifthwheel.names import split_source
-from fifthwheel.units import factor, quantity
+from fifthwheel.units import factor, quantity, split_statement, uncertain_quantity
 
 
 def _sampling_rate(value: float | str) -> float:
@@ -66,6 +78,8 @@ Rate = Annotated[float | str, AfterValidator(_sampling_rate)]
 Seconds = Annotated[float | str, AfterValidator(partial(quantity, si="s"))]
 Points = Annotated[tuple[tuple[float, float], ...], AfterValidator(_rising)]
 Name = Annotated[str, AfterValidator(checked_name)]
+_CORRECTED = {"gain": "1", "offset": "0", "delay": "0"}
+"""Errors that the map corrects, with the value of an ideal sensor."""
 
 
 class TimeColumn(BaseModel):
@@ -110,6 +124,29 @@ class SignalSource(BaseModel):
     """Column with the channel's own timestamps, where the log has several rates."""
     clock: str | None = None
     """Name of the time base, such as the logger that gave the timestamps, if it is not the common one."""
+    sensor: str = ""
+    """Class of the sensor, one of `SENSOR_CLASSES`: the usual errors that remain."""
+    misalignment: float | str | None = None
+    """Of a gyro: prior mean and "+-" its standard deviation, rad, or a text with units."""
+    play: float | str | None = None
+    """Between steer sensor and road wheels: the same, rad at the wheels."""
+    noise: float | str | None = None
+    """Standard deviation, SI, or a text with a unit."""
+    _uncertain: dict[str, str] = PrivateAttr(default_factory=dict)
+    """The texts of gain, offset and delay that state an uncertainty."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _split(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Gain, offset and delay without their "+- ...", which `stated` has."""
+        if not isinstance(data, Mapping):
+            return handler(data)
+        texts = {key: data[key] for key in _CORRECTED if isinstance(data.get(key), str)}
+        parts = {key: split_statement(text) for key, text in texts.items()}
+        values = {key: value or _CORRECTED[key] for key, (value, mark, _) in parts.items() if mark}
+        source = handler({**data, **values})
+        source._uncertain.update({key: texts[key] for key in values})
+        return source
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -130,6 +167,33 @@ class SignalSource(BaseModel):
         """The signal (n,) in the SI unit `si`, without the delay, from the values and log units of its columns."""
         total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
         return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
+
+    def stated(self, signal: str) -> Sensor:
+        """What the keys state of the sensor of a signal.
+
+        Raises:
+            SignalError: a text is not a quantity with its standard deviation.
+        """
+        errors: dict[str, tuple[float, float | None]] = {}
+        others = {"misalignment": self.misalignment, "play": self.play, "noise": self.noise}
+        for kind, text in (self._uncertain | {k: v for k, v in others.items() if v is not None}).items():
+            si = SensorErrorName(signal, kind).unit or "1"
+            without_value = isinstance(text, str) and not split_statement(text)[0]
+            try:
+                value, sigma = uncertain_quantity(
+                    f"{_CORRECTED.get(kind, 0)} {si} {text}" if without_value else text, si, strict=kind == "gain"
+                )
+            except SignalError as error:
+                raise SignalError(f"{kind}: {error}") from None
+            if kind == "gain":
+                if not value:
+                    raise SignalError("gain: expected another number than 0; give the factor of the column")
+                value, sigma = 1.0, (sigma or 0.0) / abs(value)
+            errors[kind] = (0.0 if kind in ("offset", "delay") else value), sigma
+        noise, of_noise = errors.pop("noise", (None, None))
+        if of_noise is not None:
+            raise SignalError("noise: expected one standard deviation, without '+-'; remove it")
+        return Sensor(sensor_class=self.sensor, errors=errors, noise=noise)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -182,9 +246,17 @@ class SignalMap(BaseModel):
             try:
                 quantity(channel.offset, si)
                 factor(channel.unit or si, si)
+                stated = channel.stated(name)
             except SignalError as error:
                 raise SignalError(f"{name}: {error}") from error
+            stated.require_fits(name if self.signals.get(name) is channel else f"{REFERENCE}{name}")
         return self
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """What is stated of the sensors, by signal."""
+        stated = {name: channel.stated(name) for name, channel in self.signals.items()}
+        return {name: sensor for name, sensor in stated.items() if sensor != Sensor()}
 
     @property
     def rate(self) -> float:

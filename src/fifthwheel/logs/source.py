@@ -61,6 +61,8 @@ class Column:
     """Name of the physical clock behind the timestamps, where it is not that of the logger; "" is the logger's."""
     about: str = ""
     """Description in the file."""
+    sensor: str = ""
+    """What the file states of the sensor: a `channels.sensors.Sensor` as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

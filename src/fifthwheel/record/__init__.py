@@ -1,5 +1,6 @@
 """A record: named signals in SI on one time base, their timestamps, resampling and sensor noise."""
 
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.record.record import Record
 
-__all__ = ["Record"]
+__all__ = ["Record", "Sensor"]

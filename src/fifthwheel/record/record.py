@@ -13,6 +13,7 @@ from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import REFERENCE, checked_name
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
@@ -51,7 +52,7 @@ class Record:
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
     quantity.unit[.axle]. Two records are equal if time, signals and reference are equal; name,
-    notes and time bases are not compared. In a notebook a record shows a table of its channels.
+    notes, time bases and sensors are not compared. In a notebook a record shows a table of its channels.
 
     Example:
         >>> import fifthwheel as fw
@@ -77,6 +78,9 @@ class Record:
     time_bases: Mapping[str, str] = field(default_factory=dict)
     """Signal to the name of the time base, or clock, that gave its timestamps; signals that are not listed share the
     main time base. Entries of other names are left out."""
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    """What is stated of the sensor of a signal; an identification takes the priors of its errors from it. Entries of
+    other names are left out."""
 
     def __post_init__(self) -> None:
         time = require_increasing(_frozen("time", self.time))
@@ -101,6 +105,10 @@ class Record:
         object.__setattr__(self, "notes", tuple(self.notes))
         known = {name: base for name, base in self.time_bases.items() if name in self.signals or name in self.reference}
         object.__setattr__(self, "time_bases", ReadOnlyDict(known))
+        sensors = {name: s for name, s in self.sensors.items() if name in self.signals and s != Sensor()}
+        for name, sensor in sensors.items():
+            sensor.require_fits(name)
+        object.__setattr__(self, "sensors", ReadOnlyDict(sensors))
 
     @property
     def span(self) -> tuple[float, float]:
@@ -229,6 +237,7 @@ class Record:
     def __reduce__(self) -> tuple[Any, ...]:
         fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}
         fields |= {"name": self.name, "notes": self.notes, "time_bases": dict(self.time_bases)}
+        fields |= {"sensors": dict(self.sensors)}
         return partial(Record, time=self.time, **fields), ()
 
     def _rows(self, rows: NDArray[Any], name: str) -> "Record":

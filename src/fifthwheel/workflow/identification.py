@@ -3,12 +3,15 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from fifthwheel.assess import Assessment, assess
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
 from fifthwheel.identify.sensor_errors import log_sensors
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
@@ -120,6 +123,7 @@ def design_run(
     settings: OneStage | None = None,
     *,
     channels: Sequence[str] = (),
+    sensors: Mapping[str, Sensor] = MappingProxyType({}),
     speed: float | None = None,
     max_speed: float = 88 / 3.6,
     max_acceleration: float = 1.5,
@@ -128,6 +132,7 @@ def design_run(
     """The shortest test run that reaches all targets; see `identify.design.design_experiment`.
 
     Args:
+        sensors: what is stated of them by signal, such as `SignalMap.sensors`.
         speed: of the run, m/s; by default the best of the usual speeds up to `max_speed`, or `max_speed` if all are
             higher.
         max_speed: m/s.
@@ -135,7 +140,7 @@ def design_run(
     """
     from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
 
-    settings, usual = settings or OneStage(), DesignSettings()
+    settings, usual = with_sensors(vehicle, settings or OneStage(), sensors), DesignSettings()
     allowed = tuple(v for v in usual.speeds if v < max_speed + 0.01) or (max_speed,)
     return design_experiment(
         vehicle if settings.uniform_payload else vehicle.lumped(),

@@ -16,7 +16,7 @@ from fifthwheel.channels import (
     SensorErrorName,
     SignalName,
     channel_of,
-    is_of,
+    error_kinds,
     sensor_error_settings,
 )
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
@@ -25,7 +25,6 @@ from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.one_stage.estimator import with_tyre_law
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import (
-    GYROS,
     estimated_parameters,
     group_paths,
     longest_matching_key,
@@ -405,9 +404,9 @@ def _require_sensor(vehicle: Vehicle, statement: Statement) -> None:
     unit, units = SignalName.of(signal).unit, [unit.name for unit in vehicle.units]
     if unit not in units:
         raise SignalError(f"--set {statement}: {unit}: no such unit in {vehicle.name}; {suggestion(unit, units)}")
-    kinds = [error.kind for error in channel.errors] + (["delay"] if is_of(signal, *GYROS) else [])
-    if kind not in kinds:
-        raise SignalError(f"--set {statement}: {signal} has no error {kind!r}; {suggestion(kind, kinds)}")
+    if kind not in error_kinds(signal):
+        cure = suggestion(kind, error_kinds(signal))
+        raise SignalError(f"--set {statement}: {signal} has no error {kind!r}; {cure}")
 
 
 def _unit_of_error(name: str) -> str:

@@ -78,6 +78,8 @@ def run_states(
     friction = None if settings.friction is None else f"{settings.friction:.3g}"
     if identification and friction and identification.friction is None:
         notes.append("The identification had linear tyres: identify again with --tyres saturating or auto.")
+    if not identification and (stated := sorted({name for record in records for name in record.sensors})):
+        notes.append(f"What is stated of the sensors of {', '.join(stated)} is used with --identification only.")
     for i, record in enumerate(records):
         progress("states", i, len(records))
         if check:

@@ -395,3 +395,28 @@ def test_columns_of_a_long_combination(column: str, signal: str) -> None:
     hint = classify_column(column, None)
     assert hint is not None
     assert hint.signal(LONG) == signal
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "sensor"),
+    [
+        ("VDC2_YawRate_3E", None, "vdc2"),
+        ("VDC2.yaw_rate@0B", "rad/s", "vdc2"),
+        ("VDC2_LatAccel_3E", "m/s^2", "vdc2"),
+        ("VDC2_SteeringWheelAngle", "rad", "steering wheel"),
+        ("Lenkradwinkel", "°", "steering wheel"),
+        ("RoadWheelAngle", "deg", ""),
+        ("oxts/imu.angular_velocity.z", None, "ins"),
+        ("INS_YawRate", "deg/s", "ins"),
+        ("NovAtel.yaw_rate", "deg/s", "ins"),
+        ("vectornav/imu.angular_velocity.x", None, "ins"),
+        ("INS_Vel_Hor_X", "m/s", ""),
+        ("INS_Roll", "deg", ""),
+        ("IMU_yaw_rate", "°/s", ""),
+        ("Gierrate", "°/s", ""),
+    ],
+)
+def test_the_class_of_a_sensor_by_its_name(column: str, unit: str | None, sensor: str) -> None:
+    hint = classify_column(column, unit)
+    assert hint is not None
+    assert hint.sensor == sensor

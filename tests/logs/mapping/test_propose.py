@@ -51,6 +51,21 @@ def test_the_proposed_map_gives_the_original_record(tmp_path, weaving):
     assert proposal.findings == ()
 
 
+def test_sensor_classes_are_proposed(tmp_path, weaving):
+    """By names, and by the magnitude of a steering-wheel angle; reference signals have none."""
+    columns = {"vx": ("speed", 1), "steer": ("steer.tractor.front", 20), "ay": ("lateral_acceleration.tractor", 1)}
+    columns |= {"VDC2_YawRate": ("yaw_rate.tractor", 1), "ins_yaw_rate_trailer": ("yaw_rate.semitrailer", 1)}
+    columns |= {"ins_lateral_velocity": ("speed", 0.01)}
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    signal_map = SignalMap.parse(as_toml(proposal, survey))
+    assert {name: sensor.sensor_class for name, sensor in signal_map.sensors.items()} == {
+        "steer.tractor.front": "steering wheel",
+        "yaw_rate.tractor": "vdc2",
+        "yaw_rate.semitrailer": "ins",
+    }
+    assert "lateral_velocity.tractor" in signal_map.reference
+
+
 def test_the_lagging_one_of_two_gyros_is_that_of_the_trailer(tmp_path, weaving):
     columns = {"vx": ("speed", 1), "steer": ("steer.tractor.front", 1)}
     columns |= {"gyro_z a": ("yaw_rate.semitrailer", 1), "gyro_z b": ("yaw_rate.tractor", 1)}

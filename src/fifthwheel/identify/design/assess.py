@@ -15,6 +15,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import split_log
@@ -119,8 +120,8 @@ def assess_information(
     Computes the Cramer-Rao bound with priors at the values of the vehicle file: the better the file, the better the
     assessment. Model and logs are assumed to be right; errors of the model come in addition, and of faults in the logs
     only the findings are known. The noise of each channel is estimated from its spectral density between 3 and 10 Hz
-    (`record.sensor_noise`), with a tenth of the article's variance as the lower limit. The article's variance is used
-    where a log is too short for the estimate, and where `settings` say that the noise is known.
+    (`record.sensor_noise`), with a tenth of the variance of its sensor as the lower limit: that of `settings`, else the
+    article's. This variance is used where a log is too short for the estimate, and where the noise is known.
 
     Args:
         records: logs that would be fitted together.
@@ -149,6 +150,7 @@ def assess_information(
         dataset = prepare_dataset(records, vehicle, settings, findings=False)
     except SignalError as error:
         raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
+    settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
     speed = max(float(np.median(speeds)), assessment.min_speed)
     predictor = InformationPredictor.of(
@@ -223,10 +225,10 @@ def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str,
         segments = [s for s in log.segments if name in s.signals and np.isfinite(s.signals[name]).any()]
         if not segments:
             continue
+        default = variances.sensor_variance(predictor.vehicle, name, predictor.settings.noise)
         if not predictor.settings.adapt_noise:
-            result[name] = variances.sensor_variance(predictor.vehicle, name, predictor.settings.noise)
+            result[name] = default
             continue
-        default = variances.sensor_variance(predictor.vehicle, name, {})
         estimates = [(len(s), estimate_noise_variance(s.time, s.signals[name])) for s in segments]
         available = [(size, variance) for size, variance in estimates if variance is not None]
         weights, values = [size for size, _ in available], [variance for _, variance in available]

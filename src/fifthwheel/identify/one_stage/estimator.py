@@ -27,6 +27,7 @@ from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Identification
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
@@ -116,6 +117,7 @@ def _estimator(
     records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record]
 ) -> "_Estimator":
     dataset = prepare_dataset(records, vehicle, settings, validate)
+    settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:
         raise VehicleError(

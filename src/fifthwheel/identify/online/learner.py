@@ -9,12 +9,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from fifthwheel._types import Array
+from fifthwheel.channels.sensors import Sensor
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt
@@ -24,6 +26,7 @@ from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import with_prior_means
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
@@ -57,6 +60,7 @@ class Learner:
         signals: names of the measured signals; speed, a steer angle and a yaw rate must be among them.
         settings: estimated, considered and fixed parameters, priors, noise and limits, as for `identify`; settings of
             the search have no effect. A delay of the steer angle is compensated to first order, by its slope.
+        sensors: what is stated of them by signal, such as `SignalMap.sensors` or `Record.sensors`.
         learner: when it learns, and how it treats faults of the signals.
         trailer: name under which the estimates of the units behind the first are kept; by default the vehicle's.
 
@@ -82,11 +86,13 @@ class Learner:
         signals: Iterable[str],
         settings: OneStage | None = None,
         *,
+        sensors: Mapping[str, Sensor] = MappingProxyType({}),
         learner: LearnerSettings | None = None,
         trailer: str | None = None,
     ) -> None:
         self._vehicle_file, self._signals = vehicle, frozenset(signals)
-        setup = online_setup(vehicle, self._signals, settings or OneStage(tyres="linear"))
+        settings = with_sensors(vehicle, settings or OneStage(tyres="linear"), sensors)
+        setup = online_setup(vehicle, self._signals, settings)
         self._live = LiveFilter(setup, learner or LearnerSettings())
         self._trailer = vehicle.name if trailer is None else trailer
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
@@ -137,8 +143,8 @@ class Learner:
         """Process all samples of a record; the result is the same to the last bit as that of `push`.
 
         Raises:
-            SignalError: a signal of the learner is missing, or the record starts before the last sample; the learner is
-                unchanged.
+            SignalError: a signal of the learner is missing, the record states sensors that the learner was made
+                without, or it starts before the last sample; the learner is unchanged.
         """
         setup = self._live.setup
         names = (*setup.inputs, *setup.outputs)
@@ -149,6 +155,12 @@ class Learner:
             raise SignalError(
                 f"time: {record.name} starts at {record.time[0]:g} s, which is not after {self._time:g} s; "
                 "give records in the order of time"
+            )
+        stated = {name: sensor for name, sensor in record.sensors.items() if name in names}
+        if with_sensors(setup.vehicle, setup.settings, stated) != setup.settings:
+            raise SignalError(
+                f"{record.name}: states sensors ({', '.join(stated)}) that the learner was made without; make it with "
+                "sensors=record.sensors"
             )
         rows = np.column_stack([record.signals[name] for name in names]).tolist()
         k = len(setup.inputs)

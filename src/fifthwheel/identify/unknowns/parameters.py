@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from fifthwheel import dynamics
 from fifthwheel.channels import (
+    GYROS,
     PLACE_KINDS,
     ROLL_RATE,
-    YAW_RATE,
     SensorErrorName,
     SignalName,
     channel_of,
@@ -43,8 +43,6 @@ SMALL_STEP = 1e-3
 EXACT = 1e-6
 """Of a sensor error that is exactly another number than in an ideal sensor: its standard deviation over the default
 one. The model gets the number as that of an unknown which the logs cannot change."""
-GYROS = (YAW_RATE, ROLL_RATE)
-"""Channels whose delay is the latency of a gyro."""
 ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
 """Parameters of a unit that are identifiable only from its own roll rate."""
 
@@ -189,15 +187,15 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     What the settings state of the single error comes first. What the vehicle file states of the place of a sensor
     replaces the standard deviation of the settings.
     """
-    default, stated = _default_prior(vehicle, name, settings), getattr(settings, "stated_priors", {}).get(name)
+    default, stated = default_prior(vehicle, name, settings), getattr(settings, "stated_priors", {}).get(name)
     if stated is None or default is None:
         return default
     mean, sigma = stated
     return mean, EXACT * (default[1] or 1.0) if not sigma and mean != default[0] else sigma
 
 
-def _default_prior(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
-    """The same without what the settings state of the single error."""
+def default_prior(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
+    """`prior_of_sensor_error` without what the settings state of the single error."""
     error = SensorErrorName.of(name)
     channel = channel_of(error.signal) if error else None
     kind = channel.error(error.kind) if error and channel else None

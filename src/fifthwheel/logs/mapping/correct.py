@@ -105,7 +105,8 @@ def _steering_wheel(
     u = float(np.nanmedian(record.signals["speed"]))
     low, high = (ratio * (wheelbase + UNDERSTEER * u**2) / (wheelbase + k * u**2) for k in (2 * UNDERSTEER, 0.0))
     used = round(float(np.clip(_TYPICAL_STEERING_RATIO, low, high)), 1)
-    keys = {"gain": float(f"{1 / used:.4g}"), "unit": "deg" if degrees else channel.unit}
+    unit = "deg" if degrees else channel.unit
+    keys = {"gain": float(f"{1 / used:.4g}"), "unit": unit, "sensor": "steering wheel"}
     return channel.model_copy(update=keys), (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
         f"{low:.0f} to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fifthwheel.channels import ARTICULATION, CHANNELS, STEER, Channel
+from fifthwheel.channels.sensors import SENSOR_CLASSES
 from fifthwheel.errors import UnitError
 from fifthwheel.names import split_source
 from fifthwheel.units import factor
@@ -28,6 +29,14 @@ class ColumnHint:
     """Words of the name and its source, with "_" before, between and after them."""
     number: int | None = None
     """The unit's number in the name, from 1."""
+
+    @property
+    def sensor(self) -> str:
+        """The class of its sensor; empty where the name does not say."""
+        if self.channel is STEER:
+            return "steering wheel" if self.steering_wheel else ""
+        named = (name for name, pattern in _SENSORS.items() if re.search(pattern, self.words))
+        return next((name for name in named if self.channel.quantity in SENSOR_CLASSES[name].offset), "")
 
     def signal(self, units: Sequence[str]) -> str | None:
         """The signal of a vehicle with these units, front to rear; None where a proposal does not use the quantity."""
@@ -89,6 +98,11 @@ _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "wheel", "channel", "can", "bus", 
 """Words before a number that does not count the units of a vehicle."""
 _STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw)_|lenkrad|hand|column")
 _ROAD_WHEEL = re.compile("road|_delta_|rad_?einschlag|front_?wheel|vorderrad")
+_SENSORS = {
+    "vdc2": "_vdc_?2_|vehicle_dynamic_stability",
+    "ins": "_(ins|oxts|rt3000|rt1003|nov_?a_?tel|vector_?nav|adma|applanix)_",
+}
+"""Words for classes of sensors: the J1939 message 61449, and makes of inertial navigation systems."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 _SIDES = {
     "front": {"front", "vorn", "vorne", "fa", "fl", "fr", "vl", "vr"},

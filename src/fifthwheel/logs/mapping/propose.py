@@ -66,7 +66,8 @@ def propose_map(
             best = max(hints, key=lambda hint: _rank(hint, survey.contents[hint.column]))
             log_unit = survey.contents[best.column].column.unit
             part = reference if best.channel.proposed == "reference" else signals
-            part[signal] = SignalSource(column=best.column, unit=None if log_unit else best.unit)
+            sensor = best.sensor if part is signals else ""
+            part[signal] = SignalSource(column=best.column, unit=None if log_unit else best.unit, sensor=sensor)
             unit = log_unit or best.unit
             reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}"
         others[signal] = [hint.column for hint in hints if hint is not best]
@@ -108,6 +109,7 @@ def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
             lines += ["", f"[{part}.{_quoted(signal)}]", *_comments(proposal.reasons[signal].split("; "))]
             lines.append(f"column = {_quoted(channel.column or '')}")
             lines += [f"unit = {_quoted(unit)}"] if unit is not None else []
+            lines += [f"sensor = {_quoted(channel.sensor)}"] if channel.sensor else []
             lines += [f"sign = {channel.sign}"] if channel.sign != 1 else []
             lines += [f"gain = {channel.gain:g}"] if channel.gain != 1.0 else []
             lines += [f"delay = {channel.delay:g}"] if channel.delay else []

@@ -33,7 +33,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     if len(set(names)) < len(names):
         raise SignalError(f"{path.name}: columns with the same name; rename all but one")
     columns = {
-        name: Column(name=name, unit=unit, time_base=_metadata(field, "time_base"))
+        name: Column(name=name, unit=unit, time_base=_metadata(field, "time_base"), sensor=_metadata(field, "sensor"))
         for name, unit, field in zip(names, units, fields, strict=True)
     }
     headers = {name: field.name for name, field in zip(names, fields, strict=True)}
