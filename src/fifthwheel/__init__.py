@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from fifthwheel.observe import Uncertainty as Uncertainty
     from fifthwheel.plots import Plot as Plot
     from fifthwheel.record import Record as Record
-    from fifthwheel.record import Sensor as Sensor
+    from fifthwheel.record import SensorPrior as SensorPrior
     from fifthwheel.report import write_report as write_report
     from fifthwheel.studies import Estimates as Estimates
     from fifthwheel.studies import Estimator as Estimator
@@ -83,7 +83,7 @@ _NAMES = {
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),
     "plots": ("Plot",),
-    "record": ("Record", "Sensor"),
+    "record": ("Record", "SensorPrior"),
     "report": ("write_report",),
     "studies": ("Estimates", "Estimator", "SimulatedRun", "StateEstimator", "StatesOf", "exact_guess", "study"),
     "time_bases": ("check_record",),

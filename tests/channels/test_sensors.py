@@ -52,8 +52,8 @@ def with_keys(signal: str, keys: str) -> fw.SignalMap:
     return fw.SignalMap.parse(f'[{part}."{signal.removeprefix("reference.")}"]\ncolumn = "c"\n{keys}')
 
 
-def sensor_of(signal: str, keys: str) -> fw.Sensor:
-    return with_keys(signal, keys).sensors.get(signal, fw.Sensor())
+def sensor_of(signal: str, keys: str) -> fw.SensorPrior:
+    return with_keys(signal, keys).sensors.get(signal, fw.SensorPrior())
 
 
 def test_a_map_states_priors_and_corrects_as_before() -> None:
@@ -61,7 +61,7 @@ def test_a_map_states_priors_and_corrects_as_before() -> None:
     steer = signal_map.signals[STEER_ANGLE]
     assert (steer.gain, steer.offset, steer.delay) == (0.05, "0.1 deg", 0.02)
     assert signal_map.sensors == {
-        STEER_ANGLE: fw.Sensor(
+        STEER_ANGLE: fw.SensorPrior(
             sensor_class="steering wheel",
             errors={
                 "gain": (1.0, 0.02),
@@ -70,7 +70,7 @@ def test_a_map_states_priors_and_corrects_as_before() -> None:
                 "play": (math.radians(0.1), math.radians(0.05)),
             },
         ),
-        YAW: fw.Sensor(
+        YAW: fw.SensorPrior(
             sensor_class="mems",
             errors={"delay": (0.0, 0.002), "misalignment": (0.0, math.radians(0.5))},
             noise=math.radians(0.1),
@@ -141,7 +141,7 @@ def test_what_cannot_be_used_is_refused(signal: str, keys: str, message: str) ->
 
 @pytest.mark.parametrize("name", SENSOR_CLASSES)
 def test_a_class_states_every_error_of_its_quantities(name: str) -> None:
-    sensor = fw.Sensor(sensor_class=name)
+    sensor = fw.SensorPrior(sensor_class=name)
     for channel in SENSOR_CLASSES[name].offset:
         signal = f"{channel}.tractor"
         assert CHANNELS[channel] in (STEER, *IDENTIFIED)
@@ -168,7 +168,7 @@ def test_priority(truck: fw.Vehicle) -> None:
     assert settings.noise == {"yaw_rate.semitrailer": 1e-6, YAW: pytest.approx(math.radians(0.1) ** 2)}
     assert with_sensors(truck, settings, sensors) == settings
     assert with_sensors(truck, fw.OneStage(), {}) == fw.OneStage()
-    other = with_sensors(truck, fw.OneStage(), {"yaw_rate.dolly": fw.Sensor(sensor_class="ins")})
+    other = with_sensors(truck, fw.OneStage(), {"yaw_rate.dolly": fw.SensorPrior(sensor_class="ins")})
     assert other == fw.OneStage()
 
 
@@ -177,11 +177,11 @@ def record(truck: fw.Vehicle) -> fw.Record:
     return fw.simulate(truck, count=1)
 
 
-def stating(record: fw.Record, sensors: dict[str, fw.Sensor], name: str = "run") -> fw.Record:
+def stating(record: fw.Record, sensors: dict[str, fw.SensorPrior], name: str = "run") -> fw.Record:
     return replace(record, name=name, sensors=sensors)
 
 
-GYRO = fw.Sensor(sensor_class="mems", errors={"gain": (1.0, 0.002)})
+GYRO = fw.SensorPrior(sensor_class="mems", errors={"gain": (1.0, 0.002)})
 
 
 def test_they_stay_with_a_record(record: fw.Record, tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_they_stay_with_a_record(record: fw.Record, tmp_path: Path) -> None:
         assert fw.read_log(tmp_path / name).sensors == expected
     text = f'[signals."{YAW}"]\ncolumn = "{YAW}"\nsensor = "ins"\ndelay = "+- 1 ms"'
     updated = fw.read_log(tmp_path / "log.parquet", fw.SignalMap.parse(text)).sensors[YAW]
-    assert updated == fw.Sensor(sensor_class="ins", errors={"gain": (1.0, 0.002), "delay": (0.0, 0.001)})
+    assert updated == fw.SensorPrior(sensor_class="ins", errors={"gain": (1.0, 0.002), "delay": (0.0, 0.001)})
     with pytest.raises(fw.SignalError, match="speed: gain"):
         stating(record, {"speed": GYRO})
 
@@ -227,18 +227,18 @@ def test_an_identification_has_the_stated_priors(record: fw.Record, truck: fw.Ve
     settings = fw.OneStage(free=FREE, consider={}, tyres="linear")
     name = f"{YAW}.misalignment"
 
-    def sigma(sensor: fw.Sensor) -> float:
+    def sigma(sensor: fw.SensorPrior) -> float:
         result = fw.identify([stating(record, {YAW: sensor})], truck, settings)
         return next(error.sigma for error in result.sensors if error.name == name)
 
-    exact = fw.Sensor(errors={"misalignment": (0.0, 1e-5)})
+    exact = fw.SensorPrior(errors={"misalignment": (0.0, 1e-5)})
     assert sigma(exact) == pytest.approx(1e-5, rel=0.01)
-    assert sigma(fw.Sensor(sensor_class="ins")) < math.radians(0.301) < sigma(fw.Sensor())
+    assert sigma(fw.SensorPrior(sensor_class="ins")) < math.radians(0.301) < sigma(fw.SensorPrior())
 
 
 def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
     settings = fw.OneStage(free=FREE, consider={}, tyres="linear")
-    stated = stating(record, {STEER_ANGLE: fw.Sensor(sensor_class="wheel angle")})
+    stated = stating(record, {STEER_ANGLE: fw.SensorPrior(sensor_class="wheel angle")})
     (with_class,), (without,) = (fw.assess_information([r], truck, settings).parameters for r in (stated, record))
     assert with_class.sigma < 0.97 * without.sigma
 

@@ -13,7 +13,7 @@ from fifthwheel.live.session import Session
 from fifthwheel.live.setup import completed_map, make_node
 from fifthwheel.live.status import LiveFault
 from fifthwheel.logs.can.decoder import Frame
-from fifthwheel.record import Sensor
+from fifthwheel.record import SensorPrior
 from fifthwheel.simulate import simulate
 from tests.live.truck_bus import SIGNALS, TRUCK, frames, write_files
 
@@ -120,7 +120,7 @@ def test_a_state_of_another_truck_is_refused(state):
 
 
 def test_a_state_that_was_learned_with_other_sensors_is_refused(state, tmp_path):
-    sensors = {"yaw_rate.tractor": Sensor(sensor_class="mems", errors={"gain": (1.0, 0.002)})}
+    sensors = {"yaw_rate.tractor": SensorPrior(sensor_class="mems", errors={"gain": (1.0, 0.002)})}
     with pytest.raises(SignalError, match=r"other sensor classes or uncertainties in signals.toml; give another"):
         make_learning(TRUCK, SIGNALS, path=state, sensors=sensors)
     learning = make_learning(TRUCK, SIGNALS, sensors=sensors)

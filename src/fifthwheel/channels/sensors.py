@@ -75,7 +75,7 @@ SENSOR_CLASSES: Mapping[str, SensorClass] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor(Settings):
+class SensorPrior(Settings):
     """What is stated of the sensor of a signal, beyond what its log is corrected by.
 
     Raises:
@@ -83,7 +83,7 @@ class Sensor(Settings):
 
     Example:
         >>> import fifthwheel as fw
-        >>> gyro = fw.Sensor(sensor_class="mems", errors={"gain": (1.0, 0.002)})
+        >>> gyro = fw.SensorPrior(sensor_class="mems", errors={"gain": (1.0, 0.002)})
         >>> record = fw.Record(time=[0, 1], signals={"yaw_rate.tractor": [0, 0]}, sensors={"yaw_rate.tractor": gyro})
         >>> print(record.cut().sensors["yaw_rate.tractor"])
         mems, gain 1 +- 0.002
@@ -115,9 +115,9 @@ class Sensor(Settings):
         """The sensor as a text, for a file."""
         return json.dumps(self.as_dict())
 
-    def updated(self, other: "Sensor") -> "Sensor":
+    def updated(self, other: "SensorPrior") -> "SensorPrior":
         """The sensor with what the other one states."""
-        return Sensor(
+        return SensorPrior(
             sensor_class=other.sensor_class or self.sensor_class,
             errors={**self.errors, **other.errors},
             noise=self.noise if other.noise is None else other.noise,

@@ -17,7 +17,7 @@ from fifthwheel.channels import (
     is_input,
     measured_signals,
 )
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks import raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
@@ -83,7 +83,7 @@ class Dataset:
     """Measured roll rates."""
     others: tuple[str, ...]
     """Measured signals that are not `USUAL`, such as lateral accelerations; two stages do not use them."""
-    sensors: Mapping[str, Sensor]
+    sensors: Mapping[str, SensorPrior]
     """What the logs state of their sensors, by signal."""
     notes: tuple[str, ...]
     """For the user."""

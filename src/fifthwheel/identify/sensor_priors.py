@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fifthwheel.channels import SignalName, error_kinds
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import default_prior
@@ -12,26 +12,26 @@ from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
 
-def common_sensors(records: Sequence[Record]) -> dict[str, Sensor]:
+def common_sensors(records: Sequence[Record]) -> dict[str, SensorPrior]:
     """What the records state of the sensors of a vehicle, by signal.
 
     Raises:
         SignalError: two records with the same signal state different things of its sensor.
     """
-    found: dict[str, tuple[str, Sensor]] = {}
+    found: dict[str, tuple[str, SensorPrior]] = {}
     for record in records:
         for signal in record.signals:
-            sensor = record.sensors.get(signal, Sensor())
+            sensor = record.sensors.get(signal, SensorPrior())
             other, first = found.setdefault(signal, (record.name, sensor))
             if sensor != first:
                 raise SignalError(
                     f"{signal}: expected one sensor in all logs, got {first} in {other}, and {sensor} in "
                     f"{record.name}; read the logs with the same signals.toml"
                 )
-    return {signal: sensor for signal, (_, sensor) in found.items() if sensor != Sensor()}
+    return {signal: sensor for signal, (_, sensor) in found.items() if sensor != SensorPrior()}
 
 
-def with_sensors(vehicle: Vehicle, settings: OneStage, sensors: Mapping[str, Sensor]) -> OneStage:
+def with_sensors(vehicle: Vehicle, settings: OneStage, sensors: Mapping[str, SensorPrior]) -> OneStage:
     """The settings with the priors and the noise of sensors.
 
     What the settings state of a single error comes first, then what is stated of the sensor, then its class, then the

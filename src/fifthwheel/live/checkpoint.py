@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
@@ -32,7 +32,7 @@ def make_learning(
     trailer: str | None = None,
     locks: Collection[str] = (),
     tyres: TyreLaw = "linear",
-    sensors: Mapping[str, Sensor] = MappingProxyType({}),
+    sensors: Mapping[str, SensorPrior] = MappingProxyType({}),
 ) -> Learning:
     """A learner with the estimates of a file, if it exists.
 

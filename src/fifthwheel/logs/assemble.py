@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_input, is_of, si_unit
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
@@ -140,14 +140,14 @@ def _time_bases(log: LogSource, channels: Mapping[_Key, SignalSource]) -> dict[s
     return {signal: name or _LOGGER for signal, name in names.items() if name != common}
 
 
-def _sensors(log: LogSource, channels: Mapping[str, SignalSource]) -> dict[str, Sensor]:
+def _sensors(log: LogSource, channels: Mapping[str, SignalSource]) -> dict[str, SensorPrior]:
     """What the file and the map state of the sensors, by signal; the map has priority."""
     sensors = {}
     for signal, channel in channels.items():
         sensor, stored = channel.stated(signal), log.columns[log.find(channel.columns[0])].sensor
         if stored:
             try:
-                sensor = Sensor.loads(stored).updated(sensor)
+                sensor = SensorPrior.loads(stored).updated(sensor)
             except SignalError as error:
                 raise SignalError(f"{log.name}: {signal}: {error}; write the file again") from None
         sensors[signal] = sensor

@@ -45,7 +45,7 @@ from pydantic import (
 
 from fifthwheel._types import Array
 from fifthwheel.channels import REFERENCE, SensorErrorName, checked_name, si_unit, split_header
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.input_files import flat_tables, parse_toml, read_toml, require_inside
 from fifthwheel.names import split_source
@@ -168,7 +168,7 @@ class SignalSource(BaseModel):
         total = sum(self.calibrated(values, log_unit, si) for values, log_unit in columns)
         return np.asarray(self.sign * self.gain * total - quantity(self.offset, si))
 
-    def stated(self, signal: str) -> Sensor:
+    def stated(self, signal: str) -> SensorPrior:
         """What the keys state of the sensor of a signal.
 
         Raises:
@@ -193,7 +193,7 @@ class SignalSource(BaseModel):
         noise, of_noise = errors.pop("noise", (None, None))
         if of_noise is not None:
             raise SignalError("noise: expected one standard deviation, without '+-'; remove it")
-        return Sensor(sensor_class=self.sensor, errors=errors, noise=noise)
+        return SensorPrior(sensor_class=self.sensor, errors=errors, noise=noise)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -253,10 +253,10 @@ class SignalMap(BaseModel):
         return self
 
     @property
-    def sensors(self) -> dict[str, Sensor]:
+    def sensors(self) -> dict[str, SensorPrior]:
         """What is stated of the sensors, by signal."""
         stated = {name: channel.stated(name) for name, channel in self.signals.items()}
-        return {name: sensor for name, sensor in stated.items() if sensor != Sensor()}
+        return {name: sensor for name, sensor in stated.items() if sensor != SensorPrior()}
 
     @property
     def rate(self) -> float:

@@ -62,7 +62,7 @@ class Column:
     about: str = ""
     """Description in the file."""
     sensor: str = ""
-    """What the file states of the sensor: a `channels.sensors.Sensor` as JSON."""
+    """What the file states of the sensor: a `channels.sensors.SensorPrior` as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import REFERENCE, checked_name
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
@@ -78,7 +78,7 @@ class Record:
     time_bases: Mapping[str, str] = field(default_factory=dict)
     """Signal to the name of the time base, or clock, that gave its timestamps; signals that are not listed share the
     main time base. Entries of other names are left out."""
-    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    sensors: Mapping[str, SensorPrior] = field(default_factory=dict)
     """What is stated of the sensor of a signal; an identification takes the priors of its errors from it. Entries of
     other names are left out."""
 
@@ -105,7 +105,7 @@ class Record:
         object.__setattr__(self, "notes", tuple(self.notes))
         known = {name: base for name, base in self.time_bases.items() if name in self.signals or name in self.reference}
         object.__setattr__(self, "time_bases", ReadOnlyDict(known))
-        sensors = {name: s for name, s in self.sensors.items() if name in self.signals and s != Sensor()}
+        sensors = {name: s for name, s in self.sensors.items() if name in self.signals and s != SensorPrior()}
         for name, sensor in sensors.items():
             sensor.require_fits(name)
         object.__setattr__(self, "sensors", ReadOnlyDict(sensors))

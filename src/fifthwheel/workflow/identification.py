@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from fifthwheel.assess import Assessment, assess
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
 from fifthwheel.identify.sensor_errors import log_sensors
@@ -123,7 +123,7 @@ def design_run(
     settings: OneStage | None = None,
     *,
     channels: Sequence[str] = (),
-    sensors: Mapping[str, Sensor] = MappingProxyType({}),
+    sensors: Mapping[str, SensorPrior] = MappingProxyType({}),
     speed: float | None = None,
     max_speed: float = 88 / 3.6,
     max_acceleration: float = 1.5,

@@ -1,6 +1,7 @@
 """One stage on the linear vehicle: errors against the Cramér-Rao bound, sigmas, verdicts, faults."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -298,6 +299,20 @@ def test_the_bank_of_the_road_is_estimated_if_the_steering_offset_is_known(truck
     assert abs(bank - true_bank) < 3 * sigma
     assert max(np.abs(list(normalised_errors(result, truck).values()))) < 3.5
     assert identify([record], guess, KNOWN).logs[0].bank is None
+
+
+def test_states_allow_for_a_bank_that_varies_within_a_log(truck: Vehicle, guess: Vehicle) -> None:
+    """The estimate of the mean bank stays as it is; what an observer gets has the variation too."""
+    record = banked(simulate(truck, count=1, seed=13), truck, 0.02)
+    settings = OneStage(tyres="linear", consider={})
+    constant = identify([record], guess, settings)
+    varying = identify([record], guess, replace(settings, consider={"bank_variation": 0.02}))
+    assert varying.logs[0].bank == constant.logs[0].bank
+    mean, sigma = constant.logs[0].bank
+    observer, uncertainty = varying.sensor_settings(record.name), varying.uncertainty(record.name)
+    assert observer["bank_mean"] == mean
+    assert observer["bank"] == pytest.approx(math.hypot(sigma, 0.02))
+    assert uncertainty.among(["bank.road"]).covariance[0, 0] == pytest.approx(sigma**2 + 0.02**2)
 
 
 def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, guess: Vehicle) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from fifthwheel._types import Array
-from fifthwheel.channels.sensors import Sensor
+from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt
@@ -86,7 +86,7 @@ class Learner:
         signals: Iterable[str],
         settings: OneStage | None = None,
         *,
-        sensors: Mapping[str, Sensor] = MappingProxyType({}),
+        sensors: Mapping[str, SensorPrior] = MappingProxyType({}),
         learner: LearnerSettings | None = None,
         trailer: str | None = None,
     ) -> None:
