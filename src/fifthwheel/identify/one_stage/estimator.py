@@ -40,9 +40,9 @@ TITLE = "fit with estimated noise"
 """Of the progress."""
 WHITE_TOLERANCE = 1.0
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
-ROUND_TOLERANCES = (0.3, 0.02)
+ROUND_TOLERANCES = (0.3, 0.05)
 """Of the fits with a noise model; each takes the noise from the residuals of the one before. The prediction-error form
-has the last one only."""
+has the last one only. The estimates are then within 0.02 sigma of those of a tenth of this tolerance."""
 EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
 EARLY_SAMPLES = 12_000
