@@ -1,7 +1,7 @@
 """The unknowns of an identification: parameters, uncertain numbers and sensor errors."""
 
 import math
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from fifthwheel import dynamics
@@ -154,6 +154,7 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         *_estimated_unknowns(vehicle, estimated, settings),
         *_vehicle_file_unknowns(vehicle, estimated, settings),
     ]
+    unknowns += _self_steering_unknowns(vehicle, [u.name for u in unknowns], settings)
     unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
     return [
         *unknowns,
@@ -262,6 +263,21 @@ def _changes_of_tyres(vehicle: Vehicle, moves: Mapping[str, float], settings: On
     )
     slopes = {name: (changed[name] - value) / SMALL_STEP for name, value in given.items()}
     return {name: slope for name, slope in slopes.items() if slope}
+
+
+def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: OneStage) -> list[Unknown]:
+    """The self-steering of axles, from 0 to 1: of castor axles, and of fixed ones that may be castor axles.
+
+    Axles in `done` have an unknown.
+    """
+    factor, fixed = settings.consider.get("vehicle_file", 0.0), settings.consider.get("fixed_axles", 0.0)
+    unstated = 0.0 if vehicle.is_exact else fixed
+    sigmas = {name: vehicle.stated.get(name, unstated) for name in dynamics.fixed_last_axles(vehicle)}
+    for change in changes(vehicle) if factor else ():
+        sigmas |= {name: factor * s for name, s in change.slopes.items() if ends_with(name, "self_steering")}
+    exact, values = {*done, *expand_names(vehicle, settings.fixed, settings)}, vehicle.parameters()
+    unknowns = [change_unknown(name, sigma) for name, sigma in sigmas.items() if sigma and name not in exact]
+    return [replace(u, centre=values.get(u.name, 0.0), lower=0.0, upper=1.0) for u in unknowns]
 
 
 def _changed_paths(settings: OneStage) -> set[str]:
