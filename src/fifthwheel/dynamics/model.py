@@ -169,27 +169,14 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
     They describe what a plain model leaves out, so that an estimator can state its effect:
 
         <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
-        <axle>.self_steering     of `fixed_last_axles`, where the vehicle file does not give it
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
         <sensor>.delay           s, latency of a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
-    values |= dict.fromkeys(fixed_last_axles(vehicle), 0.0)
     values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
     with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
     return values | {f"{name}.delay": 0.0 for name in with_rate} | {TIME_SCALE: 1.0}
-
-
-def fixed_last_axles(vehicle: Vehicle) -> list[str]:
-    """Paths of the self-steering, 0, of axles that are fixed, as far as the vehicle file knows: the last axle of each
-    unit behind the first, in a group of two or more."""
-    paths = []
-    for unit in vehicle.units[1:]:
-        axles = unit.axle_groups[-1].on_road
-        if len(axles) > 1 and not (axles[-1].steerable or axles[-1].self_steering or axles[-1].command_steering):
-            paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
-    return paths
 
 
 def contact_input(steer: str) -> str:
