@@ -13,6 +13,7 @@ from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow import apply_statements, parse_statement
 from tests.dynamics.test_steered_axles import LIFTED, with_axle
 
 PATH = "semitrailer.rear.self_steering"
@@ -89,3 +90,11 @@ def test_of_a_truck_with_fixed_axles() -> None:
     assert blamed(result) == []
     ratios = [a.sigma / b.sigma for a, b in zip(result.parameters, plain.parameters, strict=True)]
     assert np.max(ratios) < 1.02
+
+
+def test_a_castor_axle_can_be_stated_without_a_file() -> None:
+    statements = [parse_statement(f"{PATH}=0.7 +- 0.05"), parse_statement("fixed_axles=exact")]
+    for truck in (FIXED, CASTOR):
+        stated, settings = apply_statements(truck, LINEAR, statements)
+        assert unknowns(stated, settings) == {PATH: (0.7, 0.05, UnknownKind.UNCERTAIN)}
+    assert unknowns(FIXED, apply_statements(FIXED, LINEAR, statements[1:])[1]) == {}
