@@ -244,7 +244,7 @@ def _tyre_forces(
         for arm, axle in zip(arms, group.on_road, strict=True):
             direction = ca.atan((motion.v[i] + arm * motion.r[i]) / motion.u[i])  # of the motion of the axle
             delta, self_steering = steering(p, unit, axle, motion.articulation[i], steer)
-            angles.append(delta + self_steering * direction)
+            angles.append(delta)  # the small side force of castor wheels acts across their unit
             slips.append(delta - (1 - self_steering) * direction)
         each = ca.vertsplit(stages.variable(ca.vertcat(*slips)))
         mean = sum(each, ca.SX(0)) / count
