@@ -8,7 +8,7 @@ TRUCK, PATH = with_axle({}), "semitrailer.rear.self_steering"
 
 
 def cause(change: float) -> Cause:
-    return Cause(name=PATH, changes={PATH: change}, prior_sigmas=change / 0.02)
+    return Cause(name=PATH, changes={PATH: change}, prior_sigmas=change / 0.015)
 
 
 def test_an_axle_that_is_not_stated_to_steer_itself():

@@ -30,11 +30,11 @@ def unknowns(truck: Vehicle, settings: fw.OneStage = LINEAR) -> dict[str, tuple[
 
 def test_a_last_axle_may_be_a_castor_axle() -> None:
     uncertain = UnknownKind.UNCERTAIN
-    assert unknowns(FIXED) == {PATH: (0.0, 0.02, uncertain)}
+    assert unknowns(FIXED) == {PATH: (0.0, 0.015, uncertain)}
     assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.05})) == {PATH: (0.0, 0.05, uncertain)}
     assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.0})) == {}
     assert unknowns(FIXED.with_stated(dict.fromkeys(FIXED.parameters(), 0.0))) == {}
-    assert unknowns(with_axle(LIFTED)) == {"semitrailer.middle.self_steering": (0.0, 0.02, uncertain)}
+    assert unknowns(with_axle(LIFTED)) == {"semitrailer.middle.self_steering": (0.0, 0.015, uncertain)}
     assert unknowns(with_axle({"steerable": True})) == unknowns(with_axle({"command_steering": 0.3})) == {}
     without = {key: sigma for key, sigma in DEFAULT_CONSIDERED.items() if key != "fixed_axles"}
     assert unknowns(FIXED, replace(LINEAR, consider=without)) == {}

@@ -102,7 +102,7 @@ MODEL_ERRORS: Mapping[str, float] = {
     "gyro_delay": 0.01,
     "stiffness_variation": 0.025,
     "time_base": 0.002,
-    "fixed_axles": 0.02,
+    "fixed_axles": 0.015,
     "discrepancy": 0.015,
 }
 """What a model lacks, in groups: the standard deviations of masses and lengths in the vehicle file, as a multiple of
