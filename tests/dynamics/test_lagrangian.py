@@ -178,7 +178,8 @@ def test_equals_lagrange(name: str, roll: bool, speed: float) -> None:
 def test_every_parameter_changes_both_derivations_equally() -> None:
     """A change of any parameter changes A or B of the library, and those of the oracle by the same amount."""
     vehicle = VEHICLES["b_double, all relaxation, trail, all changed"]
-    assert vehicle.parameters().keys() == vehicle.locations().keys()
+    without_value = vehicle.locations().keys() - vehicle.parameters().keys()
+    assert {path.rpartition(".")[2] for path in without_value} == {"self_steering", "command_steering"}
     before = matrices(vehicle, 15.0, roll=True)
     for path, value in vehicle.parameters().items():
         if path == "last.payload.width":

@@ -130,7 +130,7 @@ def linear(truck: Truck) -> LaneChangeRun:
             heading = heading + series[f"articulation.{unit.name}"]
             behind += coupling.leading_position - coupling.trailing_position
         lateral = _integral(speed * heading + series[f"lateral_velocity.{unit.name}"])
-        places = {unit.name: min(axle.position for axle in unit.axles)}
+        places = {unit.name: min(axle.position for axle in unit.on_road)}
         if not i:
             places["front"], behind = truck.front_axle.position, -truck.front_axle.position
         for name, position in places.items():

@@ -6,7 +6,9 @@ low speed the axles of a unit roll without side force in the sum: with distances
 
     L = sum C_j L_j^2 / sum C_j L_j,
 
-so that the heading psi follows psi' = w / L, w the lateral velocity of the point in front per distance. The turn is
+so that the heading psi follows psi' = w / L, w the lateral velocity of the point in front per distance. Of a
+self-steering axle C_j is the part 1 - s of its cornering stiffness. Where the articulation angle g steers axles by
+k_j g, the axle at L moves in the direction of its wheels, k g with k = sum C_j L_j k_j / sum C_j L_j. The turn is
 integrated over the distance by Runge-Kutta steps.
 
 Friction demand: the axles of a group slip, because they turn about one centre. The forces of their saturating tyres
@@ -54,7 +56,8 @@ class LowSpeedTurn:
     steer: Array
     """Angle from the heading of the first unit to the direction of motion of its outer front tyre, (N,) rad."""
     slips: Array
-    """Slip angle of every axle, front to rear, (N, axles); that of the steered axle is 0, rad."""
+    """Slip angle of the wheels of every axle on the road, front to rear, (N, axles); that of the steered axle is 0,
+    rad."""
 
 
 def measure(truck: Truck) -> Values:
@@ -72,6 +75,7 @@ def turn(truck: Truck) -> LowSpeedTurn:
     units, references, outer = truck.vehicle.units, _references(truck), truck.body.width / 2
     lengths = [equivalent_length(unit, reference) for unit, reference in zip(units, references, strict=True)]
     effective = [reference - length for reference, length in zip(references, lengths, strict=True)]
+    commands = [_command(unit, reference) for unit, reference in zip(units, references, strict=True)]
     joints = [c.leading_position for c in truck.vehicle.couplings]
     arms = [joint - e for joint, e in zip(joints, effective, strict=False)]
 
@@ -83,8 +87,9 @@ def turn(truck: Truck) -> LowSpeedTurn:
         for i, arm in enumerate(arms):
             articulation = headings[i + 1] - headings[i]
             c, s, across = math.cos(articulation), math.sin(articulation), rates[i] * arm
-            rates.append((across * c - along[i] * s) / lengths[i + 1])
             along.append(along[i] * c + across * s)
+            sideways = along[i + 1] * math.tan(commands[i + 1] * articulation)  # of the effective axle
+            rates.append((across * c - along[i] * s - sideways) / lengths[i + 1])
         return rates, along
 
     behind = sum(lengths) + sum(map(abs, arms))
@@ -112,24 +117,42 @@ def turn(truck: Truck) -> LowSpeedTurn:
             origins[:, i] = joint - truck.vehicle.couplings[i - 1].trailing_position * axis
         else:
             origins[:, 0] = tyre - (truck.front_axle.position - 1j * outer) * axis
-        for axle in unit.axles:
+        articulation = psi[:, i] - psi[:, i - 1] if i else np.zeros(len(stations))
+        sideways = along[:, i] * np.tan(commands[i] * articulation)
+        for axle in unit.on_road:
             steered = not i and axle in unit.axle_groups[0].axles
-            across = rates[:, i] * (axle.position - effective[i])
-            slips.append(np.zeros(len(stations)) if steered else -np.arctan2(across, along[:, i]))
+            across = rates[:, i] * (axle.position - effective[i]) + sideways
+            slip = (axle.command_steering or 0.0) * articulation - np.arctan2(across, along[:, i])
+            slips.append(np.zeros(len(stations)) if steered else (1 - (axle.self_steering or 0.0)) * slip)
     return LowSpeedTurn(origins=origins, headings=psi, steer=angle - psi[:, 0], slips=np.column_stack(slips))
 
 
 def equivalent_length(unit: Unit, reference: float) -> float:
     """Distance L, m, behind a point of a unit at which one axle turns it like all of its axles behind that point."""
-    arms = [
-        (group.cornering_stiffness / len(group.axles), reference - axle.position)
+    arms = _arms(unit, reference)
+    if not any(c for c, _, _ in arms):
+        raise VehicleError(f"{unit.name}: no axle behind its front end has a side force; the low-speed turn needs one")
+    return sum(c * arm**2 for c, arm, _ in arms) / sum(c * arm for c, arm, _ in arms)
+
+
+def _command(unit: Unit, reference: float) -> float:
+    """Steer angle of that axle over the articulation angle, k."""
+    arms = _arms(unit, reference)
+    return sum(c * arm * k for c, arm, k in arms) / sum(c * arm for c, arm, _ in arms)
+
+
+def _arms(unit: Unit, reference: float) -> list[tuple[float, float, float]]:
+    """C_j, N/rad, L_j, m, and k_j of the axles behind a point of a unit."""
+    return [
+        (
+            (1 - (axle.self_steering or 0.0)) * (group.cornering_stiffness / len(group.on_road)),
+            reference - axle.position,
+            axle.command_steering or 0.0,
+        )
         for group in unit.axle_groups
-        for axle in group.axles
+        for axle in group.on_road
         if axle.position < reference
     ]
-    if not arms:
-        raise VehicleError(f"{unit.name}: no axle behind its front end; the low-speed turn needs one")
-    return sum(c * arm**2 for c, arm in arms) / sum(c * arm for c, arm in arms)
 
 
 def _references(truck: Truck) -> list[float]:
@@ -189,8 +212,8 @@ def friction_demand(truck: Truck, run: LowSpeedTurn) -> float:
             forces = forces + coupling * np.cos(articulation)
             moment = moment + (vehicle.couplings[i].leading_position - reference) * coupling * np.cos(articulation)
         for group in reversed(unit.axle_groups):
-            law = _axle_law(p, unit.group_path(group), len(group.axles)).map(len(run.steer))
-            for member in reversed(group.axles):
+            law = _axle_law(p, unit.group_path(group), len(group.on_road)).map(len(run.steer))
+            for member in reversed(group.on_road):
                 axle -= 1
                 force, aligning = (values.full()[0] for values in law(run.slips[None, :, axle]))
                 forces, moment = forces + force, moment + (member.position - reference) * force + aligning

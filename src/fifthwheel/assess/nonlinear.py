@@ -90,14 +90,14 @@ def drive_lane_change(truck: Truck, plant: Plant) -> LaneChangeRun:
     truth = _drive(plant, course)
     units = truck.vehicle.units
     groups = truck.groups()[1:]
-    axles = [f"{unit.name}.{axle.name}" for _, unit, group, _ in groups for axle in group.axles]
+    axles = [f"{unit.name}.{axle.name}" for _, unit, group, _ in groups for axle in group.on_road]
     load = [truth[f"vertical_force.{axle}"] for axle in axles]
     transferred = [np.abs(truth[f"load_transfer.{axle}"] * force) for axle, force in zip(axles, load, strict=True)]
     front = units[0].name
     arm = truck.front_axle.position - units[0].cog
     acceleration = {unit.name: _acceleration(truth, unit) for unit in units}
     yaw_acceleration = np.gradient(truth[f"yaw_rate.{front}"], 1 / RATE)
-    places = {unit.name: (unit, min(axle.position for axle in unit.axles)) for unit in units}
+    places = {unit.name: (unit, min(axle.position for axle in unit.on_road)) for unit in units}
     places["front"] = units[0], truck.front_axle.position
     positions = {name: _position(truth, unit, x) for name, (unit, x) in places.items()}
     return LaneChangeRun(

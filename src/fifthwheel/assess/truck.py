@@ -126,8 +126,8 @@ class Truck:
 
     @property
     def rear_axle(self) -> Axle:
-        """The last axle of the last unit."""
-        return min(self.vehicle.units[-1].axles, key=lambda axle: axle.position)
+        """The last axle of the last unit on the road."""
+        return min(self.vehicle.units[-1].on_road, key=lambda axle: axle.position)
 
     def ends(self) -> list[tuple[float, float]]:
         """x of the rear and of the front end of the body of every unit, m: the front end of a dolly is at its first

@@ -152,6 +152,10 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if path.endswith(".softening"):
         group = path.removesuffix(".softening")
         return f"the tyres of {group} soften more with the slip angle: use --tyres saturating ({times})"
+    if path.endswith(".self_steering") and not values.get(path):
+        axle = path.removesuffix(".self_steering")
+        size = f"self_steering = {min(change, 1.0):.1f}"
+        return f"{axle} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
     if cause.name.endswith(".axle_positions"):
         largest = max(map(abs, own.values()))
         side = "closer to" if change > 0 else "further from"

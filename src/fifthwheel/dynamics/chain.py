@@ -69,11 +69,16 @@ class Motion:
     across: tuple[ca.SX, ...]  # m/s, lateral velocity across the heading of the first unit, v + u heading
     r: tuple[ca.SX, ...]  # rad/s, yaw rate
     heading: tuple[ca.SX, ...]  # rad, psi_i - psi_1
+    articulation: tuple[ca.SX, ...]  # rad, psi_i - psi_(i-1), zero of the first unit
     roll: tuple[ca.SX, ...]  # rad, zeros without roll
     roll_rate: tuple[ca.SX, ...]  # rad/s, zeros without roll
     jacobian: tuple[ca.SX, ...]  # J_i, (2 or 3, m): (v, r[, p]) of unit i by the m generalised velocities
     lagged_slip: Expressions  # rad, by the path of each group with a relaxation length
     bank: ca.SX  # rad, of the road; zero if it is not a state
+
+    def of_axles(self, i: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """What the slip angles of unit i depend on: across, heading, articulation, r."""
+        return self.across[i], self.heading[i], self.articulation[i], self.r[i]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +156,7 @@ def motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bo
     m = 1 + (2 if roll else 1) * n
     basis = ca.SX.eye(m)
     yaw, rolling = [basis[1 + i, :] for i in range(n)], [basis[1 + n + i, :] if roll else ca.SX(1, m) for i in range(n)]
-    lateral, heading = [basis[0, :]], [ca.SX(0)]
+    lateral, heading, articulation = [basis[0, :]], [ca.SX(0)], [ca.SX(0)]
     for i in range(n - 1):
         arms, rear = coupling_arms(p, vehicle, i), units[i + 1].name
         lateral.append(
@@ -161,7 +166,8 @@ def motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bo
             - arms.behind * yaw[i + 1]
             + arms.above_rear * rolling[i + 1]
         )
-        heading.append(heading[i] + x[index[f"articulation.{rear}"]])
+        articulation.append(x[index[f"articulation.{rear}"]])
+        heading.append(heading[i] + articulation[i + 1])
     w = x[velocity_indices(vehicle, roll=roll)]
     return Motion(
         u=tuple(speed for _ in units),
@@ -169,6 +175,7 @@ def motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bo
         across=tuple(lateral[i] @ w for i in range(n)),
         r=tuple(x[index[f"yaw_rate.{u.name}"]] for u in units),
         heading=tuple(heading),
+        articulation=tuple(articulation),
         roll=tuple(x[index[f"roll.{u.name}"]] if roll else ca.SX(0) for u in units),
         roll_rate=tuple(x[index[f"roll_rate.{u.name}"]] if roll else ca.SX(0) for u in units),
         jacobian=tuple(ca.vertcat(lateral[i], yaw[i], *([rolling[i]] if roll else [])) for i in range(n)),
@@ -185,8 +192,7 @@ def slip_angles(
     for i, unit in enumerate(vehicle.units):
         for group in unit.axle_groups:
             path = unit.group_path(group)
-            kinematics = (motions.across[i], motions.heading[i], motions.r[i], steer)
-            mean = unit_equations.mean_slip_angle(p, unit, group, *kinematics)
+            mean = unit_equations.mean_slip_angle(p, unit, group, *motions.of_axles(i), steer)
             angles[path] = motions.lagged_slip.get(path, mean.direction - mean.drift / speed)
     return angles
 
@@ -242,7 +248,7 @@ def equations(
     for i, unit in enumerate(vehicle.units):
         J, inertia = motions.jacobian[i], unit_equations.mass_matrix(p, unit, roll=roll)
         M += ca.mtimes([J.T, inertia, J])
-        kinematics = (motions.across[i], motions.heading[i], motions.r[i], steer)
+        kinematics = (*motions.of_axles(i), steer)
         applied = unit_equations.tyre_forces(p, unit, *kinematics, inverse_speed, motions.lagged_slip)
         if roll:
             body = unit_equations.roll_body(p, unit)

@@ -48,7 +48,7 @@ from fifthwheel.dynamics.tyres import (
     longitudinal_forces,
     saturating,
 )
-from fifthwheel.dynamics.unit_equations import suspension_moment
+from fifthwheel.dynamics.unit_equations import steering, suspension_moment
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
 
@@ -169,7 +169,7 @@ def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
     """Distance between the means of the first and of the last axle group of the first unit, m."""
     unit = vehicle.units[0]
     front, rear = (
-        sum((p[f"{unit.name}.{axle.name}.position"] for axle in group.axles), ca.SX(0)) / len(group.axles)
+        sum((p[f"{unit.name}.{axle.name}.position"] for axle in group.on_road), ca.SX(0)) / len(group.on_road)
         for group in (unit.axle_groups[0], unit.axle_groups[-1])
     )
     return front - rear
@@ -238,13 +238,14 @@ def _tyre_forces(
     each group by its path."""
     total, tyres = ca.SX(3, 1), dict[str, _Tyres]()
     for group in unit.axle_groups:
-        path, count = unit.group_path(group), len(group.axles)
-        arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.axles]
-        angles = [steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else ca.SX(0) for axle in group.axles]
-        slips = [
-            angle - ca.atan((motion.v[i] + arm * motion.r[i]) / motion.u[i])
-            for arm, angle in zip(arms, angles, strict=True)
-        ]
+        path, count = unit.group_path(group), len(group.on_road)
+        arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.on_road]
+        angles, slips = list[ca.SX](), list[ca.SX]()
+        for arm, axle in zip(arms, group.on_road, strict=True):
+            direction = ca.atan((motion.v[i] + arm * motion.r[i]) / motion.u[i])  # of the motion of the axle
+            delta, self_steering = steering(p, unit, axle, motion.articulation[i], steer)
+            angles.append(delta)  # the small side force of castor wheels acts across their unit
+            slips.append(delta - (1 - self_steering) * direction)
         each = ca.vertsplit(stages.variable(ca.vertcat(*slips)))
         mean = sum(each, ca.SX(0)) / count
         slip = motion.lagged_slip.get(path, mean)

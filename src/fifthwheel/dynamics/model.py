@@ -205,7 +205,8 @@ def all_parameters(
 def topology(vehicle: Vehicle) -> tuple[object, ...]:
     """Structure of a vehicle, without its numbers; vehicles of equal topology share one model."""
     payloads = tuple(unit.payload.shape if unit.payload else None for unit in vehicle.units)
-    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads, chain.relaxation_groups(vehicle))
+    lifted = tuple(axle.lifted for unit in vehicle.units for axle in unit.axles)
+    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads, chain.relaxation_groups(vehicle), lifted)
 
 
 _models: dict[tuple[object, ...], ChainModel] = {}

@@ -78,7 +78,7 @@ def side_force_height(p: Expressions, unit: Unit, group: AxleGroup, load: ca.SX)
 
     All axles of a unit have the same mass; the load is the static one, N.
     """
-    axles: ca.SX = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.axles) / len(unit.axles)
+    axles: ca.SX = (p[f"{unit.name}.mass"] - laden(p, unit).mass) * len(group.on_road) / len(unit.axles)
     fraction: ca.SX = axles * GRAVITY / load
     return p[f"{unit.name}.roll_axis_height"] * (1 - fraction) + AXLE_COG_HEIGHT * fraction
 
@@ -121,18 +121,36 @@ class SlipAngle(NamedTuple):
     drift: ca.SX  # lateral velocity across the heading of the first unit, m/s
 
 
+def steering(
+    p: Expressions, unit: Unit, axle: Axle, articulation: ca.SX, steer: Expressions
+) -> tuple[ca.SX, ca.SX | int]:
+    """Steer angle of the wheels of an axle by a steering or by the articulation angle in front of its unit, rad, and
+    the fraction of its slip angle by which castor wheels turn."""
+    name = f"{unit.name}.{axle.name}"
+    if axle.steerable:
+        return steer[f"steer.{name}"], 0
+    return p.get(f"{name}.command_steering", ca.SX(0)) * articulation, p.get(f"{name}.self_steering", 0)
+
+
 def axle_slip_angle(
-    p: Expressions, unit: Unit, axle: Axle, across: ca.SX, heading: ca.SX, r: ca.SX, steer: Expressions
+    p: Expressions,
+    unit: Unit,
+    axle: Axle,
+    across: ca.SX,
+    heading: ca.SX,
+    articulation: ca.SX,
+    r: ca.SX,
+    steer: Expressions,
 ) -> SlipAngle:
-    """Slip angle of one axle; arguments as in `tyre_forces`."""
+    """Slip angle of the wheels of one axle; arguments as in `tyre_forces`."""
     arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-    delta = steer[f"steer.{unit.name}.{axle.name}"] if axle.steerable else 0
-    return SlipAngle(delta + heading, across + arm * r)
+    delta, self_steering = steering(p, unit, axle, articulation, steer)
+    return SlipAngle((1 - self_steering) * (delta + heading), (1 - self_steering) * (across + arm * r))
 
 
 def mean_slip_angle(p: Expressions, unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
     """Mean slip angle of the axles of a group; `motion` as in `axle_slip_angle` from `across` on."""
-    slips = [axle_slip_angle(p, unit, axle, *motion) for axle in group.axles]
+    slips = [axle_slip_angle(p, unit, axle, *motion) for axle in group.on_road]
     n = len(slips)
     return SlipAngle(sum((s.direction for s in slips), ca.SX(0)) / n, sum((s.drift for s in slips), ca.SX(0)) / n)
 
@@ -142,6 +160,7 @@ def tyre_forces(
     unit: Unit,
     across: ca.SX,
     heading: ca.SX,
+    articulation: ca.SX,
     r: ca.SX,
     steer: Expressions,
     inverse_speed: ca.SX,
@@ -153,19 +172,20 @@ def tyre_forces(
     relaxation length, the lagged slip angle replaces the mean slip angle of the group; the difference of an axle's slip
     angle from the mean acts without lag.
 
-    `across` and `heading` are as in `chain.Motion`, r is the yaw rate of the unit; steer angles, rad, positive to the
-    left, by the names of their signals, lagged slip angles, rad, by the paths of their groups.
+    `across`, `heading`, `articulation` and r are those of the unit in `chain.Motion`; steer angles, rad, positive to
+    the left, by the names of their signals, lagged slip angles, rad, by the paths of their groups.
     """
     force, moment = ca.SX(0), ca.SX(0)
     for group in unit.axle_groups:
         path = unit.group_path(group)
-        mean = mean_slip_angle(p, unit, group, across, heading, r, steer)
+        kinematics = (across, heading, articulation, r, steer)
+        mean = mean_slip_angle(p, unit, group, *kinematics)
         mean_slip = mean.direction - mean.drift * inverse_speed
         lag = lagged_slip[path] - mean_slip if path in lagged_slip else 0
-        secants = linear(p, path, Contact(lagged_slip.get(path, mean_slip))) / len(group.axles)
-        for axle in group.axles:
+        secants = linear(p, path, Contact(lagged_slip.get(path, mean_slip))) / len(group.on_road)
+        for axle in group.on_road:
             arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-            slip = axle_slip_angle(p, unit, axle, across, heading, r, steer)
+            slip = axle_slip_angle(p, unit, axle, *kinematics)
             side_force, aligning = axle_forces(secants, slip.direction - slip.drift * inverse_speed + lag)
             force += side_force
             moment += arm * side_force + aligning

@@ -102,6 +102,7 @@ MODEL_ERRORS: Mapping[str, float] = {
     "gyro_delay": 0.01,
     "stiffness_variation": 0.025,
     "time_base": 0.002,
+    "fixed_axles": 0.015,
     "discrepancy": 0.015,
     "bank_variation": 0.008,
 }
@@ -109,9 +110,10 @@ MODEL_ERRORS: Mapping[str, float] = {
 those that the file states or implies (`vehicle.uncertainty`); the softening of linear tyres with the slip angle, as a
 multiple of the typical one (`parameters.softening`); the latency of each gyro, s; the variation of a cornering
 stiffness from log to log, with temperature and pressure of the tyres, as a fraction; the rate of the time base, because
-timestamps are sometimes made from a nominal sampling rate; the least discrepancy of a free-running model
-(`noise_model`), as a fraction of each signal; the difference of the bank from its estimate within a log, rad, which
-includes side wind and the pull of tyres and misaligned axles."""
+timestamps are sometimes made from a nominal sampling rate; the self-steering of the last axle of a group behind the
+first unit that is fixed according to the file; the least discrepancy of a free-running model (`noise_model`), as a
+fraction of each signal; the difference of the bank from its estimate within a log, rad, which includes side wind and
+the pull of tyres and misaligned axles."""
 MODEL_ERROR_UNITS: Mapping[str, str] = {"gyro_delay": "s", "bank_variation": "rad"}
 """SI units of those model errors that are no fraction."""
 

@@ -48,7 +48,8 @@ class Setup:
     """Vehicle, measured signals, unknowns and model of an estimation; made by `of`."""
 
     vehicle: Vehicle
-    """Simplified as the settings demand, with the axles locked whose steer angle is not measured."""
+    """Simplified as the settings demand, with the axles locked whose steer angle is not measured. Optional numbers that
+    are unknowns, such as the self-steering of an axle, are 0 where the vehicle file does not give them."""
     settings: OneStage
     outputs: tuple[str, ...]
     """Measured signals that are compared with the model."""
@@ -68,12 +69,14 @@ class Setup:
         Raises:
             VehicleError: a name in the settings is unknown, or a parameter cannot be estimated.
         """
+        unknowns, own = one_stage_unknowns(vehicle, outputs, settings), vehicle.parameters()
+        added = {u.name: 0.0 for u in unknowns if u.name in vehicle.locations() and u.name not in own}
         return cls(
-            vehicle=vehicle,
+            vehicle=vehicle.replace(added) if added else vehicle,
             settings=settings,
             outputs=tuple(outputs),
             estimated=tuple(estimated_parameters(vehicle, settings)),
-            unknowns=tuple(one_stage_unknowns(vehicle, outputs, settings)),
+            unknowns=tuple(unknowns),
         )
 
     def with_time_bases(self, time_bases: Mapping[str, str]) -> "Setup":

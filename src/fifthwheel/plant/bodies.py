@@ -30,6 +30,8 @@ class BeamAxle:
     pneumatic_trail: float | None  # m, at its static load; None: that of the tyre, times `Properties.aligning`
     driven: bool
     steered: bool
+    self_steering: float
+    command_steering: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +42,8 @@ class SprungBody:
     mass: float  # kg
     cog: tuple[float, float]  # x on the unit and height above the ground, m
     inertia: tuple[float, float, float, float]  # xx, yy, zz and the product, integral of x z dm, about its CoG, kg m^2
-    axles: tuple[BeamAxle, ...]
+    axles: tuple[BeamAxle, ...]  # on the road
+    raised: tuple[tuple[float, float, float], ...]  # x on the unit, m, mass, kg, and yaw inertia, kg m^2, of an axle
 
 
 def sprung_bodies(vehicle: Vehicle, properties: Properties) -> tuple[SprungBody, ...]:
@@ -69,16 +72,16 @@ def _body(unit: Unit, vehicle: Vehicle, properties: Properties, loads: dict[str,
     axles = tuple(
         _axle(unit, group, i, axle_mass, loads[path], tyres[path], properties, is_first=is_first)
         for path, group in ((unit.group_path(group), group) for group in unit.axle_groups)
-        for i in range(len(group.axles))
+        for i in range(len(group.on_road))
     )
     derived = vehicle.derived()
     mass, height = unit.laden_sprung_mass, derived[f"{unit.name}.cog_height"]
-    x = (unit.mass * unit.cog - sum(a.mass * a.x for a in axles)) / mass
+    x = (unit.mass * unit.cog - sum(axle_mass * a.position for a in unit.axles)) / mass
     height_above_roll_axis = height - unit.roll_axis_height
     xx = derived[f"{unit.name}.roll_inertia"] - mass * height_above_roll_axis**2
     axle_yaw_inertia = _axle_yaw_inertia(axles[0], properties)
     zz = unit.yaw_inertia - mass * (x - unit.cog) ** 2
-    zz -= sum(a.mass * (a.x - unit.cog) ** 2 + axle_yaw_inertia for a in axles)
+    zz -= sum(axle_mass * (a.position - unit.cog) ** 2 + axle_yaw_inertia for a in unit.axles)
     if zz <= 0:
         raise VehicleError(
             f"{unit.name}.yaw_inertia: expected more than {unit.yaw_inertia - zz:.4g} kg m^2, that of the axles alone"
@@ -91,7 +94,14 @@ def _body(unit: Unit, vehicle: Vehicle, properties: Properties, loads: dict[str,
             f"{unit.name}.sprung.roll_yaw_product: expected a magnitude below {limit:.4g} kg m^2 about the CoG of the"
             f" sprung body, got {product:.4g}; correct it, or leave it out for 0"
         )
-    return SprungBody(name=unit.name, mass=mass, cog=(x, height), inertia=(xx, max(zz, xx), zz, product), axles=axles)
+    return SprungBody(
+        name=unit.name,
+        mass=mass,
+        cog=(x, height),
+        inertia=(xx, max(zz, xx), zz, product),
+        axles=axles,
+        raised=tuple((a.position, axle_mass, axle_yaw_inertia) for a in unit.axles if a.lifted),
+    )
 
 
 def _axle(
@@ -105,7 +115,7 @@ def _axle(
     *,
     is_first: bool,
 ) -> BeamAxle:
-    path, n, axle = unit.group_path(group), len(group.axles), group.axles[i]
+    path, n, axle = unit.group_path(group), len(group.on_road), group.on_road[i]
     steered = any(a.steerable for a in group.axles)
     has_twin_tyres = tyres > 2 * n if properties.twin_tyres is None else path in properties.twin_tyres
     sprung_load = load / n - mass * GRAVITY
@@ -135,6 +145,8 @@ def _axle(
         pneumatic_trail=group.pneumatic_trail,
         driven=is_first and not steered,
         steered=axle.steerable,
+        self_steering=axle.self_steering or 0.0,
+        command_steering=axle.command_steering or 0.0,
     )
 
 

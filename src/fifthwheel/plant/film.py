@@ -81,7 +81,7 @@ def film(run: "PlantRun", path: Path) -> Path:
 def _check_signals(run: "PlantRun") -> None:
     units, group = run.vehicle.units, run.vehicle.units[-1].axle_groups[-1]
     needed = ["speed", *(f"{quantity}.{unit.name}" for unit in units for quantity in UNIT_QUANTITIES)]
-    needed += [f"{quantity}.{units[-1].name}.{axle.name}" for axle in group.axles for quantity in AXLE_QUANTITIES]
+    needed += [f"{quantity}.{units[-1].name}.{axle.name}" for axle in group.on_road for quantity in AXLE_QUANTITIES]
     if missing := [name for name in needed if name not in run.truth]:
         raise SignalError(f"{missing[0]}: missing in the true signals of {run.name}; use a run of Plant.drive")
 
@@ -233,7 +233,7 @@ class _Scene:
             axes.plot(*in_view(line.points), color=line.colour, ls=line.style, lw=1.0, zorder=line.order)
         for i, unit in enumerate(self.run.vehicle.units):
             forward = np.exp(1j * self.truth[f"yaw.{unit.name}"][k])
-            for axle in unit.axles:
+            for axle in unit.on_road:
                 steer = np.exp(1j * self.truth.get(f"steer.{unit.name}.{axle.name}", 0 * self.time)[k])
                 wheel = forward * steer * _rectangle(-properties.wheel_radius, properties.wheel_radius, 0.4)
                 for y in (-properties.half_track, properties.half_track):
@@ -278,8 +278,8 @@ class _Scene:
         """Draw the tyres of the last axle group from behind, deflected by their loads."""
         unit, truth, properties = self.run.vehicle.units[-1], self.truth, self.run.properties
         group, half_track, radius = unit.axle_groups[-1], properties.half_track, properties.wheel_radius
-        loads = np.array([truth[f"vertical_force.{unit.name}.{axle.name}"][k] for axle in group.axles])
-        transfers = [truth[f"load_transfer.{unit.name}.{axle.name}"][k] for axle in group.axles]
+        loads = np.array([truth[f"vertical_force.{unit.name}.{axle.name}"][k] for axle in group.on_road])
+        transfers = [truth[f"load_transfer.{unit.name}.{axle.name}"][k] for axle in group.on_road]
         transferred, total = float(loads @ transfers), float(loads.sum())
         deflection = EXAGGERATION * transferred * half_track**2 / group.tyre_roll_stiffness  # right side, m
         ends = [radius + deflection, radius - deflection]

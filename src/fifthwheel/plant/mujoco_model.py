@@ -3,8 +3,8 @@
 The first unit has six degrees of freedom. The frame of a unit has the origin of the vehicle file and lies on the
 ground. A coupling rotates in pitch, roll (with the spring K_12) and yaw; a turntable does not pitch, and the hinged
 drawbar in front of it lets the eye move up and down on the dolly. An axle moves along the vertical axis of its
-body and rolls about the roll centre of its suspension; its wheels spin. The forces of tyres, air and road come from
-outside, see tyre_forces.py.
+body and rolls about the roll centre of its suspension; its wheels spin. A raised axle is fixed to its body. The forces
+of tyres, air and road come from outside, see tyre_forces.py.
 """
 
 from xml.etree import ElementTree as Xml
@@ -16,6 +16,8 @@ from fifthwheel.vehicle import Coupling, Vehicle
 
 SIDES = {"left": 1.0, "right": -1.0}
 """Sign of y of the wheels."""
+LIFT = 0.15
+"""Of the wheels of a raised axle over the others, m."""
 FRAME_SENSORS = ("framepos", "framexaxis", "frameyaxis", "framelinvel", "frameangvel")
 """MuJoCo sensors of the frame of a body, three numbers each, in world axes."""
 
@@ -50,6 +52,9 @@ def model_xml(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
         Xml.SubElement(sensors, "accelerometer", site=body.name)
         for k, axle in enumerate(body.axles):
             _add_axle(element if k == 0 else rear, axle, properties)
+        for x, mass, inertia in body.raised:
+            raised = Xml.SubElement(rear, "body", pos=f"{x!r} 0 {properties.wheel_radius + LIFT!r}")
+            _add_inertia(raised, mass, (0.0, 0.0, 0.0), (inertia, 1e-3 * inertia, inertia, 0.0))
         parent = rear
         if i < len(vehicle.couplings):
             origin = vehicle.couplings[i].leading_position - vehicle.couplings[i].trailing_position

@@ -98,7 +98,7 @@ def true_signals(
             signals[f"sideslip.{unit.name}.landing_leg"] = np.arctan2(v, u)
     signals["speed"] = signals[f"longitudinal_velocity.{vehicle.units[0].name}"]
     signals |= {name: sensed[:, layout.sensed + k] for k, name in enumerate(vehicle.steer_signals())}
-    axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.axles]
+    axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.on_road]
     for i, axle in enumerate(axles):
         left, right = (
             dict(zip(WHEEL_OUTPUTS, wheels[:, 4 * k : 4 * k + 4].T, strict=True)) for k in (2 * i, 2 * i + 1)

@@ -2,7 +2,8 @@
 
 The motion of every axle, as MuJoCo senses it, gives the velocity of each contact patch. The transient slip follows the
 steady slip over the relaxation length. The Magic Formula gives the forces, which act on the body of the wheel as a
-force and a torque about its centre.
+force and a torque about its centre. Castor wheels turn at once towards the direction of motion of the middle of their
+axle; the heading of the unit against that in front turns the wheels of a command-steered axle.
 """
 
 from dataclasses import dataclass
@@ -72,6 +73,8 @@ def _of_axle(axle: BeamAxle, p: Properties) -> dict[str, float]:
         "aligning": p.aligning if trail is None else trail / float(p.tyre.pneumatic_trail(0.0, tyre_load)),
         "roll_steer": p.roll_steer.get(axle.group, 0.0),
         "lash": p.lash.get(axle.group, 0.0),
+        "self_steering": axle.self_steering,
+        "command_steering": axle.command_steering,
         "roll_stiffness": axle.roll_stiffness,
         "free_radius": p.wheel_radius + axle.load / 2 / axle.tyre_stiffness,  # wheel_radius under the static load
     }
@@ -101,6 +104,7 @@ def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Prope
     then `WHEEL_OUTPUTS` of every wheel].
     """
     axles = [axle for body in bodies for axle in body.axles]
+    units = [i for i, body in enumerate(bodies) for _ in body.axles]
     tyre: MagicFormula = properties.tyre
     n_wheels, n_steered = 2 * len(axles), len(layout.steered)
     carry = ca.SX.sym("carry", 2 * n_wheels + 2 * n_steered)
@@ -130,6 +134,12 @@ def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Prope
             fraction = 1 - ca.exp(-common["time_step"] / ca.fmax(common["lag"], 1e-9))
             next_carry[row] = carry[row] + fraction * (command - carry[row])
             steer += next_carry[row]
+        if axles[i].self_steering:
+            ground = velocity + ca.cross(angular_velocity, -position[2] * ca.vertcat(0, 0, 1))
+            steer += axle["self_steering"] * _angle(x_axis, ground)
+        if axles[i].command_steering:
+            in_front, own = (sample[BODY_SENSORS * k + 3 : BODY_SENSORS * k + 6] for k in (units[i] - 1, units[i]))
+            steer += axle["command_steering"] * _angle(in_front, own)
         heading = ca.vertcat(x_axis[0], x_axis[1]) / ca.sqrt(x_axis[0] ** 2 + x_axis[1] ** 2)
         forward = ca.vertcat(
             heading[0] * ca.cos(steer) - heading[1] * ca.sin(steer),
@@ -190,6 +200,11 @@ def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Prope
         {"cse": True},
     )
     return Scan(step)
+
+
+def _angle(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Angle from the vector a to the vector b on the ground, rad, positive to the left; below a right angle."""
+    return ca.atan((a[0] * b[1] - a[1] * b[0]) / ca.fmax(a[0] * b[0] + a[1] * b[1], 1e-3))
 
 
 def transient_slip(slip: ca.SX, steady: ca.SX, relaxation_lengths: ca.SX) -> ca.SX:

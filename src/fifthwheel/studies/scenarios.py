@@ -150,6 +150,6 @@ def effective_stiffness(
     ranges = {}
     for unit in truck.units:
         for group in unit.axle_groups:
-            first, second = (at_the_end(turn, [f"{unit.name}.{axle.name}" for axle in group.axles]) for turn in turns)
+            first, second = (at_the_end(turn, [f"{unit.name}.{axle.name}" for axle in group.on_road]) for turn in turns)
             ranges[f"{unit.group_path(group)}.cornering_stiffness"] = first, second
     return ranges

@@ -18,7 +18,7 @@ class SupportedBody(NamedTuple):
     mass: Any  # kg
     cog: Any  # m
     groups: Mapping[str, Any]
-    """Position of each axle group, the mean of its axles, m, by its path."""
+    """Position of each axle group, the mean of its axles on the road, m, by its path."""
     has_front_support: bool = True
     """Whether the coupling in front carries vertical load; a hinged drawbar carries none."""
 
@@ -42,8 +42,8 @@ def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[
             p[f"{unit.name}.mass"],
             p[f"{unit.name}.cog"],
             {
-                unit.group_path(group): sum(p[f"{unit.name}.{axle.name}.position"] for axle in group.axles)
-                / len(group.axles)
+                unit.group_path(group): sum(p[f"{unit.name}.{axle.name}.position"] for axle in group.on_road)
+                / len(group.on_road)
                 for group in unit.axle_groups
             },
         )

@@ -9,6 +9,7 @@ from fifthwheel.plots.palette import BLUE, CYCLE, DARK, GREY, ORANGE, VERMILLION
 from fifthwheel.vehicle.unit import Coupling, Unit
 
 WHEEL_RADIUS, WHEEL_WIDTH, TRACK = 0.5, 0.3, 2.0
+LIFT = 0.2  # of a raised axle
 """Symbols of the wheels, m."""
 OVERHANG = 0.8
 """Of the drawn body beyond the outermost axle or coupling, m."""
@@ -62,7 +63,8 @@ def _side(unit: Unit, origin: float, rear: float, front: float, colour: str) -> 
         items.append(_box(rear, front, floor, top, ORANGE, name="payload"))
     for axle in unit.axles:
         x = origin + axle.position
-        wheel = (x + WHEEL_RADIUS * np.cos(_CIRCLE), WHEEL_RADIUS * (1 + np.sin(_CIRCLE)))
+        height = WHEEL_RADIUS + (LIFT if axle.lifted else 0.0)
+        wheel = (x + WHEEL_RADIUS * np.cos(_CIRCLE), height + WHEEL_RADIUS * np.sin(_CIRCLE))
         items.append(Area(*wheel, colour=VERMILLION if axle.steerable else DARK, opacity=0.35))
     return items
 

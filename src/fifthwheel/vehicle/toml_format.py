@@ -70,14 +70,19 @@ def dump(fields: Table) -> str:
 
 def text(value: float, si: str, sigma: float | None) -> str:
     """A number as it stands in a file."""
-    stated = "" if sigma is None else f" +- {sigma!r} {si}" if sigma else " exact"
-    return f"{value!r} {si}{stated}"
+    unit = "" if si == "1" else f" {si}"
+    stated = "" if sigma is None else f" +- {sigma!r}{unit}" if sigma else " exact"
+    return f"{value!r}{unit}{stated}"
 
 
 def _file_value(value: Any) -> Any:
     """Fields in the form of a file: with its keys, and without those that have no value."""
     if isinstance(value, dict):
-        return {FILE_KEYS.get(k, k): _file_value(v) for k, v in value.items() if v is not None and v != {}}
+        return {
+            FILE_KEYS.get(k, k): _file_value(v)
+            for k, v in value.items()
+            if v is not None and v != {} and (k, v) != ("lifted", False)
+        }
     return [_file_value(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
@@ -102,7 +107,7 @@ def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
 def _group(file_table: Table, unit: str, stated: dict[str, float], *, only: bool) -> Table:
     """Fields of an axle group; `only` where the unit has no other, so that its paths do not contain its name."""
     path = unit if only else f"{unit}.{_name(file_table, AxleGroup.model_fields['name'].default)}"
-    axle: Table = {key: file_table[key] for key in ("position", "steerable") if key in file_table}
+    axle: Table = {key: value for key, value in file_table.items() if key in Axle.model_fields and key != "name"}
     table: Table = {key: value for key, value in file_table.items() if key not in axle}
     if axle and "axles" in table:
         raise VehicleError(f"{path}: expected either axles or {' and '.join(axle)}, got both; keep one")

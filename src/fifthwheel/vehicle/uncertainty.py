@@ -51,6 +51,8 @@ DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
     "coupling": DefaultSigma(
         0.01, "wheelbase", "a fifth wheel can be slid along the frame, in steps of 0.05 m or more"
     ),
+    "self_steering": DefaultSigma(0.1, "slip angle", "friction, and springs or dampers that centre the wheels"),
+    "command_steering": DefaultSigma(0.02, "articulation angle", "play and elasticity of the linkage"),
 }
 """Standard deviations of numbers on which the vehicle file states nothing."""
 
@@ -68,10 +70,10 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
     """The uncertainty of a vehicle as independent changes, front to rear; empty if every number is exact.
 
     The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
-    `<unit>.axle_positions` and `<unit>.coupling`; and the path of every other parameter with a stated standard
-    deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights, yaw inertia and
-    relaxation lengths have a change of their own only if their standard deviation is stated. The place of an
-    accelerometer has none: it does not change the motion.
+    `<unit>.axle_positions` and `<unit>.coupling`; the self-steering and the command steering of axles where it is not
+    0; and the path of every other parameter with a stated standard deviation above 0. A change that alters no parameter
+    is left out. Roll stiffness, heights, yaw inertia and relaxation lengths have a change of their own only if their
+    standard deviation is stated. The place of an accelerometer has none: it does not change the motion.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -84,6 +86,10 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
         default = DEFAULT_SIGMAS["cog.laden" if unit.payload else "cog.unladen"].sigma
         slopes[cog] = {cog: stated.get(cog, default)}
         slopes |= _positions(vehicle, i)
+        for axle in unit.axles:
+            for key in ("self_steering", "command_steering"):
+                path = f"{unit.name}.{axle.name}.{key}"
+                slopes[path] = {path: stated.get(path, DEFAULT_SIGMAS[key].sigma)} if getattr(axle, key) else {}
     components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in slopes}
     others = [path for path, component in components.items() if component not in ACCELEROMETERS]
     slopes |= {path: {path: stated[path]} for path in others}

@@ -28,13 +28,41 @@ class Axle(Component):
     name: Name = Field(description="Unique in the unit; a single axle may take the name of its group.")
     position: Number = number("m", "x of the axle on its unit.")
     steerable: bool = Field(default=False, description="Whether steer.<unit>.<axle> is an input of the vehicle.")
+    lifted: bool = Field(
+        default=False, description="A raised lift axle: no tyre on the road; its mass stays on its unit."
+    )
+    self_steering: NonNegative | None = number(
+        "1",
+        "Castor wheels turn by this fraction of the slip angle of the axle: 0 a fixed axle, 1 an axle without side"
+        " force.",
+        default=None,
+        le=1,
+    )
+    command_steering: Number | None = number(
+        "1",
+        "The wheels turn by this fraction of the articulation angle in front of the unit; above 0 they turn to the"
+        " right in a left turn.",
+        default=None,
+        ge=-1,
+        le=1,
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        keys = [key for key in ("steerable", "self_steering", "command_steering") if getattr(self, key)]
+        if len(keys) > 1:
+            raise VehicleError(f"{keys[0]}: expected one kind of steering, got {' and '.join(keys)}; keep one")
+        if self.lifted and self.steerable:
+            raise VehicleError("lifted: expected false for a steerable axle; remove lifted, or steerable")
+        return self
 
 
 class AxleGroup(Component):
     """Axles that share one cornering stiffness and one suspension: a front axle, a drive tandem, a trailer's bogie.
 
-    The cornering stiffness is the total of the group and positive. Its axles share it equally: C_alpha / n as in
-    equation (7) of Cheng and Cebon (2011), where it is negative.
+    Stiffnesses, damping and tyres are the total of its axles on the road, without those that are lifted. The cornering
+    stiffness is positive, and the axles share it equally: C_alpha / n as in equation (7) of Cheng and Cebon (2011),
+    where it is negative.
     """
 
     name: Name = Field(default="axles", description="Unique in the unit; not in the paths if it is the only group.")
@@ -74,10 +102,23 @@ class AxleGroup(Component):
                 return {**data, "axles": [{"name": data.get("name", "axles"), **axle}]}
         return data
 
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.on_road:
+            raise VehicleError(
+                "axles: expected one on the road, got only lifted ones; leave the group out, or correct lifted"
+            )
+        return self
+
+    @property
+    def on_road(self) -> tuple[Axle, ...]:
+        """The axles that are not lifted, from front to rear."""
+        return tuple(axle for axle in self.axles if not axle.lifted)
+
     @property
     def position(self) -> float:
-        """Mean x of the axles, m, where the group's static load acts."""
-        return sum(axle.position for axle in self.axles) / len(self.axles)
+        """Mean x of the axles on the road, m, where the group's static load acts."""
+        return sum(axle.position for axle in self.on_road) / len(self.on_road)
 
     @property
     def total_roll_stiffness(self) -> float:
@@ -156,6 +197,11 @@ class Unit(Component):
                 raise VehicleError(
                     f"{name}: expected another name for an axle or axle group; this name is reserved for a table"
                 )
+        if all(axle.self_steering == 1 for axle in self.on_road):
+            raise VehicleError(
+                f"{self.on_road[-1].name}.self_steering: expected an axle with side force, got 1 on all axles; give a"
+                " fraction below 1"
+            )
         if self.laden_sprung_mass >= self.mass:
             keys = "sprung.mass" if self.payload is None else "sprung.mass + payload.mass"
             raise VehicleError(
@@ -168,6 +214,11 @@ class Unit(Component):
     def axles(self) -> tuple[Axle, ...]:
         """All axles, from the first group to the last."""
         return tuple(axle for group in self.axle_groups for axle in group.axles)
+
+    @property
+    def on_road(self) -> tuple[Axle, ...]:
+        """All axles that are not lifted, from the first group to the last."""
+        return tuple(axle for group in self.axle_groups for axle in group.on_road)
 
     @property
     def laden_sprung_mass(self) -> float:

@@ -148,15 +148,21 @@ class Vehicle(Component):
                     f"{unit.name}.cog: expected between {min(supports):g} and {max(supports):g} m, where the unit is"
                     f" supported, got {unit.cog:g} m; x is positive forward from the unit's own origin"
                 )
+        for axle in self.units[0].axles:
+            if axle.command_steering:
+                raise VehicleError(
+                    f"{self.units[0].name}.{axle.name}.command_steering: expected a unit behind a coupling, whose"
+                    " articulation angle turns the wheels; remove it, or set steerable = true"
+                )
         if self.stated or self.assumed:
             self._require({**self.stated, **self.assumed}, self._parameters)
         return self
 
     def _supports(self, unit: Unit) -> list[float]:
-        """x of the axles of a unit and of its front coupling, m."""
+        """x of the axles of a unit on the road and of its front coupling, m."""
         i = self.units.index(unit)
         front_coupling = [self.couplings[i - 1].trailing_position] if i else []
-        return [axle.position for axle in unit.axles] + front_coupling
+        return [axle.position for axle in unit.on_road] + front_coupling
 
     def unit(self, name: str) -> Unit:
         """The unit of that name.
@@ -323,7 +329,7 @@ class Vehicle(Component):
         By default 4 on each axle of the groups of the first unit behind its first one, which are driven, else 2.
         """
         return {
-            unit.group_path(group): group.tyres or len(group.axles) * (4 if i == 0 and k > 0 else 2)
+            unit.group_path(group): group.tyres or len(group.on_road) * (4 if i == 0 and k > 0 else 2)
             for i, unit in enumerate(self.units)
             for k, group in enumerate(unit.axle_groups)
         }
@@ -332,7 +338,7 @@ class Vehicle(Component):
     def wheelbase(self) -> float:
         """Distance of the first axle of the first unit and the mean position of its other groups' axles, m."""
         front, *others = self.units[0].axle_groups
-        rear = [axle.position for group in others for axle in group.axles] or [self.units[0].axles[-1].position]
+        rear = [axle.position for group in others for axle in group.on_road] or [self.units[0].axles[-1].position]
         return front.axles[0].position - sum(rear) / len(rear)
 
     def steer_signals(self) -> tuple[str, ...]:

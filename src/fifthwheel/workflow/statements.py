@@ -128,6 +128,8 @@ def _apply_to_one_stage(
 ) -> tuple[Vehicle, OneStage]:
     if not settings.uniform_payload:
         vehicle = vehicle.lumped()  # a statement is on the laden body
+    without_value = vehicle.locations().keys() - vehicle.parameters().keys()
+    vehicle = vehicle.replace({s.name: 0.0 for s in statements if s.value and s.name in without_value})
     result = _Result(vehicle, settings)
     for name, together in _by_target(statements, lambda s: _targets(vehicle, settings, s)).items():
         if name in MODEL_ERRORS:

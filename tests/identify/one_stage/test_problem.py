@@ -44,8 +44,8 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     p = problem(truck, records, OneStage(form=form, initial_payload_height=1.0, rate_gain_prior=0.05))
     rng = np.random.default_rng(4)  # no innovation is at the gate of the filter, where the cost has a step
     z = 0.1 * rng.normal(size=len(p.names))
-    play = p.names.index("steer.tractor.front.play")
-    z[play] = abs(z[play])
+    positive = [p.names.index(name) for name in ("steer.tractor.front.play", "semitrailer.rear.self_steering")]
+    z[positive] = abs(z[positive])
     quadratic = p.expand(z)
     assert quadratic.cost == pytest.approx(p.cost(z), rel=1e-9)
     step = 1e-4

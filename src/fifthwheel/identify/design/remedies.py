@@ -163,10 +163,11 @@ def _ratio(sigma: float, prior: float) -> float:
 def _knowable(predictor: InformationPredictor) -> list[str]:
     """What could be known, as in `Remedy.known`.
 
-    Not the softening of tyres and the variation of their stiffness, which no simple test gives. One scale weighs all
-    units, so their masses are known together.
+    Not the softening of tyres, the variation of their stiffness and self-steering, which no simple test gives. One
+    scale weighs all units, so their masses are known together.
     """
-    names = [u.name for u in predictor.unknowns if not u.name.endswith((".softening", ".variation"))]
+    unknowable = ".softening", ".variation", ".self_steering"
+    names = [u.name for u in predictor.unknowns if not u.name.endswith(unknowable)]
     weighed = _unknowns(predictor, MASS_SCALE)[1:] if MASS_SCALE in names else []
     return [name for name in names if name not in weighed]
 

@@ -94,7 +94,7 @@ def _average(unit: Unit, wave_number: Array) -> NDArray[np.complex128]:
     waves = [
         group.total_roll_stiffness
         / stiffness
-        * np.mean([np.exp(1j * wave_number * a.position) for a in group.axles], axis=0)
+        * np.mean([np.exp(1j * wave_number * a.position) for a in group.on_road], axis=0)
         for group in unit.axle_groups
     ]
     return np.asarray(sum(waves))

@@ -23,6 +23,7 @@ from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, uncertain_verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.vehicle import Vehicle
 
 
 def build_identification(solution: Solution, note: str = "") -> Identification:
@@ -49,7 +50,7 @@ def build_identification(solution: Solution, note: str = "") -> Identification:
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
-    covariance = _covariance(problem, minimum, posterior)
+    covariance = _covariance(dataset.vehicle, problem, minimum, posterior)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
     return Identification(
         method="one-stage",
@@ -139,14 +140,14 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
     return replace(summary, bank=bank)
 
 
-def _covariance(problem: Problem, minimum: Minimum[Problem], posterior: Posterior) -> Uncertainty:
+def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], posterior: Posterior) -> Uncertainty:
     """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
 
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
     "name@", have their prior. A change of the vehicle file contributes to every parameter that it alters. The bank
     varies within a log.
     """
-    known = dynamics.all_parameters(problem.vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
+    known = dynamics.all_parameters(vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
     banked = problem.model.bank and problem.output_error
     rows: dict[str, Array] = {}
     for i, log in enumerate(problem.logs):

@@ -57,7 +57,8 @@ class OnlineModel:
 
 def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
-    settings = _with_tyre_law(vehicle, settings)
+    consider = {key: sigma for key, sigma in settings.consider.items() if key != "fixed_axles"}  # to save time
+    settings = replace(_with_tyre_law(vehicle, settings), consider=consider)
     if "speed" not in signals:
         raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
     vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")

@@ -1,7 +1,7 @@
 """The unknowns of an identification: parameters, uncertain numbers and sensor errors."""
 
 import math
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from fifthwheel import dynamics
@@ -152,6 +152,7 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         *_estimated_unknowns(vehicle, estimated, settings),
         *_vehicle_file_unknowns(vehicle, estimated, settings),
     ]
+    unknowns += _self_steering_unknowns(vehicle, [u.name for u in unknowns], settings)
     unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
     return [
         *unknowns,
@@ -260,6 +261,32 @@ def _changes_of_tyres(vehicle: Vehicle, moves: Mapping[str, float], settings: On
     )
     slopes = {name: (changed[name] - value) / SMALL_STEP for name, value in given.items()}
     return {name: slope for name, slope in slopes.items() if slope}
+
+
+def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: OneStage) -> list[Unknown]:
+    """The self-steering of axles, from 0 to 1: of castor axles, and of fixed ones that may be castor axles.
+
+    Axles in `done` have an unknown.
+    """
+    factor, fixed = settings.consider.get("vehicle_file", 0.0), settings.consider.get("fixed_axles", 0.0)
+    unstated = 0.0 if vehicle.is_exact else fixed
+    sigmas = {name: vehicle.stated.get(name, unstated) for name in _fixed_last_axles(vehicle)}
+    for change in changes(vehicle) if factor else ():
+        sigmas |= {name: factor * s for name, s in change.slopes.items() if ends_with(name, "self_steering")}
+    exact, values = {*done, *expand_names(vehicle, settings.fixed, settings)}, vehicle.parameters()
+    unknowns = [change_unknown(name, sigma) for name, sigma in sigmas.items() if sigma and name not in exact]
+    return [replace(u, centre=values.get(u.name, 0.0), lower=0.0, upper=1.0) for u in unknowns]
+
+
+def _fixed_last_axles(vehicle: Vehicle) -> list[str]:
+    """Paths of the self-steering of axles that are fixed, as far as the vehicle file knows: the last axle of each unit
+    behind the first, in a group of two or more."""
+    paths = []
+    for unit in vehicle.units[1:]:
+        axles = unit.axle_groups[-1].on_road
+        if len(axles) > 1 and not (axles[-1].steerable or axles[-1].self_steering or axles[-1].command_steering):
+            paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
+    return paths
 
 
 def _changed_paths(settings: OneStage) -> set[str]:

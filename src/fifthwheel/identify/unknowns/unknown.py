@@ -11,6 +11,7 @@ from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.names import ends_with
 
 HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
@@ -132,7 +133,7 @@ def logarithmic_unknown(
         centre=value,
         scale=sigma,
         lower=value / BOUND_FACTOR,
-        upper=value * BOUND_FACTOR,
+        upper=1.0 if ends_with(name, "self_steering") else value * BOUND_FACTOR,
         logarithmic=True,
         kind=kind,
         tail=tail,

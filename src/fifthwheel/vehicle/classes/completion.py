@@ -164,7 +164,7 @@ def _complete_masses(completion: _Completion, unit: Table, kind: VehicleClass) -
 def _complete_groups(completion: _Completion, unit: Table, kind: VehicleClass, loads: Mapping[str, float]) -> None:
     """Stiffness and damping of the axle groups."""
     for group, figures in zip(unit["axle_groups"], kind.groups.values(), strict=True):
-        path, count = _group_path(unit, group), len(group["axles"])
+        path, count = _group_path(unit, group), len(_on_road(group))
         if loads[path] <= 0:
             raise VehicleError(
                 f"{path}: expected a static load above 0, got {loads[path]:.0f} N; check the CoG of the units, and the"
@@ -187,7 +187,7 @@ def _axle_loads(units: list[Table], couplings: list[Table]) -> dict[str, float]:
     for unit in units:
         _require(unit, ("mass", "cog"), unit["name"], "give it, or give the unit a class")
         groups = {
-            _group_path(unit, group): sum(axle["position"] for axle in group["axles"]) / len(group["axles"])
+            _group_path(unit, group): sum(axle["position"] for axle in _on_road(group)) / len(_on_road(group))
             for group in unit["axle_groups"]
         }
         bodies.append(SupportedBody(unit["name"], unit["mass"], unit["cog"], groups))
@@ -200,6 +200,11 @@ def _axle_loads(units: list[Table], couplings: list[Table]) -> dict[str, float]:
         _require(coupling, ("leading_position", "trailing_position"), coupling.get("name", "fifth_wheel"))
     joints = [Joint(c["leading_position"], c["trailing_position"], c.get("kind") != "turntable") for c in couplings]
     return static_axle_loads(bodies, joints)
+
+
+def _on_road(group: Table) -> list[Table]:
+    """The axles of a group that are not lifted; all of them where the group is refused, because none is on the road."""
+    return [axle for axle in group["axles"] if axle.get("lifted") is not True] or group["axles"]
 
 
 def _group_path(unit: Table, group: Table) -> str:

@@ -107,10 +107,13 @@ def _unit(unit: Unit, numbers: "_Numbers") -> Iterator[str]:
     for group in unit.axle_groups:
         yield from ("", "[[unit.axle_group]]", f'name = "{group.name}"', "axles = [")
         for axle in group.axles:
-            steerable = ", steerable = true" if axle.steerable else ""
-            path = f"{unit.name}.{axle.name}.position"
-            text = f'  {{ name = "{axle.name}", position = "{numbers.text(path)}"{steerable} }},'
-            yield numbers.with_comment(text, numbers.sources.get(path, ""))
+            path = f"{unit.name}.{axle.name}"
+            keys = [f'name = "{axle.name}"', f'position = "{numbers.text(f"{path}.position")}"']
+            keys += [f"{key} = true" for key in ("steerable", "lifted") if getattr(axle, key)]
+            steering = ("self_steering", "command_steering")
+            keys += [f'{key} = "{numbers.text(f"{path}.{key}")}"' for key in steering if getattr(axle, key) is not None]
+            text = f"  {{ {', '.join(keys)} }},"
+            yield numbers.with_comment(text, numbers.sources.get(f"{path}.position", ""))
         yield "]"
         if group.tyres:
             yield f"tyres = {group.tyres}"
