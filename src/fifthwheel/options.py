@@ -75,7 +75,8 @@ class IdentifyOptions(Settings):
             "steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
             "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
             "accelerometer_position, accelerometer_height, and bank. Errors of the model: vehicle_file and softening "
-            "(times the default), gyro_delay, stiffness_variation, time_base, discrepancy, bank_variation.",
+            "(times the default), gyro_delay, stiffness_variation, time_base, fixed_axles, discrepancy, "
+            "bank_variation.",
             label="Statements on numbers",
         ),
     ] = ()
