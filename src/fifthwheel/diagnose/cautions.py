@@ -29,7 +29,7 @@ from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.parameters import FRICTION, POSITIONS
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
@@ -163,8 +163,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if path not in values:
         return f"{cause.name} is different ({times})"
     direction = "larger" if change > 0 else "smaller"
-    lengths = ("cog", "position", "leading_position", "trailing_position")
-    if ParameterPath.of(path).quantity in lengths or not values[path]:
+    if ParameterPath.of(path).quantity in POSITIONS or not values[path]:
         side = "front" if change > 0 else "rear"
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:

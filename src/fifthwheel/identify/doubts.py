@@ -167,7 +167,7 @@ class Evidence:
     def _cause(self, name: str, deviation: float) -> Cause:
         """An unknown that may be wrong by so many standard deviations of its prior."""
         u = self.unknowns[name]
-        changes = {path: rate * u.scale * deviation for path, rate in u.slopes.items()}
+        changes = {path: rate * u.change(deviation) for path, rate in u.slopes.items()}
         return Cause(name=name, changes=changes, prior_sigmas=deviation)
 
 

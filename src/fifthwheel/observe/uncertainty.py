@@ -17,13 +17,14 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.names import split_log
+from fifthwheel.vehicle.parameters import POSITIONS
 
 NEGLIGIBLE = 1e-6
 """Columns with a smaller fraction of the trace of the correlation matrix are omitted."""
 MAX_LOG_CHANGE = 0.5
 """Largest change of the logarithm of a parameter at a sigma point. A longer column is shortened and its effect scaled:
 a very different vehicle may be unstable, or need shorter steps than the record has."""
-SIGNED = frozenset({"cog", "position", "leading_position", "trailing_position", "roll_yaw_product"})
+SIGNED = frozenset({*POSITIONS, "roll_yaw_product"})
 """Quantities of a vehicle that may be negative; all others keep their sign."""
 
 

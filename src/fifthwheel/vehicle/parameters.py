@@ -8,6 +8,8 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.options import ObserverOptions
 from fifthwheel.vehicle.component import SI_UNITS
 
+POSITIONS = ("cog", "position", "leading_position", "trailing_position")
+"""Quantities that count from an origin, so that a fraction of one means nothing."""
 FRICTION = "road.friction"
 SHAPE = "tyre.shape"
 HALF_TRACK = "body.half_track"

@@ -35,7 +35,7 @@ from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
 from fifthwheel.units import split_statement, uncertain_quantity
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION, ROADS, unit_of
+from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, ROADS, unit_of
 
 Kind = Literal["value", "sigma", "exact", "free"]
 S = TypeVar("S", bound=CommonSettings)
@@ -51,8 +51,6 @@ unit."""
 FORM = "NAME='VALUE +- SIGMA', 'VALUE', '+- SIGMA', 'exact' or 'free', such as semitrailer.mass='33.4 t +- 0.5 %'"
 WIDE_POSITION = 0.5
 """Prior standard deviation of a position that is free, m."""
-POSITIONS = ("cog", "position", "leading_position", "trailing_position")
-"""Quantities of which a fraction means nothing: they count from an origin."""
 _FREE = re.compile(r"(.*?)\s*\bfree\s*", re.DOTALL)
 
 

@@ -123,7 +123,9 @@ def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
     result = identify([clean], wrong, OneStage(tyres="linear", consider={}))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.parameters) == (DoubtKind.ESTIMATE, (FRONT,))
-    assert doubt.causes[0].prior_sigmas == pytest.approx(np.log(1 / 0.3) / 0.3, rel=0.1)
+    (cause,) = doubt.causes
+    assert cause.prior_sigmas == pytest.approx(np.log(1 / 0.3) / 0.3, rel=0.1)
+    assert cause.changes == {FRONT: pytest.approx(result[FRONT].value - wrong.parameters()[FRONT])}
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert verdicts.pop(FRONT) is Verdict.DOUBTFUL
     assert set(verdicts.values()) == {Verdict.CONVERGED}

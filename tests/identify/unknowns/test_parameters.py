@@ -1,5 +1,7 @@
 """Which parameters are estimated, uncertain or fixed, by their names."""
 
+import math
+
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
@@ -327,3 +329,18 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
     fixed = parameter_unknowns(truck, names, TwoStage(fixed=names[:1]))
     assert [u.name for u in fixed] == [HEIGHT]
+
+
+def test_what_a_number_may_differ_from_its_prior_mean(truck: Vehicle) -> None:
+    """A stiffness by a factor of eight, a position by a metre; a mass and a gain of a sensor have no such limit."""
+    unknowns = by_name(truck, OneStage())
+    stiffness, cog = unknowns["tractor.front.cornering_stiffness"], unknowns["tractor.cog"]
+    metre = 1 / cog.prior_sigma / cog.slopes["tractor.cog"]
+    for unknown, limit in ((stiffness, math.log(8) / stiffness.scale), (cog, abs(metre))):
+        for sign in (-1, 1):
+            assert unknown.is_possible(sign * 0.99 * limit)
+            assert not unknown.is_possible(sign * 1.01 * limit)
+    assert unknowns["yaw_rate.tractor.gain"].is_possible(100.0)
+    assert unknowns["tractor.mass"].is_possible(20.0)
+    assert stiffness.change(math.log(2) / stiffness.scale) == pytest.approx(stiffness.centre)
+    assert cog.change(3.0) == pytest.approx(3 * cog.prior_sigma)

@@ -7,6 +7,7 @@ from fifthwheel.identify.doubts import (
     Doubt,
     DoubtKind,
     Evidence,
+    PriorTest,
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Solution
@@ -24,10 +25,16 @@ def find_doubts(solution: Solution) -> list[Doubt]:
         parameters=solution.estimated,
     )
     return [
-        *evidence.contradicted_assumptions(most_likely(solution.linearisation.tests)),
+        *evidence.contradicted_assumptions(_likely_causes(solution)),
         *evidence.unusual_estimates(exempt=(FRICTION,)),
         *_nonlinear_range(solution),
     ]
+
+
+def _likely_causes(solution: Solution) -> list[PriorTest]:
+    """The most likely causes of a contradiction; one that is physically impossible only if all are."""
+    tests, unknowns = solution.linearisation.tests, solution.problem.unknowns_by_name
+    return most_likely([t for t in tests if unknowns[t.name].is_possible(t.implied)]) or most_likely(tests)
 
 
 def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:

@@ -12,11 +12,14 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.names import ends_with
+from fifthwheel.vehicle.parameters import POSITIONS
 
 HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
 BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
+LARGEST_SHIFT = 1.0
+"""A position differs from that of the vehicle file by at most this length, m."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
 
@@ -72,6 +75,18 @@ class Unknown:
     def sigma(self, value: float, sigma_z: float) -> float:
         """Standard deviation of p, SI, at a value of p: sigma_z dp/dz."""
         return sigma_z * self.slope(value)
+
+    def change(self, deviation: float) -> float:
+        """Change of p, SI, from its prior mean by so many prior standard deviations."""
+        return self.centre * math.expm1(self.scale * deviation) if self.logarithmic else self.scale * deviation
+
+    def is_possible(self, deviation: float) -> bool:
+        """Whether p may be so many prior standard deviations from its prior mean: a factor of at most `BOUND_FACTOR`,
+        a length of at most `LARGEST_SHIFT`."""
+        if self.logarithmic:
+            return abs(self.scale * deviation) <= math.log(BOUND_FACTOR)
+        lengths = [path for path in self.moves if path.rpartition(".")[2] in POSITIONS]
+        return all(abs(self.moves[path] * self.scale * deviation) <= LARGEST_SHIFT for path in lengths)
 
     def slope(self, value: float) -> float:
         """dp/dz at a value of p."""
