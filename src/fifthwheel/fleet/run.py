@@ -19,7 +19,7 @@ from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.settings import Progress
 from fifthwheel.options import FleetSettings
-from fifthwheel.workflow.statements import Statement
+from fifthwheel.workflow.statement import Statement
 
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""

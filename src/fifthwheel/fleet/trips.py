@@ -29,7 +29,8 @@ from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue
-from fifthwheel.workflow.statements import Statement, apply, missing_sensors
+from fifthwheel.workflow.statement import Statement
+from fifthwheel.workflow.statements import apply, missing_sensors
 
 EARLIEST_DATE = 315_532_800.0
 """Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""

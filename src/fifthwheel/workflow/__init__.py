@@ -28,9 +28,10 @@ from fifthwheel.workflow.results import (
     write_results,
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
-from fifthwheel.workflow.statements import SENSOR_PRIORS, Statement, require_signals
+from fifthwheel.workflow.statement import Statement
+from fifthwheel.workflow.statement import parse as parse_statement
+from fifthwheel.workflow.statements import SENSOR_PRIORS, require_signals
 from fifthwheel.workflow.statements import apply as apply_statements
-from fifthwheel.workflow.statements import parse as parse_statement
 from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [

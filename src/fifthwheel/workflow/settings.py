@@ -14,7 +14,8 @@ from fifthwheel.settings import options_of
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
-from fifthwheel.workflow.statements import SENSOR_PRIORS, Statement, apply, parse
+from fifthwheel.workflow.statement import Statement, parse
+from fifthwheel.workflow.statements import SENSOR_PRIORS, apply
 
 
 def identification_settings(

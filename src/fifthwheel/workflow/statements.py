@@ -1,13 +1,11 @@
-"""What a user states of a number: "33.4 t +- 0.5 %", "exact" or "free"; of the truck, the sensors and the road.
+"""What a user states of numbers of the truck, the sensors and the road, in the vehicle and the settings.
 
-`parse` reads a statement, `apply` gives the vehicle and the settings that contain it. A statement is used or refused,
-never dropped.
+A statement is used or refused, never dropped.
 """
 
-import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from fifthwheel.channels import (
     CHANNELS,
@@ -20,7 +18,7 @@ from fifthwheel.channels import (
     sensor_error_settings,
 )
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
-from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
+from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.one_stage.estimator import with_tyre_law
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
@@ -33,11 +31,10 @@ from fifthwheel.identify.unknowns.parameters import (
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
-from fifthwheel.units import split_statement, uncertain_quantity
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, ROADS, unit_of
+from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of
+from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
 
-Kind = Literal["value", "sigma", "exact", "free"]
 S = TypeVar("S", bound=CommonSettings)
 
 SENSOR_PRIORS: Mapping[str, str] = {
@@ -48,54 +45,8 @@ SENSOR_PRIORS: Mapping[str, str] = {
 """Sensor errors of all sensors of a kind, and the bank of the road, whose prior sigma can be chosen, with the SI
 unit."""
 
-FORM = "NAME='VALUE +- SIGMA', 'VALUE', '+- SIGMA', 'exact' or 'free', such as semitrailer.mass='33.4 t +- 0.5 %'"
 WIDE_POSITION = 0.5
 """Prior standard deviation of a position that is free, m."""
-_FREE = re.compile(r"(.*?)\s*\bfree\s*", re.DOTALL)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Statement:
-    """What a user states of a number. The texts have units; a name may be the end of several paths."""
-
-    name: str
-    value: str = ""
-    """Empty: that of the vehicle file, or the default."""
-    sigma: str = ""
-    """Of the kind "sigma": a standard deviation, with a unit or in per cent of the value."""
-    kind: Kind = "value"
-    """"value": the value alone, with the default uncertainty; "exact": sigma is 0; "free": a wide prior."""
-
-    def __str__(self) -> str:
-        """As in a command."""
-        mark = {"value": "", "sigma": f"+- {self.sigma}"}.get(self.kind, self.kind)
-        return f"{self.name}={f'{self.value} {mark}'.strip()}"
-
-
-def parse(text: str) -> Statement:
-    """A statement from "NAME=VALUE +- SIGMA".
-
-    Raises:
-        FifthwheelError: the text has another form.
-
-    >>> parse("semitrailer.mass=31.2 t +- 0.5 %")
-    Statement(name='semitrailer.mass', value='31.2 t', sigma='0.5 %', kind='sigma')
-    >>> parse("tractor.cog=free").kind
-    'free'
-    """
-    name, _, stated = (part.strip() for part in text.partition("="))
-    if not name or not stated:
-        raise FifthwheelError(f"--set {text}: expected {FORM}")
-    if free := _FREE.fullmatch(stated):
-        return Statement(name=name, value=free[1], kind="free")
-    try:
-        value, mark, sigma = split_statement(stated)
-    except FifthwheelError as error:
-        raise FifthwheelError(f"--set {text}: {error}") from None
-    kind: Kind = "exact" if mark == "exact" else "sigma" if mark else "value"
-    if kind == "sigma" and not sigma:
-        raise FifthwheelError(f"--set {text}: expected a standard deviation behind '+-'; give it with a unit or in %")
-    return Statement(name=name, value=value, sigma=sigma, kind=kind)
 
 
 def apply(
@@ -131,17 +82,17 @@ def _apply_to_one_stage(
     result = _Result(vehicle, settings)
     for name, together in _by_target(statements, lambda s: _targets(vehicle, settings, s)).items():
         if name in MODEL_ERRORS:
-            result.set_model_error(_resolved(name, MODEL_ERROR_UNITS.get(name, "1"), 0.0, together))
+            result.set_model_error(resolved(name, MODEL_ERROR_UNITS.get(name, "1"), 0.0, together))
         elif name in SENSOR_PRIORS:
             mean = 1.0 if name.endswith("_gain") else 0.0
-            result.set_sensors(_resolved(name, SENSOR_PRIORS[name], mean, together))
+            result.set_sensors(resolved(name, SENSOR_PRIORS[name], mean, together))
         elif _is_sensor_error(name):
             mean, sigma = prior_of_sensor_error(vehicle, name, settings) or (0.0, 0.0)
-            result.set_sensor(_resolved(name, _unit_of_error(name), mean, together), sigma)
+            result.set_sensor(resolved(name, _unit_of_error(name), mean, together), sigma)
         else:
-            stated = _resolved(name, unit_of(name), result.known[name], together)
+            stated = resolved(name, unit_of(name), result.known[name], together)
             if name in given and not (stated.sigma == 0 and not stated.has_value):
-                raise _refused(stated, "is in the identification of the suspension; remove --suspension-from, or this")
+                raise refused(stated, "is in the identification of the suspension; remove --suspension-from, or this")
             result.set_parameter(stated)
     return result.finished()
 
@@ -169,27 +120,6 @@ def missing_sensors(settings: CommonSettings | None, *records: Record) -> list[s
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Stated:
-    """All statements on one number, resolved, SI."""
-
-    name: str
-    value: float
-    has_value: bool
-    """Whether the value is stated."""
-    sigma: float | None
-    """None if it is not stated."""
-    free: bool
-    source: Statement
-
-    @property
-    def relative(self) -> float:
-        """sigma as a fraction of the value; a VehicleError if the value is not above 0."""
-        if self.value <= 0:
-            raise _refused(self, f"expected a value above 0 for an estimated number, got {self.value:g}; correct it")
-        return (self.sigma or 0.0) / self.value
-
-
 class _Result:
     """The vehicle and the settings, as the statements change them."""
 
@@ -205,35 +135,35 @@ class _Result:
         self.consider = dict(settings.consider)
         self.stated_priors = dict(settings.stated_priors)
         self.changes: dict[str, Any] = {}
-        self.factor_of_file: _Stated | None = None
+        self.factor_of_file: Stated | None = None
 
-    def set_model_error(self, stated: _Stated) -> None:
+    def set_model_error(self, stated: Stated) -> None:
         if stated.has_value or stated.sigma is None:
-            raise _refused(stated, "expected a standard deviation such as '+- 50 %' or '+- 5 ms', or exact; give that")
+            raise refused(stated, "expected a standard deviation such as '+- 50 %' or '+- 5 ms', or exact; give that")
         self.consider.pop(stated.name, None)
         if stated.sigma:
             self.consider[stated.name] = stated.sigma
         if stated.name == "vehicle_file" and stated.sigma != 1:
             self.factor_of_file = stated
 
-    def set_sensors(self, stated: _Stated) -> None:
+    def set_sensors(self, stated: Stated) -> None:
         """The prior sigma of all sensors of a kind."""
         name, sigma = stated.name, stated.sigma
         if stated.has_value and stated.value != float(name.endswith("_gain")):
-            raise _refused(stated, f"all sensors have it; name one, such as {_example(self.vehicle, name)}, or omit it")
+            raise refused(stated, f"all sensors have it; name one, such as {_example(self.vehicle, name)}, or omit it")
         if sigma is None or (not sigma and name in ("bank", "time_base_delay")):
-            raise _refused(stated, f"expected a standard deviation above 0 such as '+- 0.01 {SENSOR_PRIORS[name]}'")
+            raise refused(stated, f"expected a standard deviation above 0 such as '+- 0.01 {SENSOR_PRIORS[name]}'")
         self.changes[f"{name}_prior"] = sigma
 
-    def set_sensor(self, stated: _Stated, default: float) -> None:
+    def set_sensor(self, stated: Stated, default: float) -> None:
         error = SensorErrorName.of(stated.name)
         if stated.free:
-            raise _refused(stated, "is estimated already; give its standard deviation, such as '+- 10 %'")
+            raise refused(stated, "is estimated already; give its standard deviation, such as '+- 10 %'")
         if error and error.kind == "play" and stated.value < 0:
-            raise _refused(stated, f"expected 0 or more, got {stated.value:g} rad; correct it")
+            raise refused(stated, f"expected 0 or more, got {stated.value:g} rad; correct it")
         self.stated_priors[stated.name] = stated.value, default if stated.sigma is None else stated.sigma
 
-    def set_parameter(self, stated: _Stated) -> None:
+    def set_parameter(self, stated: Stated) -> None:
         path, sigma = stated.name, stated.sigma
         if stated.has_value:
             self._set_value(stated)
@@ -254,23 +184,23 @@ class _Result:
         else:
             self.sigmas[path] = sigma
 
-    def _set_value(self, stated: _Stated) -> None:
+    def _set_value(self, stated: Stated) -> None:
         if stated.name == FRICTION:
             self.changes["friction"] = stated.value
         elif stated.name in self.own:
             self.values[stated.name] = stated.value
         else:
-            raise _refused(stated, "follows from the vehicle, or is one of all tyres; state only its sigma, or exact")
+            raise refused(stated, "follows from the vehicle, or is one of all tyres; state only its sigma, or exact")
 
-    def _set_free(self, path: str, stated: _Stated) -> None:
+    def _set_free(self, path: str, stated: Stated) -> None:
         if path in self.estimated or path == FRICTION:
             return
         if path not in self.own:
-            raise _refused(stated, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
+            raise refused(stated, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
         if unit_of(path) == "m" and ParameterPath.of(path).quantity in POSITIONS:
             self.stated_priors[path] = stated.value, WIDE_POSITION
         elif stated.value <= 0:
-            raise _refused(stated, f"expected a value above 0 to be estimated, got {stated.value:g}; give one")
+            raise refused(stated, f"expected a value above 0 to be estimated, got {stated.value:g}; give one")
         self.free.append(path)
 
     def finished(self) -> tuple[Vehicle, OneStage]:
@@ -278,7 +208,7 @@ class _Result:
             for path in (path for path, sigma in self.sigmas.items() if sigma):
                 if longest_matching_key(path, DEFAULT_CONSIDERED) is None:
                     reason = f"it would also scale the stated sigma of {path}; remove one of the two"
-                    raise _refused(self.factor_of_file, reason)
+                    raise refused(self.factor_of_file, reason)
         vehicle = self.vehicle.replace(self.values).with_stated(self.sigmas)
         free = [path for path in self.estimated if path not in self.fixed] + self.free
         return vehicle, replace(
@@ -303,10 +233,10 @@ def _apply_to_two_stages(
         if s.name in SENSOR_PRIORS or s.name in MODEL_ERRORS or _is_sensor_error(s.name):
             raise VehicleError(f"--set {s}: needs --method one-stage; remove it, or choose that method")
     for path, together in _by_target(statements, lambda s: _paths(vehicle, known, s)).items():
-        stated = _resolved(path, unit_of(path), known[path], together)
+        stated = resolved(path, unit_of(path), known[path], together)
         height = ParameterPath.of(path).is_payload_height and stated.sigma != 0
         if stated.free or stated.sigma or height:
-            raise _refused(stated, "needs --method one-stage; remove it, or choose that method")
+            raise refused(stated, "needs --method one-stage; remove it, or choose that method")
         values |= {path: stated.value} if stated.has_value else {}
         fixed += [path] if stated.sigma == 0 else []
     return vehicle.replace(values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
@@ -426,74 +356,3 @@ def _example(vehicle: Vehicle, name: str) -> str:
                 )
                 return f"{signal}.{error.kind}"
     return "yaw_rate.tractor.gain"
-
-
-def _resolved(name: str, si: str, value: float, statements: Sequence[Statement]) -> _Stated:
-    """The statements on one number as one; a FifthwheelError where they disagree or a unit does not fit."""
-    found: list[tuple[float, Statement]] = []
-    for statement in statements:
-        if statement.value:
-            found.append((_quantity(statement, si), statement))
-    _require_same(name, found)
-    value = found[0][0] if found else value
-    sigmas = [(_sigma(s, si, value), s) for s in statements if s.kind != "value"]
-    _require_same(name, sigmas)
-    sigma = sigmas[0][0] if sigmas else None
-    if found and sigma is None and _is_road(found[0][1]):
-        sigma = ROADS[found[0][1].value].sigma * value
-    return _Stated(
-        name=name,
-        value=value,
-        has_value=bool(found),
-        sigma=None if sigma == _WIDE else sigma,
-        free=sigma == _WIDE,
-        source=(sigmas or found)[0][1],
-    )
-
-
-_WIDE = -1.0
-"""Stands for the sigma of a number that is free."""
-
-
-def _is_road(statement: Statement) -> bool:
-    """Whether the value is a kind of road."""
-    return ends_with(FRICTION, statement.name) and statement.value in ROADS
-
-
-def _quantity(statement: Statement, si: str) -> float:
-    """The stated value, SI."""
-    if _is_road(statement):
-        return ROADS[statement.value].value
-    try:
-        return uncertain_quantity(statement.value, si, strict=True, unit_needed=si != "1")[0]
-    except FifthwheelError as error:
-        if ends_with(FRICTION, statement.name):
-            expected = f"expected a number or one of {', '.join(ROADS)}, got {statement.value!r}; give one of them"
-            raise VehicleError(f"--set {statement}: {expected}") from None
-        cure = "" if ";" in str(error) else f"; give the value in {si}" if si != "1" else "; give a number"
-        raise VehicleError(f"--set {statement}: {error}{cure}") from None
-
-
-def _sigma(statement: Statement, si: str, value: float) -> float:
-    """The stated standard deviation, SI."""
-    if statement.kind in ("exact", "free"):
-        return 0.0 if statement.kind == "exact" else _WIDE
-    fraction = statement.name in {*MODEL_ERRORS} - {*MODEL_ERROR_UNITS} and statement.sigma.endswith("%")
-    base = "1" if fraction else f"{value!r} {si}" if si != "1" else repr(value)
-    try:
-        return float(uncertain_quantity(f"{base} +- {statement.sigma}", si, strict=True)[1] or 0.0)
-    except FifthwheelError as error:
-        raise VehicleError(f"--set {statement}: {error}") from None
-
-
-def _require_same(name: str, stated: Sequence[tuple[float, Statement]]) -> None:
-    """Refuse statements on one number that disagree."""
-    for number, statement in stated[1:]:
-        if abs(number - stated[0][0]) > 1e-9 * abs(number):
-            raise VehicleError(
-                f"{name}: expected one statement, got --set '{stated[0][1]}' and --set '{statement}'; remove one"
-            )
-
-
-def _refused(stated: _Stated, reason: str) -> VehicleError:
-    return VehicleError(f"--set {stated.source}: {stated.name}: {reason}")
