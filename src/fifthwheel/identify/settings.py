@@ -104,7 +104,7 @@ MODEL_ERRORS: Mapping[str, float] = {
     "time_base": 0.002,
     "fixed_axles": 0.015,
     "discrepancy": 0.015,
-    "bank_variation": 0.008,
+    "bank_variation": 0.005,
 }
 """What a model lacks, in groups: the standard deviations of masses and lengths in the vehicle file, as a multiple of
 those that the file states or implies (`vehicle.uncertainty`); the softening of linear tyres with the slip angle, as a
