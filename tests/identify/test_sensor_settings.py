@@ -9,6 +9,7 @@ import pytest
 
 from fifthwheel.identify import Identification, OneStage
 from fifthwheel.identify.result.storage import _finite
+from fifthwheel.identify.settings import MODEL_ERRORS
 
 STEER, YAW, LATERAL = "steer.tractor.front", "yaw_rate.tractor", "lateral_acceleration.tractor"
 
@@ -32,6 +33,9 @@ IDENTIFICATION: Any = SimpleNamespace(
     covariance=None,
 )
 
+VARYING = math.hypot(0.02, MODEL_ERRORS["bank_variation"])
+"""Standard deviation of the bank at a place of the first log, rad."""
+
 
 @pytest.mark.parametrize(
     ("log", "offset", "noise"), [("first", 0.001, 1e-6), ("second", 0.002, 2e-6), (None, None, 1e-6), ("b", None, 1e-6)]
@@ -47,15 +51,16 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
 @pytest.mark.parametrize(
     ("log", "joint", "bank_mean", "bank", "offset"),
     [
-        ("first", True, 0.01, 0.02, 0.0),
-        ("first", False, 0.01, 0.02, 0.003),
+        ("first", True, 0.01, VARYING, 0.0),
+        ("first", False, 0.01, VARYING, 0.003),
         ("second", True, 0.0, 0.03, 0.01),
         (None, True, 0.0, 0.03, 0.01),
         ("b", True, 0.0, 0.03, 0.01),
     ],
 )
 def test_bank_and_offsets_of_a_log(log: str | None, joint: bool, bank_mean: float, bank: float, offset: float) -> None:
-    """The joint covariance contains the offsets of a log that has them; other logs have the priors."""
+    """The joint covariance contains the offsets of a log that has them; other logs have the priors. The bank varies
+    within a log."""
     sensors = [*IDENTIFICATION.sensors, *(error(f"{name}.offset", 0.004, "first") for name in (STEER, LATERAL))]
     changes = {"sensors": sensors, "settings": OneStage(), "covariance": object() if joint else None}
     identification: Any = SimpleNamespace(**{**vars(IDENTIFICATION), **changes})
