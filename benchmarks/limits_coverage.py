@@ -8,14 +8,25 @@ trust.md; that of saturating tyres is the nominal one, at small slip.
 """
 
 import argparse
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
-from trust_coverage import Draw, row, samples
+from fifthwheel.errors import FifthwheelError
+from trust_coverage import Draw, Sample, row, samples
 from trust_runs import SINE, table
 
 RUNS = (("0.65", 1.0), ("1", 1.0), ("2", 1.0), ("2.5", 1.0), ("1", 0.35), ("1.5", 0.35))
 """Lateral acceleration of the front axle, m/s^2, and factor of the friction of the tyres, whose peak is 0.74."""
+
+
+def samples_of_log(draw: Draw) -> dict[str, Sample]:
+    """`samples`; empty too if the unseen log is refused."""
+    try:
+        return samples(draw)
+    except FifthwheelError as error:
+        print(f"seed {draw.seed} of {draw.run}, {draw.tyres}: {error}", file=sys.stderr, flush=True)
+        return {}
 
 
 def main() -> None:
@@ -40,7 +51,7 @@ def main() -> None:
                 )
                 for seed in seeds
             ]
-            results = [result for result in pool.map(samples, draws) if result]
+            results = [result for result in pool.map(samples_of_log, draws) if result]
             print(f"\n## {acceleration} m/s², friction {friction:g} x 0.74, {tyres}: {len(results)} of {len(draws)}\n")
             names = results[0] if results else {}
             print("\n".join(table(heads, [row(name, [r[name] for r in results if name in r]) for name in names])))

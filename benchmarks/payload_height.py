@@ -3,8 +3,8 @@ static roll test of the empty trailer, whose readings are those of the linear eq
 
     python benchmarks/payload_height.py [--seeds 20]
 
-Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the considered
-parameters, and the errors of the sensors from the priors of `OneStage`. Suspension, lengths, unladen bodies, gains,
+Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the uncertain
+numbers, and the errors of the sensors from the priors of `OneStage`. Suspension, lengths, unladen bodies, gains,
 delays and misalignments are those of the truck, the same in all its logs; masses, CoG and offsets are drawn for each.
 """
 
