@@ -3,9 +3,11 @@
     python benchmarks/accuracy.py [--seeds 50] [--jobs 2] [--only matched ...]
 
 Each seed draws the sensor noise and the initial values: each stiffness and yaw inertia starts at 80 or 120 % of its
-value in the vehicle file, the payload height at 0.1 m. A case with `random_errors` also draws all uncertain parameters
-and sensor errors, from the priors of the estimator. The error of a stiffness on the nonlinear truck is its distance
-from the range of effective stiffness between steer angles of 0.1 and 1 degree (see docs/reproduction.md).
+value in the vehicle file, the payload height at its prior mean. A case with `random_errors` also draws all uncertain
+parameters and sensor errors, from the priors of the estimator. One stage has linear tyres for the linear truck, and
+tyres that saturate for the nonlinear one, whose true stiffness is the nominal one, at small slip. Two stages have
+linear tyres; the error of a stiffness on the nonlinear truck is then its distance from the range of effective
+stiffness between steer angles of 0.1 and 1 degree (see docs/reproduction.md).
 
 Columns: mean, rms and largest magnitude of the error; the Cramer-Rao bound where the model is exact; the mean sigma;
 the fraction of the 90 % intervals that contain the true value; the fraction of the seeds with the verdict `converged`.
@@ -39,15 +41,21 @@ from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle.parameters import FRICTION
+from trust_runs import peak_friction
 
 RATES = ("yaw_rate", "roll_rate")
-KNOWN = OneStage(priors={}, consider={}, nuisances=False)
+KNOWN = OneStage(consider={}, nuisances=False, tyres="linear")
 """All parameters except the five estimated ones are known exactly."""
-UNCERTAIN = OneStage(steer_gain_prior=0.03, steer_offset_prior=0.005, rate_offset_prior=0.002, bank_prior=0.035)
+UNCERTAIN = OneStage(
+    tyres="linear", steer_gain_prior=0.03, steer_offset_prior=0.005, rate_offset_prior=0.002, bank_prior=0.035
+)
 """All parameters are uncertain as by default; the steering gain is known to 3 %, the bank to 2 degrees."""
-SENSOR_ERRORS = OneStage(priors={}, consider={})
+SENSOR_ERRORS = OneStage(consider={}, tyres="linear")
 """The sensor errors and the bank of the road are estimated too."""
-ANY_PAYLOAD = replace(KNOWN, uniform_payload=False)
+SATURATING, SATURATING_UNCERTAIN = (replace(s, tyres="auto") for s in (KNOWN, UNCERTAIN))
+"""The same for the nonlinear truck; the friction of the road is estimated too."""
+ANY_PAYLOAD = replace(SATURATING, uniform_payload=False)
 """CoG height and roll inertia of the laden body are estimated separately."""
 INTERVAL = 1.645
 """Half width of a 90 % interval, in standard deviations."""
@@ -89,11 +97,11 @@ CASES = (
         UNCERTAIN,
         random_errors=True,
     ),
-    Case("nonlinear", "Nonlinear truck, all else known, 1 lane change", KNOWN, nonlinear=True),
+    Case("nonlinear", "Nonlinear truck, all else known, 1 lane change", SATURATING, nonlinear=True),
     Case(
         "nonlinear, random errors",
         "Nonlinear truck, random vehicle parameters, steering gain (3 %), offsets and bank (2 degrees), 1 lane change",
-        UNCERTAIN,
+        SATURATING_UNCERTAIN,
         nonlinear=True,
         random_errors=True,
     ),
@@ -196,7 +204,9 @@ def table(case: Case, results: Sequence[Result]) -> list[str]:
     """The section of a case, as lines of Markdown."""
     truck = point_payload(case.truck) if case.point else case.truck
     truth = truck.parameters() | truck.derived()
-    ranges = effective_stiffness(case.truck, Properties(), SPEED) if case.nonlinear else {}
+    two_stages = not isinstance(case.settings, OneStage)
+    ranges = effective_stiffness(case.truck, Properties(), SPEED) if case.nonlinear and two_stages else {}
+    ranges |= {FRICTION: peak_friction(())}
     bounds = cramer_rao_bound(case) if case.bound else {}
     lines = [
         f"## {case.title}",
@@ -209,7 +219,7 @@ def table(case: Case, results: Sequence[Result]) -> list[str]:
     for name in results[0]:
         if case.point and ParameterPath.of(name).component == "sprung":
             continue  # of the laden body; the vehicle file has no true value
-        low, high = sorted(ranges.get(name, (truth[name], truth[name])))
+        low, high = sorted(ranges[name] if name in ranges else (truth[name], truth[name]))
         value, sigma = (np.array([result[name][i] for result in results]) for i in (0, 1))
         nearest = np.clip(value, low, high)
         error, relative_sigma = value / nearest - 1, sigma / nearest
