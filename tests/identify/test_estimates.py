@@ -23,6 +23,7 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
 HEIGHT, STIFFNESS = "semitrailer.payload.height", "tractor.front.cornering_stiffness"
+PAYLOAD = "semitrailer.payload.mass"
 STEER, RATE = "steer.tractor.front", "yaw_rate.tractor"
 
 
@@ -41,6 +42,19 @@ def test_parameter_estimate(truck: Vehicle) -> None:
     assert height_estimate(truck).sigma == pytest.approx(0.05 * TwoStage().height_prior)
     fixed = fixed_estimate(STIFFNESS, 4.0e5)
     assert (fixed.value, fixed.initial, fixed.sigma, fixed.verdict) == (4.0e5, 4.0e5, None, Verdict.FIXED)
+
+
+def test_derived_quantities_of_a_payload_that_is_as_heavy_as_its_unit_allows(truck: Vehicle) -> None:
+    """A heavier payload is impossible, so the derivative is one-sided."""
+    values, unit = truck.parameters(), truck.unit("semitrailer")
+    heaviest = (unit.mass - unit.sprung.mass) * (1 - 1e-6)
+    vehicle, height = truck.replace({PAYLOAD: heaviest}), height_estimate(truck)
+    uncertainty = Uncertainty(names=(HEIGHT, PAYLOAD), covariance=np.diag([0.0, (0.01 * heaviest) ** 2]))
+    found = {e.name: e.sigma for e in derived_from_covariance(truck, vehicle, [height], uncertainty)}
+    lighter = vehicle.replace({PAYLOAD: 0.99 * heaviest}).derived()
+    assert values[PAYLOAD] < heaviest
+    for name, sigma in found.items():
+        assert sigma == pytest.approx(abs(vehicle.derived()[name] - lighter[name]), rel=0.02)
 
 
 def test_both_ways_to_derived_quantities_agree_if_only_the_height_is_uncertain(truck: Vehicle) -> None:

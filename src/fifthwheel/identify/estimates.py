@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -91,7 +91,7 @@ def derived_from_covariance(
             continue
         for quantity, si in DERIVED_UNITS.items():
             name = f"{unit.name}.{quantity}"
-            row = np.array([slopes[n][name] if n in slopes else 0.0 for n in uncertainty.names])
+            row = np.array([slopes[n].get(name, 0.0) if n in slopes else 0.0 for n in uncertainty.names])
             relevant = [e for e in body if row[uncertainty.names.index(e.name)]]
             worst = max(relevant, key=lambda e: e.verdict != Verdict.CONVERGED, default=None)
             derived.append(
@@ -116,15 +116,28 @@ def _is_body_parameter(name: str, unit: str) -> bool:
 
 
 def _derived_slopes(vehicle: Vehicle, names: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Derivatives of all derived quantities with respect to each named parameter above 0, by central differences."""
+    """Derivatives of all derived quantities with respect to each named parameter above 0, by central differences.
+
+    They are one-sided at the limit of what is possible, such as a payload that is as heavy as its unit allows.
+    """
     values = vehicle.parameters()
     slopes = {}
     for name in names:
         if name in values and values[name] > 0:
-            step = 1e-4 * values[name]
-            higher, lower = (vehicle.replace({name: values[name] + s}).derived() for s in (step, -step))
-            slopes[name] = {key: (higher[key] - lower[key]) / (2 * step) for key in higher}
+            (high, higher), (low, lower) = (
+                _derived_at(vehicle, name, factor * values[name]) for factor in (1e-4, -1e-4)
+            )
+            slopes[name] = {key: (higher[key] - lower[key]) / (high - low) for key in higher} if high > low else {}
     return slopes
+
+
+def _derived_at(vehicle: Vehicle, name: str, step: float) -> tuple[float, dict[str, float]]:
+    """Value of a parameter after a step, and the derived quantities there; without the step if it is impossible."""
+    value = vehicle.parameters()[name]
+    try:
+        return value + step, vehicle.replace({name: value + step}).derived()
+    except VehicleError:
+        return value, vehicle.derived()
 
 
 def sensor_error_estimates(
