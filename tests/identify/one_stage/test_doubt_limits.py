@@ -126,7 +126,7 @@ def test_an_estimate_far_from_its_prior(sign: int) -> None:
     (doubt,) = doubts({"stiffness": sign * 2.5 * ABOVE, **far})
     assert (doubt.kind, doubt.parameters) == (DoubtKind.ESTIMATE, ("stiffness",))
     assert doubt.statistic == pytest.approx(2.5)
-    assert doubt.causes[0].changes == {"stiffness": pytest.approx(np.expm1(sign * 2.5 * 0.3))}
+    assert doubt.causes[0].changes == {"stiffness": pytest.approx(2 * np.expm1(sign * 2.5 * 0.3))}
 
 
 def turning(acceleration: float, speed: float = 20.0, name: str = "turn") -> Record:

@@ -97,7 +97,7 @@ def test_estimates_far_from_their_priors(sign: int) -> None:
     (estimate,) = doubts((sign * 2.5 * ABOVE, sign * 3.5, sign * 9.0))
     assert (estimate.kind, estimate.parameters) == (DoubtKind.ESTIMATE, ("stiffness",))
     assert estimate.statistic == pytest.approx(2.5)
-    assert estimate.causes[0].changes == {"stiffness": pytest.approx(np.expm1(sign * 2.5 * 0.3))}
+    assert estimate.causes[0].changes == {"stiffness": pytest.approx(2 * np.expm1(sign * 2.5 * 0.3))}
     (sensor,) = doubts((sign * 2.5, sign * 3.5 * ABOVE, sign * 9.0), B=np.zeros((3, 2)))
     assert (sensor.kind, sensor.parameters) == (DoubtKind.SENSOR, ())
     assert sensor.statistic == pytest.approx(3.5)
