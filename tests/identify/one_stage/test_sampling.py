@@ -45,7 +45,9 @@ def sampled(solution: Solution, steps: int, seed: int, b: float = 0.25) -> tuple
 @pytest.mark.parametrize("tyres", ["linear", "saturating"])
 def test_means_and_sigmas_are_those_of_samples(tyres: str) -> None:
     record = Plant(TRUCK).drive(lane_changes(count=1)).record(article_sensors(TRUCK), seed=1)
-    solution = solve_one_stage([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres))
+    # The self-steering of a fixed axle is left out: it has its mode at its bound 0, and its mean above.
+    consider = {name: sigma for name, sigma in OneStage().consider.items() if name != "fixed_axles"}
+    solution = solve_one_stage([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres, consider=consider))
     # The noise of the solution is fixed. With saturating tyres the posterior is skew: its mode and its mean differ.
     skew = 0.4 if tyres == "linear" else 0.8
     chain, accepted = sampled(solution, 6000, seed=2)
