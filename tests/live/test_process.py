@@ -131,7 +131,7 @@ def test_a_file_that_cannot_be_written_is_said_and_the_states_go_on(folder):
         capture_output=True,
         text=True,
         check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2_000, 2_000)),
     )
     assert done.returncode == 0, done.stderr
     assert "not recorded" in done.stderr

@@ -79,6 +79,7 @@ class Recorder:
         self.parts.mkdir(parents=True, exist_ok=True)
         self._count = 1 + max((int(part.stem) for part in self._pieces()), default=0)
         self._rows: list[Mapping[str, float]] = []
+        self._lost, self._reason = 0, ""  # rows that could not be written, and why
 
     def add(self, row: Mapping[str, float]) -> None:
         """Add a row; every `PIECE` rows are written. Rows that cannot be written are lost, and the writer says so."""
@@ -91,7 +92,7 @@ class Recorder:
         if self._rows:
             rows, self._rows = self._rows, []
             part = self.parts / f"{self._count:06d}{self.path.suffix}"
-            self._count += self._writer.submit(KIND, partial(_write_atomically, self._write, part, rows))
+            self._count += self._writer.submit(KIND, partial(self._write_piece, part, rows))
 
     def close(self) -> None:
         """Write the rest and join the pieces; without space for the whole file the pieces stay."""
@@ -100,6 +101,14 @@ class Recorder:
 
     def _pieces(self) -> list[Path]:
         return sorted(part for part in self.parts.glob(f"*{self.path.suffix}") if part.stem.isdigit())
+
+    def _write_piece(self, part: Path, rows: Rows) -> None:
+        try:
+            with atomic_write(part) as temporary:
+                self._write(rows, temporary)
+        except Exception as error:
+            self._lost, self._reason = self._lost + len(rows), str(error)
+            raise
 
     def _finish(self) -> None:
         pieces = self._pieces()
@@ -110,11 +119,8 @@ class Recorder:
             piece.unlink()
         with suppress(OSError):  # other files of the user
             self.parts.rmdir()
-
-
-def _write_atomically(write: Callable[[Rows, Path], None], path: Path, rows: Rows) -> None:
-    with atomic_write(path) as temporary:
-        write(rows, temporary)
+        if self._lost:
+            raise FifthwheelError(f"{self.path}: number of rows that are not recorded: {self._lost} ({self._reason})")
 
 
 def _write_parquet(rows: Rows, path: Path) -> None:
