@@ -12,6 +12,7 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.analysis import slowest_decay
+from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
@@ -41,6 +42,20 @@ def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
     return vehicle if getattr(settings, "uniform_payload", True) else vehicle.lumped()
+
+
+def with_tyre_law(vehicle: Vehicle, settings: OneStage) -> tuple[OneStage, str]:
+    """The settings with one law in place of "auto", and a note for the user if the law is not the saturating one.
+
+    Tyres that saturate need the static axle loads. Without them the tyres are linear, with an unknown softening.
+    """
+    if settings.tyres != "auto":
+        return settings, ""
+    try:
+        vehicle.axle_loads()
+    except VehicleError as error:
+        return replace(settings, tyres="linear"), f"tyres: linear, because the axle loads are unknown. {error}"
+    return replace(settings, tyres="saturating"), ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

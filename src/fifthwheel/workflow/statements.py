@@ -20,8 +20,8 @@ from fifthwheel.channels import (
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
-from fifthwheel.identify.one_stage.estimator import with_tyre_law
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
+from fifthwheel.identify.setup import with_tyre_law
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
     group_paths,

@@ -29,7 +29,7 @@ from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage, Progress
-from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.setup import Setup, with_tyre_law
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -71,20 +71,6 @@ def identify_one_stage(
     if solution.settings.form != settings.form:
         note = f"{note} {NEARLY_UNSTABLE}".lstrip()
     return build_identification(solution, note)
-
-
-def with_tyre_law(vehicle: Vehicle, settings: OneStage) -> tuple[OneStage, str]:
-    """The settings with one law in place of "auto", and a note for the user if the law is not the saturating one.
-
-    Tyres that saturate need the static axle loads. Without them the tyres are linear, with an unknown softening.
-    """
-    if settings.tyres != "auto":
-        return settings, ""
-    try:
-        vehicle.axle_loads()
-    except VehicleError as error:
-        return replace(settings, tyres="linear"), f"tyres: linear, because the axle loads are unknown. {error}"
-    return replace(settings, tyres="saturating"), ""
 
 
 def solve_one_stage(

@@ -11,9 +11,9 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import USUAL, YAW_RATE, is_of, measured_signals
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.setup import Setup, simplified
+from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
@@ -58,7 +58,7 @@ class OnlineModel:
 def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
     consider = {key: sigma for key, sigma in settings.consider.items() if key != "fixed_axles"}  # to save time
-    settings = replace(_with_tyre_law(vehicle, settings), consider=consider)
+    settings = replace(with_tyre_law(vehicle, settings)[0], consider=consider)
     if "speed" not in signals:
         raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
     vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")
@@ -72,17 +72,6 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not setup.estimated_unknowns:
         raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
     return replace(setup, unknowns=(*setup.estimated_unknowns, *setup.considered_unknowns))
-
-
-def _with_tyre_law(vehicle: Vehicle, settings: OneStage) -> OneStage:
-    """The settings with one law in place of "auto": saturating if the static axle loads are determined."""
-    if settings.tyres != "auto":
-        return settings
-    try:
-        vehicle.axle_loads()
-    except VehicleError:
-        return replace(settings, tyres="linear")
-    return replace(settings, tyres="saturating")
 
 
 def _considered(setup: Setup) -> set[str]:
